@@ -1,0 +1,95 @@
+"""The border that every task fills: scene, what is unknown, sub-goals, and when it is done.
+
+A task never sees the simulator. `is_done` judges by the model's estimate (as the paper's automatic
+termination does); `succeeded` judges by truth and is called by evaluation alone.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.robots.robot import CellSpec
+from samrl_core.types.pose import Pose
+from samrl_core.types.scene import Scene
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """How a number that Real2Sim fits is declared."""
+
+    name: str
+    unit: str
+    nominal: float
+    scale: float  # prior standard deviation
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class SubGoal:
+    """A state of the tool tip to reach (eq. 22's G(T)_i), in the tool arm's base frame."""
+
+    name: str
+    tip_position: np.ndarray  # (3,) [m]
+    tolerance: float  # reached when the tip is this near [m]
+    max_step: float  # largest displacement per action on the way there [m]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewRegion:
+    """Where the camera may look from: a spherical shell about a target."""
+
+    target: np.ndarray  # (3,) in world [m]
+    distance: tuple[float, float]  # [m]
+    azimuth: tuple[float, float]  # about world z, 0 along +x [rad]
+    elevation: tuple[float, float]  # above the horizon [rad]
+
+
+class Task(ABC):
+    """One manipulation task. Implementations are final and hold settings only."""
+
+    name: str
+    max_actions: int
+
+    @abstractmethod
+    def scene(self, cell: CellSpec) -> Scene:
+        """Bodies at their nominal poses, and the tool."""
+
+    @abstractmethod
+    def parameters(self) -> tuple[ParameterSpec, ...]:
+        """What Real2Sim estimates, in order."""
+
+    @abstractmethod
+    def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
+        """Poses in world of the bodies that the parameters move."""
+
+    @abstractmethod
+    def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
+        """Joint positions at the start of an episode, per role (J,) [rad]."""
+
+    @abstractmethod
+    def view_region(self) -> ViewRegion:
+        """Allowed camera positions."""
+
+    @abstractmethod
+    def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
+        """Goals still ahead, given the estimate and the tip (3,) [m] in the tool arm's base frame."""
+
+    @abstractmethod
+    def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """Whether the model believes that the task is done."""
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator) -> dict[str, Pose]:
+        """Random start poses of bodies; the simulated world calls it on reset."""
+
+    @abstractmethod
+    def succeeded(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> bool:
+        """Judged from truth, in world coordinates. Evaluation alone calls it."""
+
+    @abstractmethod
+    def final_error(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> float:
+        """Distance to the goal from truth [m], for the summary. Evaluation alone calls it."""

@@ -1,0 +1,1 @@
+"""Topics, nodes, bags and the command line of the samrl cell."""

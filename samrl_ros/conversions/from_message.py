@@ -1,0 +1,135 @@
+"""Messages to core types, by attribute: live messages and recorded ones both do."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError
+from samrl_core.types.camera import Intrinsics
+from samrl_core.types.observation import ArmCommand, ArmReading
+from samrl_core.types.pose import Pose
+
+
+def stamp_ns(message: Any) -> int:
+    """Header stamp [ns]."""
+    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def arm_reading(message: Any, joint_names: tuple[str, ...]) -> ArmReading:
+    """JointState to a reading in the order of `joint_names`.
+
+    Raises:
+        InputError: names missing or unknown, sizes that do not fit, or a value that is not finite.
+    """
+    names = list(message.name)
+    order = _order(names, joint_names)
+    columns = []
+    for field in ("position", "velocity", "effort"):
+        values = np.asarray(getattr(message, field), dtype=np.float64)
+        if values.shape != (len(names),):
+            raise InputError(f"joint state has {values.size} values of {field} for {len(names)} names")
+        if not np.isfinite(values).all():
+            bad = names[int(np.flatnonzero(~np.isfinite(values))[0])]
+            raise InputError(f"joint state: {field} of {bad} is not finite; check the driver")
+        columns.append(values[order])
+    return ArmReading(stamp_ns(message), *columns)
+
+
+def _order(names: list[str], joint_names: tuple[str, ...]) -> list[int]:
+    if sorted(names) != sorted(joint_names):
+        raise InputError(f"joint names {names} are not {list(joint_names)}; check which driver publishes here")
+    return [names.index(n) for n in joint_names]
+
+
+def arm_command(message: Any, joint_names: tuple[str, ...]) -> ArmCommand:
+    """One-point JointTrajectory on `<arm>/command` to a command; limits are the guard's business.
+
+    Raises:
+        InputError: not exactly one point, wrong names, or wrong sizes.
+    """
+    if len(message.points) != 1:
+        raise InputError(f"command has {len(message.points)} points, must be one; use joint_trajectory for more")
+    order = _order(list(message.joint_names), joint_names)
+    point = message.points[0]
+    columns = []
+    for field in ("positions", "velocities", "accelerations", "effort"):
+        values = np.asarray(getattr(point, field), dtype=np.float64)
+        if values.size == 0 and field != "positions":
+            values = np.zeros(len(order))
+        if values.shape != (len(order),):
+            raise InputError(f"command has {values.size} {field} for {len(order)} joints")
+        columns.append(values[order])
+    return ArmCommand(stamp_ns(message), *columns)
+
+
+def image(message: Any) -> np.ndarray:
+    """An rgb8, mono8, 32FC1 [m] or 16UC1 [mm] Image to an array; depth becomes float32 metres, NaN invalid.
+
+    Raises:
+        InputError: empty, an encoding that is not listed, or data that do not fill the image.
+    """
+    formats = {"rgb8": (np.uint8, 3), "mono8": (np.uint8, 1), "32FC1": (np.float32, 1), "16UC1": (np.uint16, 1)}
+    if message.encoding not in formats:
+        raise InputError(f"image encoding {message.encoding!r} is not one of {sorted(formats)}")
+    dtype, channels = formats[message.encoding]
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    if height == 0 or width == 0:
+        raise InputError(f"image is {width}x{height}: empty; check that the camera streams")
+    row = width * channels * np.dtype(dtype).itemsize
+    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
+    if step < row or data.size != step * height:
+        raise InputError(f"image of {width}x{height} {message.encoding} has {data.size} bytes and step {step}")
+    if message.is_bigendian and np.dtype(dtype).itemsize > 1:
+        raise InputError("image is big endian; publish little endian")
+    pixels = np.ascontiguousarray(data.reshape(height, step)[:, :row]).view(dtype)
+    if message.encoding == "16UC1":
+        metres = pixels.astype(np.float32) / 1000.0
+        metres[pixels == 0] = np.nan
+        return metres
+    return pixels.reshape(height, width, 3) if channels == 3 else pixels.reshape(height, width)
+
+
+def intrinsics(message: Any) -> Intrinsics:
+    """CameraInfo to intrinsics.
+
+    Raises:
+        InputError: distorted images; rectify them first.
+    """
+    if any(abs(float(d)) > 0 for d in message.d):
+        raise InputError(f"camera_info has distortion {list(message.d)}; publish rectified images")
+    return Intrinsics.from_ros_k(int(message.width), int(message.height), tuple(float(v) for v in message.k))
+
+
+def pose(message: Any) -> Pose:
+    """geometry_msgs/Pose."""
+    p, q = message.position, message.orientation
+    return Pose(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
+
+
+def vector(message: Any) -> np.ndarray:
+    """geometry_msgs/Vector3 to (3,)."""
+    return np.array([message.x, message.y, message.z], dtype=np.float64)
+
+
+def calibration(text: str) -> dict[str, Pose]:
+    """`/cell/camera/calibration` to `camera_in_flange`, `tool_arm` and `camera_arm` base in world.
+
+    Raises:
+        InputError: not JSON, or a key missing.
+    """
+    try:
+        data = json.loads(text)
+        return {
+            "camera_in_flange": _pose(data["camera_in_flange"]),
+            "tool_arm": _pose(data["base_in_world"]["tool_arm"]),
+            "camera_arm": _pose(data["base_in_world"]["camera_arm"]),
+        }
+    except (json.JSONDecodeError, KeyError, TypeError) as error:
+        raise InputError(f"calibration message cannot be read ({error!r}); see msgs_docs/topics.md") from error
+
+
+def _pose(data: dict[str, list[float]]) -> Pose:
+    return Pose(np.array(data["position"]), np.array(data["quat_xyzw"]))

@@ -1,0 +1,20 @@
+"""Tasks by name. A task is a folder with its scene and rules; it never sees a simulator."""
+
+from __future__ import annotations
+
+from samrl_core.errors import InputError
+from samrl_core.tasks.peg_insertion.task import PegInsertion
+from samrl_core.tasks.task import Task
+
+TASKS: dict[str, Task] = {task.name: task for task in (PegInsertion(),)}
+
+
+def task_named(name: str) -> Task:
+    """The task of that name, with its default settings.
+
+    Raises:
+        InputError: there is no such task.
+    """
+    if name not in TASKS:
+        raise InputError(f"no task is named {name!r}; there are: {', '.join(sorted(TASKS))}")
+    return TASKS[name]

@@ -1,0 +1,1 @@
+"""Parts of the inverse problem: distance between clouds, minimiser, information."""

@@ -71,7 +71,11 @@ class Assembler:
             parts = self._parts[stamp]
             if len(parts) < 4 or self._camera_arm is None or self._camera_in_flange is None:
                 continue
-            readings = {role: self._nearest(role, stamp) for role in ROLES}
+            try:
+                readings = {role: self._nearest(role, stamp) for role in ROLES}
+            except InputError:
+                del self._parts[stamp]  # refused once, not again on every later message
+                raise
             tool, camera_arm = readings["tool_arm"], readings["camera_arm"]
             if tool is None or camera_arm is None:
                 continue

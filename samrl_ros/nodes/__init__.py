@@ -1,0 +1,1 @@
+"""One file per node; each converts, calls the core, converts, publishes."""

@@ -1,0 +1,108 @@
+"""Images in, updated model out (Algorithm 1, lines 3 and 8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError
+from samrl_core.model.model import Model
+from samrl_core.real2sim import Estimate, Real2Sim, initial_estimate
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+from samrl_core.types.observation import Observation
+from samrl_ros import assembly
+from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_ros.conversions import from_message
+from samrl_ros.conversions import model_state as model_state_message
+from samrl_ros.conversions import to_message
+from samrl_ros.settings import setting
+from samrl_ros.topics import cell_topic
+
+READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
+STATE, IMAGE = cell_topic("model_updater/state"), cell_topic("model_updater/image")
+
+
+@dataclass(frozen=True)
+class ModelUpdaterSettings:
+    """Settings of `model_updater`."""
+
+    task: str = setting("peg_insertion", "task whose scene the model holds")
+    enabled: bool = setting(True, "false leaves the model as it starts: for ablations")
+    max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
+
+
+class ModelUpdater(Behaviour):
+    """Fits the model to the first usable image that is not older than the request."""
+
+    name = "model_updater"
+    inputs = (READY, REQUEST, *assembly.INPUTS)
+    outputs = (STATE, IMAGE)
+
+    def __init__(self, settings: ModelUpdaterSettings, outbox: Outbox) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        self._task = task_named(settings.task)
+        cell = default_cell()
+        self._model = Model(self._task, cell)
+        self._real2sim = Real2Sim(self._model)
+        self._assembler = assembly.Assembler(cell)
+        self._estimate: Estimate = initial_estimate(self._model)
+        self._request: Any = None
+        self._bad_frames = 0
+        self._updates = 0
+
+    def handle(self, topic: str, message: Any) -> None:
+        """See `Behaviour`."""
+        if topic == READY:
+            self._estimate = initial_estimate(self._model)
+            self._request = None
+        elif topic == REQUEST:
+            if message.stage == "update":
+                self._request = message
+        else:
+            observation = self._assemble(topic, message)
+            if observation is not None and self._wanted(observation):
+                self._update(observation)
+
+    def status(self) -> dict[str, str]:
+        """See `Behaviour`."""
+        return {
+            "updates": str(self._updates),
+            "bad_frames_in_a_row": str(self._bad_frames),
+            "why_stopped": self._estimate.why_stopped,
+        }
+
+    def _assemble(self, topic: str, message: Any) -> Observation | None:
+        try:
+            observation = self._assembler.take(topic, message)
+        except InputError as error:
+            self._bad_frames += 1
+            if self._bad_frames >= self._settings.max_bad_frames:
+                raise
+            self._outbox.log("error", f"refused a message on {topic}: {error}")
+            return None
+        if observation is not None:
+            self._bad_frames = 0
+        return observation
+
+    def _wanted(self, observation: Observation) -> bool:
+        return self._request is not None and observation.stamp_ns >= from_message.stamp_ns(self._request)
+
+    def _update(self, observation: Observation) -> None:
+        request, self._request = self._request, None
+        if self._settings.enabled:
+            self._estimate = self._real2sim.update(self._estimate, observation)
+        else:
+            self._estimate = replace(self._estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")
+        self._updates += 1
+        self._outbox.publish(
+            STATE, model_state_message.to_message(self._estimate, self._task, request.episode, request.step)
+        )
+        rendered = self._model.render_observed(self._estimate, observation)
+        pixels = np.clip(np.round(rendered * 255.0), 0, 255).astype(np.uint8)
+        self._outbox.publish(
+            IMAGE, to_message.image(pixels, "rgb8", observation.stamp_ns, "camera_color_optical_frame")
+        )

@@ -1,0 +1,134 @@
+"""Updated model in, next view and nominal action out (Algorithm 1, lines 4-15).
+
+What the paper learns is computed from the model for now: the view by expected information through the
+renderer, the action by a trajectory optimised with sub-goals (eqs. 18-22).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError
+from samrl_core.model.model import Model
+from samrl_core.robots.cell import default_cell
+from samrl_core.robots.robot import ROLES
+from samrl_core.tasks import task_named
+from samrl_core.trajectory import optimise
+from samrl_core.types.observation import ArmReading
+from samrl_core.view_planning import ViewChoice, ViewPlanner
+from samrl_msgs.msg import ToolAction, ViewTarget
+from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_ros.conversions import from_message, to_message
+from samrl_ros.conversions.model_state import from_state
+from samrl_ros.settings import setting
+from samrl_ros.topics import arm_topic, cell_topic
+
+READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
+STATE = cell_topic("model_updater/state")
+TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
+JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
+
+
+@dataclass(frozen=True)
+class ViewPlannerSettings:
+    """Settings of `view_planner`."""
+
+    task: str = setting("peg_insertion", "task whose scene the model holds")
+    strategy: str = setting("best", "how the view is chosen", choices=("best", "fixed", "random"))
+    seed: int = setting(0, "seed of the random strategy", range=(0, 2**31 - 1))
+
+
+class ViewPlannerNode(Behaviour):
+    """Answers "view" and "act" requests from the newest model state and joint readings."""
+
+    name = "view_planner"
+    inputs = (READY, REQUEST, STATE, *JOINTS)
+    outputs = (TARGET, ACTION)
+
+    def __init__(self, settings: ViewPlannerSettings, outbox: Outbox) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        self._task = task_named(settings.task)
+        cell = default_cell()
+        self._cell = cell
+        self._model = Model(self._task, cell)
+        self._planner = ViewPlanner(self._model, cell, self._task)
+        self._rng = np.random.default_rng(settings.seed)
+        self._state: Any = None
+        self._request: Any = None
+        self._readings: dict[str, ArmReading] = {}
+        self._moves = 0
+
+    def start(self) -> None:
+        """See `Behaviour`: the set of reachable views is worked out before the first request."""
+        self._planner.prepare()
+
+    def handle(self, topic: str, message: Any) -> None:
+        """See `Behaviour`."""
+        if topic in JOINTS:
+            role = JOINTS[topic]
+            self._readings[role] = from_message.arm_reading(message, self._cell.arm(role).joint_names)
+        elif topic == READY:
+            self._state = self._request = None
+        elif topic == STATE:
+            self._state = message
+        elif message.stage in ("view", "act"):
+            self._request = message
+        self._answer()
+
+    def status(self) -> dict[str, str]:
+        """See `Behaviour`."""
+        return {"views_chosen": str(self._moves), "strategy": self._settings.strategy}
+
+    def _answer(self) -> None:
+        """Answer once request, model state of the same step, and fresh joint readings are all there.
+
+        They come on different topics, so their order of arrival is not given.
+        """
+        request, state = self._request, self._state
+        if request is None or state is None or len(self._readings) < len(ROLES):
+            return
+        if (state.episode, state.step) != (request.episode, request.step):
+            return
+        asked_ns = from_message.stamp_ns(request)
+        if from_message.stamp_ns(state) > asked_ns:
+            raise InputError("model state is newer than the request that follows it; clocks disagree")
+        if any(reading.stamp_ns < asked_ns for reading in self._readings.values()):
+            return
+        self._request = None
+        if request.stage == "view":
+            self._view(request, state)
+        else:
+            self._act(request, state)
+
+    def _view(self, request: Any, state: Any) -> None:
+        choice: ViewChoice = self._planner.plan(
+            from_state(state),
+            self._readings["tool_arm"].position,
+            self._readings["camera_arm"].position,
+            strategy=self._settings.strategy,
+            rng=self._rng,
+        )
+        self._moves += int(choice.move)
+        message = ViewTarget(header=state.header, episode=request.episode, step=request.step)
+        message.move = bool(choice.move)
+        message.camera_in_world = to_message.pose(choice.camera_in_world)
+        message.joint_position = np.asarray(choice.joint_position).tolist()
+        message.score, message.present_score = float(choice.score), float(choice.present_score)
+        message.visibility = float(choice.visibility)
+        message.candidates = int(choice.candidates)
+        message.reason = choice.reason
+        self._outbox.publish(TARGET, message)
+
+    def _act(self, request: Any, state: Any) -> None:
+        values = np.array(state.values)
+        tip = self._model.tip_in_base(self._readings["tool_arm"].position)
+        goals = self._task.sub_goals(values, tip)
+        plan = optimise(self._model, values, tip, goals)
+        message = ToolAction(header=state.header, episode=request.episode, step=request.step)
+        message.sub_goal = goals[0].name if goals else "none"
+        message.nominal = to_message.vector(plan.actions[0] if len(plan.actions) else np.zeros(3))
+        self._outbox.publish(ACTION, message)

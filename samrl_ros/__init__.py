@@ -1,1 +1,1 @@
-"""Topics, nodes, bags and the command line of the samrl cell."""
+"""The ROS 2 side of the cell: nodes, topics, bags and the command line. Importing it needs no ROS."""

@@ -1,0 +1,71 @@
+# One command each; every target sets up .venv first when it is missing or its inputs changed.
+#   make cell    one recorded episode of the cell      make test   fast tests, then check
+#   make slow    the slow tests                        make check  ruff, pyright
+#   make bench   the cell's benchmark                  make docs   documents generated from code
+#   make clean   remove .venv and caches (recordings in out/ stay)
+# Variables: PYTHON (3.11, or 3.12 with a self-built pybullet), TASK, SEED, EPISODES.
+
+PYTHON   ?= $(shell command -v python3.11 || command -v python3)
+TASK     ?= peg_insertion
+SEED     ?= 0
+EPISODES ?= 1
+
+VENV  := .venv
+BIN   := $(VENV)/bin
+STAMP := $(VENV)/.installed
+BUILT := $(VENV)/.interfaces
+PIP   := $(BIN)/python -m pip --disable-pip-version-check
+TORCH := $(shell grep '^torch==' constraints.txt)
+
+# A build of torch that pip cannot find where it is configured to look is fetched from torch's own CPU index.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+
+INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/interfaces/*.py)
+
+# `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
+export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
+
+.PHONY: setup cell test check slow bench docs clean
+.DELETE_ON_ERROR:
+
+setup: $(BUILT)
+
+$(STAMP): pyproject.toml constraints.txt package.xml $(wildcard samrl_ros/ament/*)
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' || \
+	  { echo "samrl needs Python 3.11 (or 3.12); make PYTHON=/path/to/python3.11 after make clean"; exit 2; }
+	$(PIP) install -q --no-deps "$(TORCH)" || $(PIP) install -q --no-deps --extra-index-url $(TORCH_INDEX) "$(TORCH)"
+	$(PIP) install -q -c constraints.txt -e ".[ros,dev]"
+	touch $@
+
+$(BUILT): $(STAMP) $(INTERFACES)
+	$(BIN)/python msgs_docs/build_interfaces.py
+	touch $@
+
+# The first of out/cell-1, out/cell-2, ... that does not exist yet: a recording is never overwritten.
+cell: $(BUILT)
+	@n=1; while [ -e out/cell-$$n ]; do n=$$((n + 1)); done; mkdir -p out; \
+	echo "samrl cell --task $(TASK) --episodes $(EPISODES) --seed $(SEED) --out out/cell-$$n"; \
+	exec $(BIN)/samrl cell --task $(TASK) --episodes $(EPISODES) --seed $(SEED) --out out/cell-$$n
+
+test: $(BUILT)
+	$(BIN)/python -m pytest -q -m "not slow"
+	$(MAKE) check
+
+check: $(BUILT)
+	$(BIN)/ruff check .
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+slow: $(BUILT)
+	$(BIN)/python -m pytest -q -m slow
+
+bench: $(BUILT)
+	@mkdir -p out
+	$(BIN)/samrl bench cell --out out/bench-$$(date +%Y%m%d-%H%M%S)
+
+docs: $(BUILT)
+	$(BIN)/python msgs_docs/generate.py
+
+clean:
+	rm -rf $(VENV) .pytest_cache .ruff_cache build dist
+	find . -name __pycache__ -not -path './.git/*' -prune -exec rm -rf {} +

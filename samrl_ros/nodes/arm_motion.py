@@ -1,0 +1,131 @@
+"""One arm's motion inside the manipulator: jerk-limited, checked, and with an end that is reported."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.motion.smoother import JointSmoother
+from samrl_core.robots.arm_model import ArmModel, Payload
+from samrl_core.robots.robot import RobotSpec
+from samrl_core.types.observation import ArmCommand, ArmReading
+from samrl_core.types.pose import Pose
+
+PERIOD_NS = 4_000_000  # joint states come at 250 Hz
+_GAP_NS = 100_000_000  # a longer silence means that the driver started anew
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """How motions are executed."""
+
+    velocity_scaling: float
+    acceleration_scaling: float
+    jerk_scaling: float
+    stopped_velocity: float  # at rest below this [rad/s]
+    goal_timeout_s: float  # after the set point has arrived [s]
+    horizon_ns: int  # commands are stamped so far ahead of the reading they answer [ns]
+
+
+@dataclass(frozen=True)
+class MotionEnd:
+    """How a motion ended."""
+
+    reached: bool
+    duration_s: float
+    tracking_error: float  # largest joint error on the way [rad]
+
+
+class ArmMotion:
+    """Ticks on joint readings, one command per reading, stamped `horizon_ns` ahead."""
+
+    def __init__(self, spec: RobotSpec, base: Pose, payload: Payload | None, settings: MotionSettings) -> None:
+        self.spec = spec
+        self.model = ArmModel(spec, base, payload)
+        self._settings = settings
+        self._smoother = JointSmoother(
+            spec.limits,
+            PERIOD_NS * 1e-9,
+            velocity_scaling=settings.velocity_scaling,
+            acceleration_scaling=settings.acceleration_scaling,
+            jerk_scaling=settings.jerk_scaling,
+        )
+        self._last_ns = -1
+        self._started_ns = 0
+        self._arrived_ns = -1
+        self._tracking_error = 0.0
+        self._ahead: list[tuple[int, np.ndarray]] = []  # commands not yet valid, to compare with readings
+        self.busy = False
+        self.reading: ArmReading | None = None
+        self.commanded = np.zeros(len(spec.joint_names))
+
+    def move(self, waypoints: list[np.ndarray]) -> None:
+        """Start towards waypoints (J,) [rad], smoothly from wherever the arm is going.
+
+        Raises:
+            LimitError: a waypoint beyond the limits; the motion in progress is not touched.
+        """
+        self._smoother.set_waypoints(waypoints)
+        self.busy = True
+        self._started_ns = self._last_ns
+        self._arrived_ns = -1
+        self._tracking_error = 0.0
+
+    def stop(self) -> None:
+        """Brake along the limits."""
+        self._smoother.stop()
+
+    def tick(self, reading: ArmReading) -> tuple[ArmCommand | None, MotionEnd | None, bool]:
+        """Take a reading; returns the next command, the end of a motion if it just ended, and a restart flag.
+
+        Restart: the first reading, or one after a gap. The set point is then where the arm is measured,
+        and a motion in progress is void.
+        """
+        gap = reading.stamp_ns - self._last_ns
+        self.reading = reading
+        if self._last_ns < 0 or gap > _GAP_NS or gap < 0:
+            self._last_ns = reading.stamp_ns
+            self._smoother.reset(reading.position)
+            self._ahead.clear()
+            self.commanded = reading.position.copy()
+            void, self.busy = self.busy, False
+            return self._command(reading.stamp_ns, np.zeros_like(reading.position)), None, void
+        steps = round(gap / PERIOD_NS)
+        if steps == 0:
+            return None, None, False
+        self._last_ns = reading.stamp_ns
+        position, velocity, acceleration = self.commanded, np.zeros(0), np.zeros(0)
+        for _ in range(steps):
+            position, velocity, acceleration = self._smoother.step()
+        self.commanded = position
+        effort = self.model.effort_without_gravity(position, velocity, acceleration)
+        stamp = reading.stamp_ns + self._settings.horizon_ns
+        self._track(reading, stamp)
+        command = ArmCommand(stamp, position, velocity, acceleration, effort)
+        return command, self._end(reading), False
+
+    def _command(self, stamp_ns: int, zeros: np.ndarray) -> ArmCommand:
+        return ArmCommand(stamp_ns + self._settings.horizon_ns, self.commanded, zeros, zeros, zeros)
+
+    def _track(self, reading: ArmReading, stamp: int) -> None:
+        self._ahead.append((stamp, self.commanded))
+        while self._ahead and self._ahead[0][0] < reading.stamp_ns:
+            self._ahead.pop(0)
+        if self.busy and self._ahead and self._ahead[0][0] == reading.stamp_ns:
+            error = float(np.abs(self._ahead[0][1] - reading.position).max())
+            self._tracking_error = max(self._tracking_error, error)
+
+    def _end(self, reading: ArmReading) -> MotionEnd | None:
+        if not self.busy or not self._smoother.done:
+            return None
+        if self._arrived_ns < 0:
+            self._arrived_ns = reading.stamp_ns
+        waited_ns = reading.stamp_ns - self._arrived_ns
+        if waited_ns < self._settings.horizon_ns:
+            return None  # the last command is not yet valid
+        at_rest = float(np.abs(reading.velocity).max()) < self._settings.stopped_velocity
+        if not at_rest and waited_ns < self._settings.goal_timeout_s * 1e9:
+            return None
+        self.busy = False
+        return MotionEnd(at_rest, (reading.stamp_ns - self._started_ns) * 1e-9, self._tracking_error)

@@ -1,0 +1,223 @@
+"""View targets, tool actions and trajectories in; checked, jerk-limited joint commands for both arms out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError, LimitError, ReachError
+from samrl_core.motion.cartesian import straight_line
+from samrl_core.motion.trajectory_rules import TrajectoryPoint, check_trajectory
+from samrl_core.robots.arm_model import Payload
+from samrl_core.robots.cell import default_cell
+from samrl_core.robots.inverse_kinematics import solve_ik
+from samrl_core.robots.robot import ROLES
+from samrl_core.safety.guard import CommandGuard
+from samrl_core.tasks import task_named
+from samrl_core.types.pose import Pose
+from samrl_msgs.msg import MotionStatus, ToolAction
+from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_ros.conversions import from_message, to_message
+from samrl_ros.nodes.arm_motion import ArmMotion, MotionEnd, MotionSettings
+from samrl_ros.settings import setting
+from samrl_ros.topics import arm_topic, cell_topic
+
+TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
+EXECUTED, WEIGHTS = cell_topic("manipulator/executed_action"), cell_topic("residual_trainer/weights")
+JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
+TRAJECTORY = {arm_topic(role, "joint_trajectory"): role for role in ROLES}
+
+
+@dataclass(frozen=True)
+class ManipulatorSettings:
+    """Settings of `manipulator`."""
+
+    task: str = setting("peg_insertion", "task whose tool is held")
+    max_velocity_scaling: float = setting(0.4, "fraction of the joint velocity limits", range=(0.01, 1.0))
+    max_acceleration_scaling: float = setting(0.4, "fraction of the acceleration limits", range=(0.01, 1.0))
+    max_jerk_scaling: float = setting(0.2, "fraction of the jerk limits", range=(0.01, 1.0))
+    stopped_velocity_tolerance: float = setting(0.01, "at rest below this", "rad/s", (1e-4, 0.1))
+    goal_timeout: float = setting(1.5, "longest wait for rest after the set point arrived", "s", (0.05, 60.0))
+    horizon: float = setting(0.02, "how far ahead of a reading its command is stamped", "s", (0.004, 0.1))
+    leash: float = setting(0.01, "commanded tool position may lead the measured one by this", "m", (1e-3, 0.1))
+    waypoint_spacing: float = setting(0.005, "of the straight line of an action", "m", (5e-4, 0.05))
+    task_action_limit: float = setting(0.02, "longest displacement accepted", "m", (1e-3, 0.2))
+
+
+class Manipulator(Behaviour):
+    """Inverse kinematics, smoothing and the command guard, ticking on joint states."""
+
+    name = "manipulator"
+    inputs = (TARGET, ACTION, WEIGHTS, *JOINTS, *TRAJECTORY)
+    outputs = (EXECUTED, *(arm_topic(r, n) for r in ROLES for n in ("command", "motion_status")))
+
+    def __init__(self, settings: ManipulatorSettings, outbox: Outbox) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        cell = default_cell()
+        tool = task_named(settings.task).scene(cell).tool
+        self._tip_in_flange = tool.tip_in_flange
+        motion = MotionSettings(
+            settings.max_velocity_scaling,
+            settings.max_acceleration_scaling,
+            settings.max_jerk_scaling,
+            settings.stopped_velocity_tolerance,
+            settings.goal_timeout,
+            round(settings.horizon * 1e9),
+        )
+        payloads = {
+            "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
+            "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
+        }
+        self._arms = {r: ArmMotion(cell.arm(r), cell.base_in_world(r), payloads[r], motion) for r in ROLES}
+        self._guards = {r: CommandGuard(cell.arm(r).limits, cell.arm(r).joint_names) for r in ROLES}
+        self._ids: dict[str, tuple[int, int]] = dict.fromkeys(ROLES, (0, 0))
+        self._action: tuple[Any, np.ndarray] | None = None  # request and tip before it
+        self._residual_version = 0
+        self._rejected = 0
+
+    def handle(self, topic: str, message: Any) -> None:
+        """See `Behaviour`."""
+        if topic in JOINTS:
+            self._tick(JOINTS[topic], message)
+        elif topic == WEIGHTS:
+            self._on_weights(message)
+        else:
+            role = "tool_arm" if topic == ACTION else "camera_arm" if topic == TARGET else TRAJECTORY[topic]
+            if topic in (ACTION, TARGET):
+                self._ids[role] = (message.episode, message.step)
+            try:
+                if topic == ACTION:
+                    self._on_action(message)
+                elif topic == TARGET:
+                    self._on_target(message)
+                else:
+                    self._on_trajectory(role, message)
+            except (InputError, LimitError, ReachError) as error:
+                self._rejected += 1
+                self._outbox.log("error", f"{role}: rejected: {error}")
+                self._report(role, MotionStatus.REJECTED, f"rejected: {error}", None)
+
+    def status(self) -> dict[str, str]:
+        """See `Behaviour`."""
+        return {
+            **{f"{role}_moving": str(arm.busy).lower() for role, arm in self._arms.items()},
+            "rejected": str(self._rejected),
+            "residual_version": str(self._residual_version),
+        }
+
+    def _tick(self, role: str, message: Any) -> None:
+        arm = self._arms[role]
+        reading = from_message.arm_reading(message, arm.spec.joint_names)
+        command, end, void = arm.tick(reading)
+        if void:
+            self._action = None if role == "tool_arm" else self._action
+            self._report(role, MotionStatus.STOPPED, "joint states paused: motion given up", None)
+        if command is not None:
+            # The same library that the bridge applies: a set point that it refuses is never sent.
+            self._guards[role].check(command, reading)
+            topic = arm_topic(role, "command")
+            self._outbox.publish(topic, to_message.command(command, arm.spec.joint_names))
+        if end is not None:
+            self._on_end(role, end)
+
+    def _on_end(self, role: str, end: MotionEnd) -> None:
+        if end.reached:
+            self._report(role, MotionStatus.REACHED, "reached", end)
+        else:
+            limit = self._settings.goal_timeout
+            self._report(role, MotionStatus.TIMEOUT, f"not at rest {limit:g} s after the set point arrived", end)
+        if role == "tool_arm" and self._action is not None:
+            request, tip_before = self._action
+            self._action = None
+            executed = ToolAction(header=to_message.header(self._now_ns(role)), episode=request.episode)
+            executed.step, executed.sub_goal = request.step, request.sub_goal
+            executed.nominal, executed.residual = request.nominal, request.residual
+            executed.executed = to_message.vector(self._tip() - tip_before)
+            self._outbox.publish(EXECUTED, executed)
+
+    def _on_target(self, message: Any) -> None:
+        if message.move:
+            arm = self._ready("camera_arm")
+            arm.move([np.asarray(message.joint_position, dtype=np.float64)])
+
+    def _on_action(self, message: Any) -> None:
+        arm = self._ready("tool_arm")
+        displacement = from_message.vector(message.nominal) + from_message.vector(message.residual)
+        length, limit = float(np.linalg.norm(displacement)), self._settings.task_action_limit
+        if not np.isfinite(length) or length > limit:
+            raise LimitError(f"tool displacement of {length:.4f} m, limit {limit:.4f} m; ask for a shorter one")
+        tip = self._tip()
+        start = self._leashed(tip)
+        arm.move(
+            straight_line(
+                lambda flange_in_base, seed: solve_ik(arm.model, flange_in_base, seed),
+                start,
+                displacement,
+                arm.commanded,
+                self._settings.waypoint_spacing,
+            )
+        )
+        self._action = (message, tip)
+
+    def _on_trajectory(self, role: str, message: Any) -> None:
+        arm = self._ready(role)
+        points = [
+            TrajectoryPoint(
+                np.asarray(p.positions, dtype=np.float64),
+                np.asarray(p.velocities, dtype=np.float64),
+                np.asarray(p.accelerations, dtype=np.float64),
+                int(p.time_from_start.sec) * 1_000_000_000 + int(p.time_from_start.nanosec),
+            )
+            for p in message.points
+        ]
+        accepted = check_trajectory(
+            list(message.joint_names),
+            points,
+            expected_names=arm.spec.joint_names,
+            limits=arm.spec.limits,
+            now_ns=self._now_ns(role),
+            stamp_ns=from_message.stamp_ns(message),
+            present_position=arm.commanded,
+        )
+        arm.move([p.position for p in accepted])
+
+    def _on_weights(self, message: Any) -> None:
+        version = int(json.loads(message.data)["version"])
+        if version != 0:
+            raise InputError(f"residual version {version} cannot be applied here; only version 0 (zero) is known")
+        self._residual_version = version
+
+    def _ready(self, role: str) -> ArmMotion:
+        if self._arms[role].reading is None:
+            raise InputError(f"no joint state of {role} yet; start its driver first")
+        return self._arms[role]
+
+    def _leashed(self, measured_tip: np.ndarray) -> Pose:
+        """Commanded flange pose, its tip at most `leash` from the measured tip: no wind-up in contact."""
+        arm = self._arms["tool_arm"]
+        flange = arm.model.flange_in_base(arm.commanded)
+        lead = (flange @ self._tip_in_flange).position - measured_tip
+        length, leash = float(np.linalg.norm(lead)), self._settings.leash
+        excess = lead * max(0.0, 1.0 - leash / length) if length > 0 else lead
+        return Pose(flange.position - excess, flange.quat_xyzw)
+
+    def _tip(self) -> np.ndarray:
+        arm = self._ready("tool_arm")
+        assert arm.reading is not None
+        return (arm.model.flange_in_base(arm.reading.position) @ self._tip_in_flange).position
+
+    def _now_ns(self, role: str) -> int:
+        reading = self._arms[role].reading
+        return reading.stamp_ns if reading is not None else 0
+
+    def _report(self, role: str, status: int, text: str, end: MotionEnd | None) -> None:
+        episode, step = self._ids[role]
+        message = MotionStatus(header=to_message.header(self._now_ns(role)), arm=role, episode=episode, step=step)
+        message.status, message.message = status, text
+        if end is not None:
+            message.duration, message.tracking_error = end.duration_s, end.tracking_error
+        self._outbox.publish(arm_topic(role, "motion_status"), message)

@@ -1,0 +1,213 @@
+"""Runs episodes: asks each stage of Algorithm 1 in turn and says when the model believes it is done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from std_msgs.msg import String
+
+from samrl_core.robots.arm_model import ArmModel
+from samrl_core.robots.cell import default_cell
+from samrl_core.robots.robot import ROLES
+from samrl_core.tasks import task_named
+from samrl_msgs.msg import MotionStatus, Outcome, StepRequest
+from samrl_msgs.srv import StartEpisode
+from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_ros.conversions import from_message, to_message
+from samrl_ros.settings import setting
+from samrl_ros.topics import arm_topic, cell_topic
+
+READY, PHASE = cell_topic("sim_bridge/ready"), cell_topic("phase")
+REQUEST, OUTCOME = cell_topic("supervisor/request"), cell_topic("supervisor/outcome")
+STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
+EXECUTED, SAFETY = cell_topic("manipulator/executed_action"), cell_topic("safety_state")
+TOOL_JOINTS = arm_topic("tool_arm", "joint_states")
+STATUS = {arm_topic(role, "motion_status"): role for role in ROLES}
+START_EPISODE = cell_topic("sim_bridge/start_episode")
+
+
+@dataclass(frozen=True)
+class SupervisorSettings:
+    """Settings of `supervisor`."""
+
+    task: str = setting("peg_insertion", "task to run")
+    episodes: int = setting(1, "episodes to run", range=(1, 1_000_000))
+    seed: int = setting(0, "seed of the first episode; each next one adds 1", range=(0, 2**31 - 1))
+    max_actions: int = setting(0, "actions per episode, 0 for the task's own limit", range=(0, 100_000))
+    view_period: int = setting(1, "actions between two looks for a better view", range=(1, 1000))
+    max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
+    stage_timeout: float = setting(30.0, "longest wait for one answer", "s of robot time", (1.0, 3600.0))
+
+
+class Supervisor(Behaviour):
+    """A chain of stages: update, view (update again if the camera moved), act, and from the start.
+
+    `waiting_for` names the stage whose answer is due. Answers of another episode or step are ignored.
+    """
+
+    name = "supervisor"
+    inputs = (READY, STATE, TARGET, EXECUTED, SAFETY, TOOL_JOINTS, *STATUS)
+    outputs = (REQUEST, PHASE, OUTCOME)
+
+    def __init__(self, settings: SupervisorSettings, outbox: Outbox) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        self._task = task_named(settings.task)
+        cell = default_cell()
+        tool = self._task.scene(cell).tool
+        self._names = cell.tool_arm.joint_names
+        self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
+        self._tip_in_flange = tool.tip_in_flange
+        self._max_actions = settings.max_actions or self._task.max_actions
+        self._episode = -1
+        self._step = 0
+        self._waiting_for = "start"
+        self._asked_ns = 0
+        self._now_ns = 0
+        self._tip = np.zeros(3)
+        self._viewed_step = -1
+        self._lost_updates = 0
+        self._sigma = float("nan")
+        self._successes = 0
+        self.finished = False
+        self.failure = ""
+
+    def start(self) -> None:
+        """See `Behaviour`."""
+        self._next_episode()
+
+    def handle(self, topic: str, message: Any) -> None:
+        """See `Behaviour`."""
+        if topic == TOOL_JOINTS:
+            self._on_joints(message)
+        elif topic == SAFETY:
+            self._on_safety(message)
+        elif topic == READY:
+            self._on_ready(message)
+        elif topic == STATE and self._due("update", message):
+            self._on_state(message)
+        elif topic == TARGET and self._due("view", message):
+            self._on_view(message)
+        elif topic in STATUS:
+            self._on_status(STATUS[topic], message)
+        elif topic == EXECUTED and self._due("act", message):
+            self._step += 1
+            self._ask("update")
+
+    def status(self) -> dict[str, str]:
+        """See `Behaviour`."""
+        return {
+            "episode": str(self._episode),
+            "step": str(self._step),
+            "waiting_for": self._waiting_for,
+            "detected_successes": str(self._successes),
+        }
+
+    def _due(self, stage: str, message: Any) -> bool:
+        return self._waiting_for == stage and (message.episode, message.step) == (self._episode, self._step)
+
+    def _on_joints(self, message: Any) -> None:
+        reading = from_message.arm_reading(message, self._names)
+        self._now_ns = reading.stamp_ns
+        self._tip = (self._arm.flange_in_base(reading.position) @ self._tip_in_flange).position
+        timeout_ns = int(self._settings.stage_timeout * 1e9)
+        if self._waiting_for not in ("start", "ready", "end") and self._now_ns - self._asked_ns > timeout_ns:
+            self._end(False, f"error: no answer to {self._waiting_for!r} within {self._settings.stage_timeout:g} s")
+
+    def _on_safety(self, message: Any) -> None:
+        if message.level >= b"\x02" and self._waiting_for not in ("start", "ready", "end"):
+            self._end(False, f"error: {message.message}")
+
+    def _on_ready(self, message: Any) -> None:
+        if message.episode != self._episode or self._waiting_for not in ("start", "ready"):
+            return
+        if message.task != self._task.name:
+            self._fail(f"the cell is laid out for {message.task!r}, not for {self._task.name!r}")
+            return
+        self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
+        self._step, self._viewed_step, self._lost_updates = 0, -1, 0
+        self._mark(f"episode {self._episode}")
+        self._ask("update")
+
+    def _on_state(self, message: Any) -> None:
+        self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
+        values = np.array(message.values)
+        variance = np.diag(np.array(message.covariance).reshape(values.size, values.size))
+        self._sigma = float(np.sqrt(variance.max()))
+        self._lost_updates = self._lost_updates + 1 if message.why_stopped == "no_target" else 0
+        if self._lost_updates > self._settings.max_lost_updates:
+            self._end(False, f"error: target not seen in {self._lost_updates} updates in a row")
+        elif self._task.is_done(values, self._tip):
+            self._end(True, "done")
+        elif self._step >= self._max_actions:
+            self._end(False, "action_limit")
+        elif self._viewed_step < self._step and self._step % self._settings.view_period == 0:
+            self._ask("view")
+        else:
+            self._ask("act")
+
+    def _on_view(self, message: Any) -> None:
+        self._viewed_step = self._step
+        if message.move:
+            self._waiting_for = "camera"
+            self._mark("look")
+        else:
+            self._ask("act")
+
+    def _on_status(self, role: str, message: Any) -> None:
+        if (message.episode, message.step) != (self._episode, self._step):
+            return
+        if self._waiting_for not in ("camera", "act"):
+            return
+        if message.status in (MotionStatus.REJECTED, MotionStatus.STOPPED):
+            self._end(False, f"error: {role} {message.message}")
+        elif self._waiting_for == "camera" and role == "camera_arm":
+            if message.status == MotionStatus.TIMEOUT:
+                self._outbox.log("warn", f"camera arm: {message.message}; looking from where it is")
+            self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
+            self._ask("update")
+
+    def _ask(self, stage: str) -> None:
+        self._waiting_for = stage
+        self._asked_ns = self._now_ns
+        self._mark(stage)
+        request = StepRequest(
+            header=to_message.header(self._now_ns), episode=self._episode, step=self._step, stage=stage
+        )
+        self._outbox.publish(REQUEST, request)
+
+    def _mark(self, phase: str) -> None:
+        self._outbox.publish(PHASE, String(data=phase))
+
+    def _end(self, detected: bool, reason: str) -> None:
+        self._waiting_for = "end"
+        self._successes += int(detected)
+        self._outbox.log("error" if reason.startswith("error") else "info", f"episode {self._episode}: {reason}")
+        outcome = Outcome(header=to_message.header(self._now_ns), episode=self._episode)
+        outcome.detected_success, outcome.actions, outcome.reason = detected, self._step, reason
+        outcome.estimate_error_bound = self._sigma
+        self._outbox.publish(OUTCOME, outcome)
+        self._mark("end")
+        self._next_episode()
+
+    def _next_episode(self) -> None:
+        if self._episode + 1 >= self._settings.episodes:
+            self.finished = True
+            return
+        self._episode += 1
+        self._waiting_for = "start"
+        request = StartEpisode.Request(episode=self._episode, seed=self._settings.seed + self._episode)
+        self._outbox.call(START_EPISODE, request, self._on_started)
+
+    def _on_started(self, response: Any) -> None:
+        if not response.success:
+            self._fail(f"the cell cannot start an episode: {response.message}")
+        elif self._waiting_for == "start":
+            self._waiting_for = "ready"
+
+    def _fail(self, text: str) -> None:
+        self._outbox.log("error", text)
+        self.failure = text
+        self.finished = True

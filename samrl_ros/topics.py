@@ -189,7 +189,7 @@ _ALL: list[Topic] = [
         "on update",
     ),
     Topic("/clock", "rosgraph_msgs/msg/Clock", CLOCK, "sim_bridge", "250 Hz", "-", "simulated time"),
-    Topic("/tf", "tf2_msgs/msg/TFMessage", STATE, "sim_bridge", "50 Hz", "world", "links from measured joints"),
+    Topic("/tf", "tf2_msgs/msg/TFMessage", STATE, "sim_bridge", "20 Hz", "world", "links from measured joints"),
     Topic(
         "/tf_static",
         "tf2_msgs/msg/TFMessage",

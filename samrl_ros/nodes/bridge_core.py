@@ -1,0 +1,219 @@
+"""The simulated cell behind driver-level topics, with no ROS host around it.
+
+Time is advanced from outside, one controller period at a time. The command guard sits here, next to
+the world, as it would sit in a hardware driver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from samrl_core.errors import SamrlError
+from samrl_core.robots.arm_model import ArmModel
+from samrl_core.robots.robot import ROLES, CellSpec
+from samrl_core.safety.guard import CommandGuard, GuardState
+from samrl_core.tasks.task import Task
+from samrl_core.world.evaluation import TruthLog
+from samrl_core.world.world import SimulatedWorld
+from samrl_msgs.msg import EpisodeReady
+from samrl_ros.behaviour import Outbox
+from samrl_ros.conversions import from_message, to_message
+from samrl_ros.nodes.transforms import dynamic_transforms, static_transforms
+from samrl_ros.topics import arm_topic, camera_topic, cell_topic
+
+GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] in world
+OPTICAL_FRAME = "camera_color_optical_frame"
+_SETTLE_S = 0.3  # simulated before a new episode is announced; also a gap that tells nodes of the restart
+
+
+@dataclass(frozen=True)
+class BridgeRates:
+    """Simulated rates of what is published."""
+
+    joint_state_hz: int = 250
+    camera_hz: int = 10
+    tf_hz: int = 20
+
+
+class BridgeCore:
+    """Publishes sensors, takes commands, lays out episodes; `tick` advances one controller period."""
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        world: SimulatedWorld,
+        cell: CellSpec,
+        task: Task,
+        rates: BridgeRates,
+        command_timeout_s: float,
+        truth_log: TruthLog | None,
+        steady_s: Callable[[], float],
+    ) -> None:
+        self._outbox = outbox
+        self._world = world
+        self._cell = cell
+        self._task = task
+        self._truth_log = truth_log
+        self._steady_s = steady_s
+        self._period_ns = round(cell.tool_arm.controller.period_s * 1e9)
+        self._every = {
+            "joints": self._ticks(rates.joint_state_hz),
+            "camera": self._ticks(rates.camera_hz),
+            "tf": self._ticks(rates.tf_hz),
+        }
+        self._guards = {
+            r: CommandGuard(cell.arm(r).limits, cell.arm(r).joint_names, timeout_s=command_timeout_s)
+            for r in ROLES
+        }
+        self._arms = {r: ArmModel(cell.arm(r), cell.base_in_world(r), None) for r in ROLES}
+        self._ticks_done = 0
+        self._episode = -1
+        self._seed = 0
+        self._safety: tuple[Any, ...] = ()
+        self.refused_commands = 0
+
+    def _ticks(self, hz: int) -> int:
+        return max(1, round(1e9 / (hz * self._period_ns)))
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time [ns]."""
+        return self._world.time_ns
+
+    def announce(self) -> None:
+        """Publish what late joiners need: descriptions, controllers, tools, calibration, static frames."""
+        tool = self._task.scene(self._cell).tool
+        for role in ROLES:
+            spec = self._cell.arm(role)
+            self._outbox.publish(arm_topic(role, "robot_description"), String(data=spec.urdf.read_text()))
+            self._outbox.publish(arm_topic(role, "controller"), to_message.controller(spec, GRAVITY))
+        self._outbox.publish(
+            arm_topic("tool_arm", "tool"), to_message.payload(tool.mass, tool.center_of_mass, tool.inertia)
+        )
+        self._outbox.publish(
+            arm_topic("camera_arm", "tool"),
+            to_message.payload(
+                self._cell.camera_mass, self._cell.camera_center_of_mass, self._cell.camera_inertia
+            ),
+        )
+        self._outbox.publish(camera_topic("calibration"), to_message.calibration(self._cell))
+        transforms = static_transforms(self._cell, tool.tip_in_flange, self._world.time_ns)
+        self._outbox.publish("/tf_static", TFMessage(transforms=transforms))
+        self._publish_safety()
+
+    def on_command(self, role: str, message: Any) -> None:
+        """A message on `<arm>/command`; one that the guard refuses never reaches the arm."""
+        guard = self._guards[role]
+        try:
+            command = from_message.arm_command(message, self._cell.arm(role).joint_names)
+            guard.accept(command, self._world.read_arm(role), self._steady_s(), self._world.time_ns * 1e-9)
+        except SamrlError as error:
+            self.refused_commands += 1
+            guard.fault(str(error))
+            self._outbox.log("error", f"{role}: command refused, arm brakes: {error}")
+
+    def tick(self) -> None:
+        """One controller period: guard, controller, physics, then whatever is due to be published."""
+        steady, robot = self._steady_s(), self._world.time_ns * 1e-9
+        for role in ROLES:
+            target = self._guards[role].tick(self._world.read_arm(role), steady, robot)
+            self._world.command(role, target)
+        self._world.advance()
+        self._ticks_done += 1
+        self._publish_due()
+
+    def start_episode(self, episode: int, seed: int) -> None:
+        """Lay the scene anew and announce it when the arms have been at rest for a while."""
+        self._world.reset(seed)
+        for role in ROLES:
+            self._guards[role].restart()
+        for _ in range(round(_SETTLE_S * 1e9 / self._period_ns)):
+            for role in ROLES:
+                self._world.command(
+                    role,
+                    self._guards[role].tick(
+                        self._world.read_arm(role), self._steady_s(), self._world.time_ns * 1e-9
+                    ),
+                )
+            self._world.advance()
+        self._ticks_done = 0
+        self._episode, self._seed = episode, seed
+        if self._truth_log is not None:
+            self._truth_log.record(episode, seed, "start")
+        ready = EpisodeReady(header=to_message.header(self._world.time_ns), episode=episode, task=self._task.name)
+        self._outbox.publish(cell_topic("sim_bridge/ready"), ready)
+        self._publish_due()
+
+    def end_episode(self, episode: int) -> None:
+        """The supervisor has ended an episode: evaluation notes how things really are."""
+        if self._truth_log is not None and episode == self._episode:
+            self._truth_log.record(episode, self._seed, "end")
+
+    def estop(self, reason: str) -> None:
+        """Emergency stop of both arms, latched."""
+        for guard in self._guards.values():
+            guard.estop(reason)
+        self._outbox.log("error", f"emergency stop: {reason}")
+
+    def reset_safety(self) -> str:
+        """Explicit reset after a stop or fault; returns why it was refused, empty when done."""
+        refusals = []
+        for role, guard in self._guards.items():
+            reason = guard.reset(self._world.read_arm(role))
+            if reason:
+                refusals.append(f"{role}: {reason}")
+        return "; ".join(refusals)
+
+    def _publish_due(self) -> None:
+        n = self._ticks_done
+        if n % self._every["joints"] == 0:
+            stamp = self._world.time_ns
+            self._outbox.publish("/clock", Clock(clock=to_message.time(stamp)))
+            for role in ROLES:
+                names = self._cell.arm(role).joint_names
+                effort = self._world.commanded_effort(role)
+                self._outbox.publish(
+                    arm_topic(role, "joint_states"), to_message.joint_state(self._world.read_arm(role), names)
+                )
+                self._outbox.publish(
+                    arm_topic(role, "commanded_effort"), to_message.effort_state(stamp, effort, names)
+                )
+            self._publish_safety()
+        if n % self._every["tf"] == 0:
+            positions = {role: self._world.read_arm(role).position for role in ROLES}
+            transforms = dynamic_transforms(self._arms, positions, self._world.time_ns)
+            self._outbox.publish("/tf", TFMessage(transforms=transforms))
+        if n % self._every["camera"] == 0:
+            self._publish_camera()
+
+    def _publish_camera(self) -> None:
+        frame = self._world.read_camera()
+        for name, pixels, encoding in (
+            ("color/image_raw", frame.color, "rgb8"),
+            ("depth/image_rect_raw", frame.depth, "32FC1"),
+            ("mask/image_raw", frame.mask, "mono8"),
+        ):
+            message = to_message.image(pixels, encoding, frame.stamp_ns, OPTICAL_FRAME)
+            self._outbox.publish(camera_topic(name), message)
+        info = to_message.camera_info(self._cell.intrinsics, frame.stamp_ns, OPTICAL_FRAME)
+        self._outbox.publish(camera_topic("color/camera_info"), info)
+
+    def _publish_safety(self) -> None:
+        states = tuple((role, g.status.state, g.status.reason) for role, g in self._guards.items())
+        if states == self._safety:
+            return
+        self._safety = states
+        bad = [s for s in states if s[1] in (GuardState.FAULT, GuardState.ESTOP)]
+        braking = [s for s in states if s[1] is GuardState.BRAKING]
+        level = 2 if bad else 1 if braking else 0
+        text = "; ".join(f"{role}: {reason}" for role, _, reason in bad or braking) or "ok"
+        values = {role: state.name for role, state, _ in states}
+        self._outbox.publish(
+            cell_topic("safety_state"), to_message.diagnostic("cell: command guard", level, text, values)
+        )

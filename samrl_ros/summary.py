@@ -1,0 +1,193 @@
+"""What a run came to: the bag and the evaluation file become `summary.json`.
+
+This is evaluation: the only place, besides the tests, that reads ground truth.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.tasks.task import Task
+from samrl_core.world.evaluation import read_truth
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.conversions.from_message import stamp_ns
+from samrl_core.robots.robot import ROLES
+from samrl_ros.topics import arm_topic, cell_topic
+
+STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
+OUTCOME, READY = cell_topic("supervisor/outcome"), cell_topic("sim_bridge/ready")
+EXECUTED = cell_topic("manipulator/executed_action")
+STATUS = tuple(arm_topic(role, "motion_status") for role in ROLES)
+
+
+def samrl_version() -> str:
+    """Version of the installed package, "source" when it is not installed."""
+    try:
+        return version("samrl")
+    except PackageNotFoundError:
+        return "source"
+
+
+def wilson(successes: int, n: int, z: float = 1.959964) -> tuple[float, float]:
+    """Wilson score interval of a rate (Wilson 1927), 95 % by default; (0, 1) without cases."""
+    if n == 0:
+        return (0.0, 1.0)
+    p = successes / n
+    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+    return (max(0.0, centre - half), min(1.0, centre + half))
+
+
+def summarise(
+    folder: Path, task: Task, settings: dict[str, Any], wall_time_s: dict[int, float], error: str = ""
+) -> dict[str, Any]:
+    """Read `folder/bag` and `folder/evaluation/truth.jsonl` and join them per episode.
+
+    Args:
+        folder: the run's folder.
+        task: for its definition of success.
+        settings: what was asked for, recorded as it is.
+        wall_time_s: wall time per finished episode [s].
+        error: why the run ended early, empty when it did not.
+    """
+    messages = _by_episode(folder / "bag")
+    truth_file = folder / "evaluation" / "truth.jsonl"
+    truth = read_truth(truth_file) if truth_file.is_file() else {}
+    episodes = [
+        _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
+        for number, topics in sorted(messages.items())
+        if topics[OUTCOME]
+    ]
+    successes = sum(bool(e["success"]) for e in episodes)
+    return {
+        "schema": 1,
+        "task": task.name,
+        "version": samrl_version(),
+        "settings": settings,
+        "error": error,
+        "successes": successes,
+        "success_rate_wilson95": wilson(successes, len(episodes)),
+        "detector": _detector(episodes),
+        "median_hole_error_before_contact_m": _median([e["estimate_error_before_contact_m"] for e in episodes]),
+        "episodes": episodes,
+    }
+
+
+def write_json(path: Path, data: dict[str, Any]) -> None:
+    """Write whole or not at all; a number that is not finite becomes null, as JSON has none."""
+    temporary = path.with_suffix(".json.part")
+    temporary.write_text(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
+    temporary.replace(path)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(float(value)) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _median(values: list[float]) -> float:
+    finite = [v for v in values if math.isfinite(v)]
+    return float(np.median(finite)) if finite else float("nan")
+
+
+def _by_episode(bag_path: Path) -> dict[int, dict[str, list[Any]]]:
+    topics = (STATE, TARGET, OUTCOME, READY, EXECUTED, *STATUS)
+    episodes: dict[int, dict[str, list[Any]]] = defaultdict(lambda: {t: [] for t in topics})
+    for record, message in open_bag(bag_path).decoded(topics):
+        episodes[int(message.episode)][record.topic].append(message)
+    return episodes
+
+
+def _episode(
+    number: int, topics: dict[str, list[Any]], truth: dict[str, dict[str, Any]], task: Task, wall_s: float
+) -> dict[str, Any]:
+    outcome = topics[OUTCOME][-1]
+    states = topics[STATE]
+    start_ns = stamp_ns(topics[READY][0]) if topics[READY] else stamp_ns(outcome)
+    last = states[-1] if states else None
+    summary: dict[str, Any] = {
+        "episode": number,
+        "detected_success": bool(outcome.detected_success),
+        "actions": int(outcome.actions),
+        "reason": outcome.reason,
+        "wall_time_s": wall_s,
+        "sim_time_s": (stamp_ns(outcome) - start_ns) * 1e-9,
+        "estimate": dict(zip(last.names, last.values, strict=True)) if last else {},
+        "estimate_sigma_m": float(outcome.estimate_error_bound),
+        "updates": [_update(s) for s in states],
+        "views": [_view(v) for v in topics[TARGET]],
+        "tracking_error_rad": max((m.tracking_error for t in STATUS for m in topics[t]), default=float("nan")),
+    }
+    summary.update(_judged(truth, states, task))
+    return summary
+
+
+def _judged(truth: dict[str, dict[str, Any]], states: list[Any], task: Task) -> dict[str, Any]:
+    """What only the truth can say."""
+    if "end" not in truth:
+        keys = ("final_error_m", "estimate_error_before_contact_m", "peak_contact_force_N")
+        return {"seed": None, "success": None, **dict.fromkeys(keys, float("nan"))}
+    end = truth["end"]
+    bodies = {k: np.array(v) for k, v in end["body_position"].items()}
+    tip = np.array(end["tip_position"])
+    contact_ns = end["first_contact_ns"]
+    before = [s for s in states if contact_ns < 0 or stamp_ns(s) < contact_ns]
+    error = float("nan")
+    if before:
+        poses = task.body_poses(np.array(before[-1].values))
+        start = truth["start"]["body_position"]
+        error = max(float(np.linalg.norm(p.position - np.array(start[k]))) for k, p in poses.items())
+    return {
+        "seed": end["seed"],
+        "success": task.succeeded(bodies, tip),
+        "final_error_m": task.final_error(bodies, tip),
+        "estimate_error_before_contact_m": error,
+        "peak_contact_force_N": end["peak_contact_force"],
+    }
+
+
+def _update(state: Any) -> dict[str, Any]:
+    return {
+        "step": int(state.step),
+        "loss_before": state.loss_before,
+        "loss_after": state.loss_after,
+        "iterations": int(state.iterations),
+        "why_stopped": state.why_stopped,
+        "values": list(state.values),
+    }
+
+
+def _view(view: Any) -> dict[str, Any]:
+    p = view.camera_in_world.position
+    return {
+        "step": int(view.step),
+        "move": bool(view.move),
+        "camera_position_m": [p.x, p.y, p.z],
+        "score": view.score,
+        "present_score": view.present_score,
+        "visibility": view.visibility,
+        "reason": view.reason,
+    }
+
+
+def _detector(episodes: list[dict[str, Any]]) -> dict[str, int]:
+    """Confusion of the automatic termination against evaluation truth."""
+    judged = [(bool(e["detected_success"]), bool(e["success"])) for e in episodes if e["success"] is not None]
+    return {
+        "true_positive": judged.count((True, True)),
+        "false_positive": judged.count((True, False)),
+        "false_negative": judged.count((False, True)),
+        "true_negative": judged.count((False, False)),
+    }

@@ -1,0 +1,69 @@
+"""`samrl bag info` and `samrl bag repair`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from samrl_core.errors import SamrlError
+from samrl_ros.bags.info import describe, render
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.bags.repair import default_destination, repair
+
+INPUT_REFUSED = 3
+
+bag_app = typer.Typer(help="Look into bags and repair them.", no_args_is_help=True)
+
+BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Bag folder or .mcap file.")]
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """A refused input ends the command with its message and exit code 3."""
+    try:
+        yield
+    except SamrlError as error:
+        Console(stderr=True).print(f"[red]error:[/red] {error}", soft_wrap=True, highlight=False)
+        raise typer.Exit(INPUT_REFUSED) from error
+
+
+@bag_app.command("info")
+def info(
+    path: BagPath,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Show what a bag holds: duration, topics, types, rates, and whether it is whole."""
+    with _refusals():
+        described = describe(open_bag(path))
+    if as_json:
+        typer.echo(json.dumps(described, indent=2))
+    else:
+        Console().print(render(described))
+
+
+@bag_app.command("repair")
+def repair_command(
+    path: BagPath,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="New bag folder [default: BAG_repaired].")
+    ] = None,
+) -> None:
+    """Copy what can be read of a truncated or unclosed bag into a new, complete one."""
+    destination = out if out is not None else default_destination(path)
+    with _refusals(), Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("copying", total=None)
+        report = repair(
+            path,
+            destination,
+            on_progress=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    typer.echo(f"{report.messages} messages up to {report.end_ns * 1e-9:.3f} s kept in {report.destination}")
+    for line in report.damage:
+        typer.echo(f"stopped at: {line} ({report.lost_bytes} bytes not readable in all)")

@@ -1,0 +1,268 @@
+"""Reads bags of any origin: folders, single files, split, compressed, unindexed, or cut by a killed recorder."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Channel, Schema
+
+from samrl_core.errors import InputError
+from samrl_ros.bags import metadata, scan
+from samrl_ros.bags.decode import Decoders, decode
+from samrl_ros.bags.qos import QoS, load_profiles
+from samrl_ros.bags.schemas import Definition
+from samrl_ros.bags.writer import CUSTOM_DATA
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """A topic of a bag."""
+
+    name: str
+    type: str
+    count: int  # [messages]
+    qos: tuple[QoS, ...]  # offered by its publishers, empty if not recorded
+    type_hash: str  # RIHS01, empty if not recorded
+    serialization: str
+    definition: Definition  # as the bag carries it
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A message as recorded."""
+
+    topic: str
+    type: str
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes  # CDR
+
+
+@dataclass(frozen=True, slots=True)
+class DecodedMessage:
+    """A message with its fields as attributes of `message`."""
+
+    topic: str
+    type: str
+    log_time_ns: int
+    publish_time_ns: int
+    message: Any
+
+
+@dataclass(frozen=True)
+class Bag:
+    """An opened bag. Reading again starts again; nothing is kept open in between."""
+
+    path: Path
+    files: tuple[Path, ...]
+    topics: dict[str, BagTopic]
+    message_count: int
+    start_ns: int  # first log time
+    end_ns: int  # last log time; in a truncated bag, of what could be read
+    truncated: bool  # a file has no end: its recorder was killed, or it was cut or damaged
+    damage: tuple[str, ...]  # where and why reading stops, one line per such file
+    lost_bytes: int  # behind the damage, where nothing was read
+    has_metadata: bool  # metadata.yaml is there
+    custom_data: dict[str, str]
+    _indexes: tuple[scan.FileIndex, ...] = field(repr=False, default=())
+
+    def messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
+        """Raw messages in log-time order; equal times in recorded order.
+
+        Raises `InputError` for a topic that is not in the bag, and where a file that looked whole turns
+        out to be damaged.
+        """
+        wanted = set(self.topics) if topics is None else set(require_topics(self, topics))
+        return self._messages(wanted)
+
+    def decoded(self, topics: Iterable[str] | None = None) -> Iterator[DecodedMessage]:
+        """Decoded messages in log-time order. Raises `InputError` if a schema or a message is broken."""
+        wanted = set(self.topics) if topics is None else set(require_topics(self, topics))
+        decoders = Decoders()
+        by_topic: dict[str, Any] = {}
+        for index in self._indexes:  # a broken schema is refused before the first message
+            for channel in index.channels.values():
+                if channel.topic in wanted:
+                    schema = _schema_of(index, channel)
+                    decoder = decoders.get(channel.topic, channel.message_encoding, schema)
+                    if by_topic.setdefault(channel.topic, decoder) is not decoder:
+                        raise InputError(
+                            f"bag {self.path}: topic {channel.topic} was recorded with two definitions of its type"
+                        )
+        return self._decoded(wanted, by_topic)
+
+    def _decoded(self, wanted: set[str], decoders: dict[str, Any]) -> Iterator[DecodedMessage]:
+        for raw in self._messages(wanted):
+            message = decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
+            yield DecodedMessage(raw.topic, raw.type, raw.log_time_ns, raw.publish_time_ns, message)
+
+    def _messages(self, wanted: set[str]) -> Iterator[RawMessage]:
+        # Blocks in order of their first log time; a message leaves the heap once no block that starts
+        # earlier is left, so memory holds only overlapping blocks.
+        blocks = sorted(
+            ((block.start_ns, number, at) for number, index in enumerate(self._indexes)
+             for at, block in enumerate(index.blocks))
+        )  # fmt: skip
+        heap: list[tuple[int, int, int, int, scan.Entry]] = []
+        with ExitStack() as stack:
+            streams = [stack.enter_context(index.path.open("rb")) for index in self._indexes]
+            for start, number, at in blocks:
+                while heap and heap[0][0] < start:
+                    yield self._raw(heap)
+                index = self._indexes[number]
+                try:
+                    entries = scan.read_block(index, streams[number], index.blocks[at])
+                except scan.Damage as damage:
+                    raise InputError(
+                        f"{index.path} is damaged: {damage}; `samrl bag repair {self.path}` keeps what precedes it"
+                    ) from damage
+                for order, entry in enumerate(entries):
+                    if index.channels[entry.channel].topic in wanted:
+                        heapq.heappush(heap, (entry.log_time_ns, number, at, order, entry))
+            while heap:
+                yield self._raw(heap)
+
+    def _raw(self, heap: list[tuple[int, int, int, int, scan.Entry]]) -> RawMessage:
+        _, number, _, _, entry = heapq.heappop(heap)
+        topic = self._indexes[number].channels[entry.channel].topic
+        return RawMessage(
+            topic, self.topics[topic].type, entry.log_time_ns, entry.publish_time_ns, entry.data
+        )
+
+
+def open_bag(path: Path | str, verify: bool = False, ignore_metadata: bool = False) -> Bag:
+    """Open a bag folder (with or without metadata.yaml) or a single .mcap file.
+
+    Args:
+        path: folder or file.
+        verify: unpack and check everything now; damage then truncates the bag instead of raising later.
+        ignore_metadata: use the .mcap files alone, in the order of their numbers.
+
+    Raises:
+        InputError: nothing there, no bag, an empty file, a storage or compression that cannot be read, or
+            a file that metadata.yaml names is missing.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"no bag at {path}: there is nothing of that name")
+    about = None
+    if path.is_dir():
+        about = None if ignore_metadata else metadata.load(path)
+        files = _files_of(path, about)
+    else:
+        files = (path,)
+    indexes = tuple(scan.index_file(file, verify) for file in files)
+    spans = [index.span for index in indexes if index.span.count]
+    return Bag(
+        path=path,
+        files=files,
+        topics=_topics_of(path, indexes, about),
+        message_count=sum(span.count for span in spans),
+        start_ns=min((span.start_ns for span in spans), default=0),
+        end_ns=max((span.end_ns for span in spans), default=0),
+        truncated=any(index.damage for index in indexes),
+        damage=tuple(f"{index.path.name}: {index.damage}" for index in indexes if index.damage),
+        lost_bytes=sum(index.lost_bytes for index in indexes),
+        has_metadata=about is not None,
+        custom_data=_custom_data_of(indexes, about),
+        _indexes=indexes,
+    )
+
+
+def require_topics(bag: Bag, names: Iterable[str]) -> tuple[str, ...]:
+    """The names, if the bag has them all. Raises `InputError` listing what is missing and what is there."""
+    names = (names,) if isinstance(names, str) else tuple(names)
+    missing = [name for name in names if name not in bag.topics]
+    if missing:
+        present = ", ".join(sorted(bag.topics)) or "none"
+        raise InputError(f"bag {bag.path} lacks {', '.join(missing)}; topics present: {present}")
+    return names
+
+
+def _files_of(folder: Path, about: dict[str, Any] | None) -> tuple[Path, ...]:
+    if about is None:
+        files = tuple(sorted(folder.glob("*.mcap"), key=scan.natural_key))
+        if not files:
+            other = sorted(p.name for p in folder.iterdir() if p.suffix in (".db3", ".zstd", ".bag"))
+            hint = f" (it has {', '.join(other)}: convert it with `ros2 bag convert`)" if other else ""
+            raise InputError(f"{folder} is no bag: it holds no .mcap file{hint}")
+        return files
+    storage = about.get("storage_identifier", "mcap")
+    if storage != "mcap":
+        raise InputError(f"bag {folder} is stored as {storage}; convert it with `ros2 bag convert` to mcap")
+    if about.get("compression_mode") in ("file", "FILE", "message", "MESSAGE"):
+        raise InputError(
+            f"bag {folder} uses rosbag2's own {about['compression_mode']} compression;"
+            " convert it with `ros2 bag convert` to mcap's chunk compression"
+        )
+    names = about.get("relative_file_paths")
+    if not isinstance(names, list) or not names:
+        raise InputError(
+            f"{folder / metadata.FILE_NAME} names no files; `samrl bag repair {folder}` makes a new bag"
+        )
+    # Some old bags repeat the folder's name in front.
+    files = tuple(folder / name if (folder / name).exists() else folder / Path(name).name for name in names)
+    missing = [file.name for file in files if not file.exists()]
+    if missing:
+        raise InputError(f"bag {folder} lacks {', '.join(missing)}, which its metadata.yaml names")
+    return files
+
+
+def _schema_of(index: scan.FileIndex, channel: Channel) -> Schema | None:
+    return index.schemas.get(channel.schema_id)
+
+
+def _topics_of(
+    path: Path, indexes: tuple[scan.FileIndex, ...], about: dict[str, Any] | None
+) -> dict[str, BagTopic]:
+    recorded = _recorded_topics(about)
+    topics: dict[str, BagTopic] = {}
+    for index in indexes:
+        for number, channel in index.channels.items():
+            schema = _schema_of(index, channel)
+            type_name = schema.name if schema is not None else ""
+            known = topics.get(channel.topic)
+            if known is not None and known.type != type_name:
+                raise InputError(
+                    f"bag {path}: topic {channel.topic} is recorded as {known.type} and as {type_name}"
+                )
+            listed = recorded.get(channel.topic, {})
+            profiles = channel.metadata.get("offered_qos_profiles") or listed.get("offered_qos_profiles")
+            type_hash = channel.metadata.get("topic_type_hash") or listed.get("type_description_hash") or ""
+            text = schema.data.decode(errors="replace") if schema is not None else ""
+            topics[channel.topic] = BagTopic(
+                name=channel.topic,
+                type=type_name,
+                count=index.counts.get(number, 0) + (known.count if known is not None else 0),
+                qos=load_profiles(profiles),
+                type_hash=type_hash,
+                serialization=channel.message_encoding,
+                definition=Definition(
+                    type_name, text, type_hash, schema.encoding if schema is not None else ""
+                ),
+            )
+    return topics
+
+
+def _recorded_topics(about: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
+    """`topic_metadata` of metadata.yaml by name; older bags keep QoS or hash only there."""
+    entries = (about or {}).get("topics_with_message_count")
+    if not isinstance(entries, list):
+        return {}
+    found = [entry.get("topic_metadata") for entry in entries if isinstance(entry, dict)]
+    return {entry["name"]: entry for entry in found if isinstance(entry, dict) and "name" in entry}
+
+
+def _custom_data_of(indexes: tuple[scan.FileIndex, ...], about: dict[str, Any] | None) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for index in indexes:
+        found.update(index.metadata.get(CUSTOM_DATA, {}))
+    listed = (about or {}).get("custom_data")
+    if isinstance(listed, dict):
+        found.update({str(key): str(value) for key, value in listed.items()})
+    return found

@@ -1,0 +1,102 @@
+"""One arm in a PyBullet client: torque in, true state and payload out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pybullet
+
+from samrl_core.errors import InputError
+from samrl_core.robots.robot import RobotSpec
+from samrl_core.types.pose import Pose
+from samrl_core.world.body_files import PAYLOAD_LINK, Mounted, write_arm_urdf
+
+
+class PyBulletArm:
+    """A fixed-base arm without motors, dampers or friction of the simulator's own making.
+
+    Raises:
+        InputError: the URDF lacks one of the specified joints.
+    """
+
+    def __init__(self, client: int, spec: RobotSpec, base_in_world: Pose, mounted: Mounted, folder: Path) -> None:
+        """Load the arm with its payload."""
+        self._client = client
+        self.body: int = pybullet.loadURDF(
+            str(write_arm_urdf(spec, mounted, folder)),
+            base_in_world.position.tolist(),
+            base_in_world.quat_xyzw.tolist(),
+            useFixedBase=True,
+            # Otherwise PyBullet replaces the file's inertias by those of the collision shapes.
+            flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+            physicsClientId=client,
+        )
+        infos = [
+            pybullet.getJointInfo(self.body, i, physicsClientId=client)
+            for i in range(pybullet.getNumJoints(self.body, physicsClientId=client))
+        ]
+        by_joint = {info[1].decode(): info[0] for info in infos}
+        self.link_index: dict[str, int] = {info[12].decode(): info[0] for info in infos}
+        missing = [name for name in spec.joint_names if name not in by_joint]
+        if missing:
+            raise InputError(f"{spec.urdf.name} has no joint {missing}; it has {sorted(by_joint)}")
+        self._joints = [by_joint[name] for name in spec.joint_names]
+        self.payload_link = self.link_index[PAYLOAD_LINK]
+        self.flange_link = self.link_index[spec.flange]
+        self.links = range(-1, len(infos))
+        for link in self.links:
+            pybullet.changeDynamics(
+                self.body,
+                link,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                physicsClientId=client,
+            )
+        # Bullet multiplies the two friction coefficients of a pair; roots make it their geometric mean.
+        pybullet.changeDynamics(
+            self.body, self.payload_link, lateralFriction=float(np.sqrt(mounted.friction)), physicsClientId=client
+        )
+        # Every joint is born with a velocity motor that acts as friction.
+        pybullet.setJointMotorControlArray(
+            self.body,
+            self._joints,
+            pybullet.VELOCITY_CONTROL,
+            forces=[0.0] * len(self._joints),
+            physicsClientId=client,
+        )
+
+    def place(self, position: np.ndarray) -> None:
+        """Put the joints at `position` (J,) [rad], at rest."""
+        for joint, value in zip(self._joints, position.tolist(), strict=True):
+            pybullet.resetJointState(self.body, joint, value, 0.0, physicsClientId=self._client)
+
+    def push(self, effort: np.ndarray) -> None:
+        """Link-side torque (J,) [N m] for the next step only."""
+        pybullet.setJointMotorControlArray(
+            self.body,
+            self._joints,
+            pybullet.TORQUE_CONTROL,
+            forces=effort.tolist(),
+            physicsClientId=self._client,
+        )
+
+    def state(self) -> np.ndarray:
+        """True position [rad] and velocity [rad/s], shape (2, J)."""
+        states = pybullet.getJointStates(self.body, self._joints, physicsClientId=self._client)
+        return np.array([state[:2] for state in states]).T
+
+    def flange_in_world(self) -> Pose:
+        """True pose of the flange link."""
+        state = pybullet.getLinkState(
+            self.body, self.flange_link, computeForwardKinematics=True, physicsClientId=self._client
+        )
+        return Pose(np.array(state[4]), np.array(state[5]))
+
+    def payload_normal_forces(self) -> list[float]:
+        """Normal force at each contact of the payload in the last step [N]."""
+        contacts = pybullet.getContactPoints(
+            bodyA=self.body, linkIndexA=self.payload_link, physicsClientId=self._client
+        )
+        return [contact[9] for contact in contacts or ()]

@@ -1,0 +1,273 @@
+"""The stand-in for the real cell: two torque-controlled arms, a table and the task's bodies in PyBullet.
+
+Nothing here reads the time of day, so a seed and a sequence of calls give the same readings each time.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pybullet
+
+from samrl_core.errors import InputError
+from samrl_core.robots.arm_model import ArmModel, Payload
+from samrl_core.robots.robot import ROLES, CellSpec
+from samrl_core.tasks.task import Task
+from samrl_core.types.observation import ArmCommand, ArmReading, Frame
+from samrl_core.types.pose import Pose
+from samrl_core.types.scene import Box, Scene
+from samrl_core.world.body_files import Mounted, write_body_urdf
+from samrl_core.world.command_check import checked_command, checked_role, holding
+from samrl_core.world.impedance import impedance_effort
+from samrl_core.world.pybullet_arm import PyBulletArm
+from samrl_core.world.pybullet_camera import TinyCamera
+from samrl_core.world.sensor_noise import RgbdSensor
+from samrl_core.world.settings import WorldSettings
+from samrl_core.world.world import SimulatedWorld, Truth
+
+TABLE_SIZE = (0.8, 1.0, 0.05)  # [m]
+TABLE_IN_WORLD = Pose(np.array([0.5, 0.0, -0.025]), np.array([0.0, 0.0, 0.0, 1.0]))  # its top is z = 0
+TABLE_COLOR = (0.55, 0.50, 0.45)
+TABLE_FRICTION = 0.3  # ASSUMPTION [-]
+ARM_LABELS = {"tool_arm": 3, "camera_arm": 4}
+# Housing of the RealSense D435 (datasheet: 90 x 25 x 25 mm); it ends short of the optical frame.
+CAMERA_HALF_EXTENTS = (0.045, 0.0125, 0.0125)  # [m]
+CAMERA_COLOR = (0.8, 0.8, 0.82)
+
+
+class PyBulletWorld(SimulatedWorld):
+    """The cell and a task in a physics client of its own.
+
+    The link-side torque that `read_arm` reports is the torque applied at the joint: PyBullet's joints have
+    no drive friction, and no rotor inertia either, so the motor side and the link side are one.
+
+    Args:
+        task: whose bodies and tool are built.
+        cell: the arms, as calibrated; the world is built exactly to it.
+        settings: physics and noise.
+
+    Raises:
+        InputError: the cell, the task or the settings cannot be built.
+    """
+
+    def __init__(self, task: Task, cell: CellSpec, settings: WorldSettings | None = None) -> None:
+        """Build the cell and lay the scene of seed 0."""
+        self._task, self._cell = task, cell
+        self._settings = settings or WorldSettings()
+        for role in ROLES:
+            period = cell.arm(role).controller.period_s
+            if period != cell.arm(ROLES[0]).controller.period_s:
+                raise InputError(f"controller periods differ: {role} has {period} s; give both arms the same")
+        self._period_s = cell.tool_arm.controller.period_s
+        self._period_ns = round(self._period_s * 1e9)
+        self._scene = task.scene(cell)
+        self._start = task.start_joints(cell)
+        self._time_ns = 0
+        self._folder = tempfile.TemporaryDirectory(prefix="samrl_world_")
+        self._client = pybullet.connect(pybullet.DIRECT)
+        self._closed = False
+        self._configure()
+        self._arms, self._models = self._build_arms()
+        self._bodies = self._build_bodies()
+        self._camera = TinyCamera(
+            self._client, cell.intrinsics, self._labels(), self._settings.light_direction, self._settings.shadow
+        )
+        self._sensor = RgbdSensor(self._settings.rgbd_noise, cell.intrinsics)
+        self._noise_std = {r: self._settings.joint_noise.stack(len(cell.arm(r).joint_names)) for r in ROLES}
+        self.reset(0)
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time [ns]."""
+        return self._time_ns
+
+    @property
+    def scene(self) -> Scene:
+        """The nominal scene that was built."""
+        return self._scene
+
+    def reset(self, seed: int) -> None:
+        """Lay the scene anew, arms at the task's start joints and at rest; the clock goes on."""
+        scene_rng, self._joint_rng, self._camera_rng = np.random.default_rng(seed).spawn(3)
+        poses = {body.name: body.body_in_world for body in self._scene.bodies} | self._task.draw(scene_rng)
+        for name, pose in poses.items():
+            pybullet.resetBasePositionAndOrientation(
+                self._bodies[name],
+                pose.position.tolist(),
+                pose.quat_xyzw.tolist(),
+                physicsClientId=self._client,
+            )
+        self._poses = poses
+        self._commands, self._efforts, self._states, self._readings = {}, {}, {}, {}
+        for role in ROLES:
+            self._arms[role].place(self._start[role])
+            self._commands[role] = holding(self._start[role], self._time_ns)
+            self._efforts[role] = self._models[role].gravity(self._start[role])
+        self._first_contact_ns, self._peak_force = -1, 0.0
+        self._measure()
+
+    def command(self, role: str, command: ArmCommand) -> None:
+        """Set what an arm's controller tracks from the next `advance` on.
+
+        Raises:
+            InputError: unknown role, or a field that is not one finite number per joint.
+        """
+        joints = len(self._cell.arm(checked_role(role)).joint_names)
+        self._commands[role] = checked_command(command, joints)
+
+    def advance(self) -> None:
+        """One controller period: control law on the newest readings, physics, new readings."""
+        for role in ROLES:
+            spec, reading = self._cell.arm(role), self._readings[role]
+            effort = impedance_effort(
+                spec.controller,
+                spec.limits,
+                self._commands[role],
+                reading.position,
+                reading.velocity,
+                self._models[role].gravity(reading.position),
+            )
+            self._efforts[role] = effort
+            self._arms[role].push(effort)
+        pybullet.stepSimulation(physicsClientId=self._client)
+        self._time_ns += self._period_ns
+        forces = self._arms["tool_arm"].payload_normal_forces()
+        if forces and max(forces) > 0.0:
+            self._peak_force = max(self._peak_force, sum(forces))
+            if self._first_contact_ns < 0:
+                self._first_contact_ns = self._time_ns
+        self._measure()
+
+    def read_arm(self, role: str) -> ArmReading:
+        """Newest reading: true state and link-side torque, with the sensors' noise.
+
+        Raises:
+            InputError: unknown role.
+        """
+        return self._readings[checked_role(role)]
+
+    def commanded_effort(self, role: str) -> np.ndarray:
+        """Torque that the controller sent last, after clipping (J,) [N m].
+
+        Raises:
+            InputError: unknown role.
+        """
+        return self._efforts[checked_role(role)].copy()
+
+    def read_camera(self) -> Frame:
+        """Image from where the camera truly is."""
+        self._require_open()
+        camera_in_world = self._arms["camera_arm"].flange_in_world() @ self._cell.camera_in_flange
+        picture = self._camera.render(camera_in_world)
+        color, depth, mask = self._sensor.read(self._camera_rng, picture.color, picture.depth, picture.mask)
+        return Frame(self._time_ns, color, depth, mask)
+
+    def truth(self) -> Truth:
+        """For evaluation only."""
+        self._require_open()
+        flange = self._arms["tool_arm"].flange_in_world()
+        return Truth(
+            self._time_ns,
+            {name: pose.position.copy() for name, pose in self._poses.items()},
+            {name: pose.quat_xyzw.copy() for name, pose in self._poses.items()},
+            flange.apply(self._scene.tool.tip_in_flange.position),
+            self._first_contact_ns,
+            self._peak_force,
+        )
+
+    def close(self) -> None:
+        """Disconnect and remove the files that were written; twice is harmless."""
+        if not self._closed:
+            self._closed = True
+            pybullet.disconnect(physicsClientId=self._client)
+            self._folder.cleanup()
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise InputError("this world is closed; make a new one")
+
+    def _configure(self) -> None:
+        pybullet.setGravity(*self._settings.gravity, physicsClientId=self._client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=self._period_s,
+            numSolverIterations=self._settings.solver_iterations,
+            numSubSteps=0,
+            deterministicOverlappingPairs=1,
+            # A file of the same name may have held something else in an earlier world.
+            enableFileCaching=0,
+            physicsClientId=self._client,
+        )
+
+    def _build_arms(self) -> tuple[dict[str, PyBulletArm], dict[str, ArmModel]]:
+        cell, tool = self._cell, self._scene.tool
+        housing = Box(CAMERA_HALF_EXTENTS, Pose(cell.camera_center_of_mass, np.array([0.0, 0.0, 0.0, 1.0])))
+        camera = Mounted(
+            (housing,),
+            (CAMERA_COLOR,),
+            cell.camera_mass,
+            cell.camera_center_of_mass,
+            cell.camera_inertia,
+            TABLE_FRICTION,
+        )
+        mounted = {"tool_arm": Mounted.of_tool(tool), "camera_arm": camera}
+        arms, models = {}, {}
+        for role in ROLES:
+            spec, base, load = cell.arm(role), cell.base_in_world(role), mounted[role]
+            arms[role] = PyBulletArm(self._client, spec, base, load, Path(self._folder.name))
+            models[role] = ArmModel(spec, base, Payload(load.mass, load.center_of_mass, load.inertia))
+        return arms, models
+
+    def _build_bodies(self) -> dict[str, int]:
+        half = [0.5 * size for size in TABLE_SIZE]
+        table = pybullet.createMultiBody(
+            0.0,
+            pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client),
+            pybullet.createVisualShape(
+                pybullet.GEOM_BOX,
+                halfExtents=half,
+                rgbaColor=[*TABLE_COLOR, 1.0],
+                physicsClientId=self._client,
+            ),
+            TABLE_IN_WORLD.position.tolist(),
+            physicsClientId=self._client,
+        )
+        self._soften(table, TABLE_FRICTION)
+        bodies = {}
+        for body in self._scene.bodies:
+            index = pybullet.loadURDF(
+                str(write_body_urdf(body, Path(self._folder.name))),
+                useFixedBase=True,
+                physicsClientId=self._client,
+            )
+            self._soften(index, body.friction)
+            bodies[body.name] = index
+        return bodies
+
+    def _soften(self, body: int, friction: float) -> None:
+        pybullet.changeDynamics(
+            body,
+            -1,
+            # Bullet multiplies the two coefficients of a pair; roots make it their geometric mean.
+            lateralFriction=float(np.sqrt(friction)),
+            contactStiffness=self._settings.contact_stiffness,
+            contactDamping=self._settings.contact_damping,
+            physicsClientId=self._client,
+        )
+
+    def _labels(self) -> dict[tuple[int, int], int]:
+        labels = {(arm.body, link): ARM_LABELS[role] for role, arm in self._arms.items() for link in arm.links}
+        tool_arm = self._arms["tool_arm"]
+        labels[tool_arm.body, tool_arm.payload_link] = self._scene.tool.label
+        for body in self._scene.bodies:
+            labels[self._bodies[body.name], -1] = body.label
+        return labels
+
+    def _measure(self) -> None:
+        for role in ROLES:
+            state = self._arms[role].state()
+            noise = self._joint_rng.standard_normal((3, state.shape[1])) * self._noise_std[role]
+            self._readings[role] = ArmReading(
+                self._time_ns, state[0] + noise[0], state[1] + noise[1], self._efforts[role] + noise[2]
+            )

@@ -1,4 +1,4 @@
-"""Build the ROS interfaces of this folder into the active Python environment: see samrl_ros.interfaces.build."""
+"""Build this folder's ROS interfaces into the active Python environment: see samrl_ros.interfaces.build."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 # Replaces this folder, whose samrl_msgs would be importable as an empty namespace package.
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from samrl_ros.interfaces.build import main
+from samrl_ros.interfaces.build import main  # noqa: E402 (after the path is set)
 
 if __name__ == "__main__":
     sys.exit(main())

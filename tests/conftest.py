@@ -1,0 +1,49 @@
+"""Every test process has a ROS domain of its own, on loopback, without shared-memory leftovers."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+LAST_DOMAIN = 101  # above it, DDS ports meet Linux's ephemeral ports
+
+
+def _lock_domain() -> tuple[int, IO[str]]:
+    folder = Path(tempfile.gettempdir()) / f"samrl_ros_domains_{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    for domain in range(1, LAST_DOMAIN + 1):
+        file = (folder / str(domain)).open("w")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.close()
+            continue
+        return domain, file
+    raise RuntimeError(f"all {LAST_DOMAIN} ROS domains are taken by other test runs (locks in {folder})")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """The domain of this test process; child processes inherit it through the environment."""
+    domain, lock = _lock_domain()
+    values = {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",  # a killed process leaves shared memory behind
+        "ROS_LOG_DIR": str(tmp_path_factory.mktemp("ros_log")),
+    }
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    yield domain
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+    lock.close()

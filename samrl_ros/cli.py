@@ -1,0 +1,108 @@
+"""`samrl`: the command line. Heavy imports happen inside the commands, so that `--help` is quick."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from samrl_core.errors import InputError, SamrlError
+from samrl_ros.exit_codes import INPUT_REFUSED, INTERRUPTED, USAGE
+
+app = typer.Typer(
+    help="A two-arm cell that learns manipulation with few real trials, and says why simulation and cell differ.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+errors = Console(stderr=True)
+
+
+@app.command()
+def cell(
+    task: Annotated[str, typer.Option(help="Task to run.")] = "peg_insertion",
+    episodes: Annotated[int, typer.Option(help="Episodes to run.", min=1)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the first episode; each next one adds 1.", min=0)] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for bag, summary and picture; must not be in use.")] = Path(
+        "out/cell"
+    ),
+    view: Annotated[bool, typer.Option("--view", help="Serve the topics to Foxglove on port 8765.")] = False,
+    processes: Annotated[bool, typer.Option("--processes", help="Every node in its own process.")] = False,
+    update: Annotated[bool, typer.Option(help="Real2Sim update of the model; off for ablations.")] = True,
+    strategy: Annotated[str, typer.Option(help="View planner: best, fixed or random.")] = "best",
+    real_time_factor: Annotated[
+        float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)
+    ] = 1.0,
+    max_actions: Annotated[int, typer.Option(help="Actions per episode, 0 for the task's limit.", min=0)] = 0,
+    world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
+    params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None,
+) -> None:
+    """Run the two-arm cell on a task, and leave a bag, a summary and a picture."""
+    from samrl_ros.cell import CellOptions, run_cell
+
+    options = CellOptions(
+        task=task,
+        episodes=episodes,
+        seed=seed,
+        out=out,
+        processes=processes,
+        view=view,
+        update=update,
+        strategy=strategy,
+        real_time_factor=real_time_factor,
+        max_actions=max_actions,
+        world=world,
+        params=params,
+    )
+    raise typer.Exit(run_cell(options))
+
+
+@app.command()
+def replay(
+    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file.")],
+    out: Annotated[Path | None, typer.Option(help="Write the report there as JSON.")] = None,
+    nodes: Annotated[str, typer.Option(help="Comma-separated nodes to run.")] = "",
+    publish: Annotated[bool, typer.Option("--publish", help="Play over DDS with /clock instead.")] = False,
+    rate: Annotated[float, typer.Option(help="Speed of --publish, 1 is as recorded.", min=0.01)] = 1.0,
+) -> None:
+    """Run the nodes' handlers over a bag in recorded order, or play it over DDS."""
+    from samrl_ros.replay_command import replay_bag
+
+    raise typer.Exit(replay_bag(bag, out, tuple(n for n in nodes.split(",") if n), publish, rate))
+
+
+@app.command()
+def interfaces() -> None:
+    """Build the project's ROS 2 interfaces into this environment."""
+    from samrl_ros.interfaces.build import main as build
+
+    build()
+
+
+def _add_groups() -> None:
+    from samrl_ros.bags.commands import app as bag_app
+    from samrl_ros.bench.commands import app as bench_app
+
+    app.add_typer(bag_app, name="bag", help="Look into bags and repair them.")
+    app.add_typer(bench_app, name="bench", help="Measure.")
+
+
+def main() -> None:
+    """Entry point: every refusal becomes one clear line and an exit code."""
+    _add_groups()
+    try:
+        app(standalone_mode=True)
+    except InputError as error:
+        errors.print(f"[bold red]refused:[/] {error}", highlight=False, soft_wrap=True)
+        sys.exit(INPUT_REFUSED)
+    except SamrlError as error:
+        errors.print(f"[bold red]error:[/] {error}", highlight=False, soft_wrap=True)
+        sys.exit(USAGE)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

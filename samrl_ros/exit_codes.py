@@ -1,0 +1,7 @@
+"""Exit codes of every command (contract: 2 wrong usage, 3 input refused, 130 interrupted)."""
+
+OK = 0
+FAILED = 1  # the run could not go on: a node died, a fault, a stall
+USAGE = 2
+INPUT_REFUSED = 3
+INTERRUPTED = 130

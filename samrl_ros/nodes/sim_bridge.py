@@ -1,0 +1,218 @@
+"""Hosts the simulated cell on the graph; drivers of a hardware cell take this node's place.
+
+The world is stepped by a thread of its own, at most at `real_time_factor`; commands and services come
+in on the node's thread. One lock is held for a controller period at a time.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, final
+
+from samrl_core.errors import SamrlError
+from samrl_core.robots.cell import default_cell
+from samrl_core.robots.robot import ROLES
+from samrl_core.tasks import task_named
+from samrl_core.world import make_world
+from samrl_core.world.evaluation import TruthLog
+from samrl_ros.message_types import message_class
+from samrl_ros.node_kit import CellNode
+from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
+from samrl_ros.qos import qos_named
+from samrl_ros.settings import setting
+from samrl_ros.topics import SERVICES, TOPICS, arm_topic, cell_topic
+
+OUTCOME = cell_topic("supervisor/outcome")
+
+
+@dataclass(frozen=True)
+class SimBridgeSettings:
+    """Settings of `sim_bridge`."""
+
+    task: str = setting("peg_insertion", "task whose scene is laid out")
+    world: str = setting("pybullet", "simulator behind the border", choices=("pybullet", "mock"))
+    real_time_factor: float = setting(1.0, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0))
+    joint_state_hz: int = setting(250, "simulated rate of joint states and clock", "Hz", (10, 1000))
+    camera_hz: int = setting(10, "simulated rate of images", "Hz", (1, 60))
+    tf_hz: int = setting(20, "simulated rate of tf", "Hz", (1, 250))
+    command_timeout: float = setting(0.1, "age of a command, by reception, at which the arm brakes", "s", (0.01, 5.0))
+    evaluation_file: str = setting("", "where evaluation truth is written, empty for nowhere")
+
+
+@final
+class SimBridge(CellNode):
+    """Publishes as drivers would, and keeps the command guard next to the arms."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("sim_bridge", SimBridgeSettings, **node_options)
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._core: BridgeCore | None = None
+        self._world: Any = None
+        self._publishers_by_topic: dict[str, Any] = {}
+        self._handles: list[Any] = []
+        self._published = 0
+        self._rate = 0.0
+        self._longest_gap_s = 0.0
+
+    def publish(self, topic: str, message: Any) -> None:
+        """The core's outbox."""
+        self._publishers_by_topic[topic].publish(message)
+        self._published += 1
+
+    def log(self, level: str, text: str) -> None:
+        """The core's outbox."""
+        if level == "error":
+            self.get_logger().error(text)
+        else:
+            self.get_logger().info(text)
+
+    def call(self, service: str, request: Any, on_response: Any) -> None:
+        """The core's outbox: a bridge calls no service."""
+        raise SamrlError(f"sim_bridge asked for {service}; it serves, it does not call")
+
+    def set_up(self, settings: SimBridgeSettings) -> None:
+        """See `CellNode`."""
+        task, cell = task_named(settings.task), default_cell()
+        self._world = make_world(settings.world, task, cell)
+        log = TruthLog(Path(settings.evaluation_file), self._world) if settings.evaluation_file else None
+        for topic in TOPICS.values():
+            if topic.publisher == "sim_bridge":
+                self._publishers_by_topic[topic.name] = self.create_publisher(
+                    message_class(topic.type), topic.name, qos_named(topic.qos)
+                )
+        self._core = BridgeCore(
+            self,
+            self._world,
+            cell,
+            task,
+            BridgeRates(settings.joint_state_hz, settings.camera_hz, settings.tf_hz),
+            settings.command_timeout,
+            log,
+            time.monotonic,
+        )
+        self._factor = settings.real_time_factor
+        for role in ROLES:
+            self._subscribe(arm_topic(role, "command"), partial(self._on_command, role))
+        self._subscribe(OUTCOME, self._on_outcome)
+        handlers = {
+            cell_topic("sim_bridge/start_episode"): self._on_start,
+            cell_topic("estop"): self._on_estop,
+            cell_topic("estop_reset"): self._on_reset,
+        }
+        for service in SERVICES:
+            if service.name in handlers:
+                self._handles.append(
+                    self.create_service(message_class(service.type), service.name, handlers[service.name])
+                )
+
+    def begin(self) -> None:
+        """See `CellNode`."""
+        assert self._core is not None
+        with self._lock:
+            self._core.announce()
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._run, name="sim_bridge world", daemon=True)
+        self._thread.start()
+
+    def halt(self) -> None:
+        """See `CellNode`."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(10.0)
+            self._thread = None
+
+    def tear_down(self) -> None:
+        """See `CellNode`."""
+        for handle in self._handles:
+            destroy = self.destroy_service if hasattr(handle, "srv_type") else self.destroy_subscription
+            destroy(handle)
+        for publisher in self._publishers_by_topic.values():
+            self.destroy_publisher(publisher)
+        if self._world is not None:
+            self._world.close()
+        self._handles, self._publishers_by_topic, self._world, self._core = [], {}, None, None
+
+    def figures(self) -> dict[str, str]:
+        """See `CellNode`."""
+        core = self._core
+        return {
+            "real_time_factor": f"{self._rate:.3f}",
+            "longest_gap_s": f"{self._longest_gap_s:.4f}",
+            "sim_time_s": f"{core.time_ns * 1e-9:.3f}" if core else "0",
+            "published": str(self._published),
+            "refused_commands": str(core.refused_commands) if core else "0",
+        }
+
+    def _subscribe(self, name: str, callback: Any) -> None:
+        topic = TOPICS[name]
+        self._handles.append(
+            self.create_subscription(message_class(topic.type), name, callback, qos_named(topic.qos))
+        )
+
+    def _run(self) -> None:
+        """Step until halted, keeping pace with the wall clock but never catching up in a burst."""
+        core = self._core
+        assert core is not None
+        period = 0.004  # controller periods go in packs of one joint-state period: fewer wake-ups
+        due = window_wall = time.monotonic()
+        window_sim = core.time_ns
+        last = due
+        while not self._stop.is_set():
+            end_ns = core.time_ns + round(period * 1e9)
+            while core.time_ns < end_ns and not self._stop.is_set():
+                with self._lock:
+                    if not self.guard("stepping the world", core.tick):
+                        return
+            now = time.monotonic()
+            self._longest_gap_s = max(self._longest_gap_s, now - last)
+            if now - window_wall > 1.0:
+                self._rate = (core.time_ns - window_sim) * 1e-9 / (now - window_wall)
+                window_wall, window_sim = now, core.time_ns
+            if self._factor > 0:
+                due = max(due + period / self._factor, now - period)
+                self._stop.wait(max(0.0, due - now))
+            else:
+                time.sleep(0)  # let the other threads of this process run
+            last = time.monotonic()
+
+    def _on_command(self, role: str, message: Any) -> None:
+        with self._lock:
+            if self._core is not None:
+                self._core.on_command(role, message)
+
+    def _on_outcome(self, message: Any) -> None:
+        with self._lock:
+            if self._core is not None:
+                self._core.end_episode(message.episode)
+
+    def _on_start(self, request: Any, response: Any) -> Any:
+        if self._core is None or self._thread is None:
+            response.success, response.message = False, f"sim_bridge is {self.stage}; activate it first"
+            return response
+        with self._lock:
+            try:
+                self._core.start_episode(int(request.episode), int(request.seed))
+            except SamrlError as error:
+                response.success, response.message = False, str(error)
+                return response
+        response.success, response.message = True, ""
+        return response
+
+    def _on_estop(self, request: Any, response: Any) -> Any:
+        with self._lock:
+            if self._core is not None:
+                self._core.estop("asked for by service")
+        response.success, response.message = self._core is not None, "arms brake and hold until estop_reset"
+        return response
+
+    def _on_reset(self, request: Any, response: Any) -> Any:
+        with self._lock:
+            refusal = self._core.reset_safety() if self._core is not None else "sim_bridge is not active"
+        response.success, response.message = not refusal, refusal or "ready for commands"
+        return response

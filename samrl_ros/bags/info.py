@@ -12,7 +12,7 @@ from samrl_ros.bags.reader import Bag
 
 
 def describe(bag: Bag) -> dict[str, Any]:
-    """Plain values for JSON; times in seconds of the bag's clock, rates per second over the bag's duration."""
+    """Plain values for JSON; times [s] of the bag's clock, rates over the bag's duration."""
     duration_s = (bag.end_ns - bag.start_ns) * 1e-9
     return {
         "path": str(bag.path),
@@ -36,7 +36,7 @@ def describe(bag: Bag) -> dict[str, Any]:
                 "durability": topic.qos[0].durability if topic.qos else None,
                 "type_hash": topic.type_hash or None,
             }
-            for _, topic in sorted(bag.topics.items())
+            for topic in bag.topics
         ],
     }
 

@@ -1,4 +1,4 @@
-"""Reads bags of any origin: folders, single files, split, compressed, unindexed, or cut by a killed recorder."""
+"""Reads bags of any origin: folders, files, split, compressed, unindexed, or cut by a killed recorder."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Channel, Schema
-
 from samrl_core.errors import InputError
 from samrl_ros.bags import metadata, scan
-from samrl_ros.bags.decode import Decoders, decode
+from samrl_ros.bags.decode import Decoder, Decoders, decode
 from samrl_ros.bags.qos import QoS, load_profiles
 from samrl_ros.bags.schemas import Definition
 from samrl_ros.bags.writer import CUSTOM_DATA
@@ -43,24 +41,13 @@ class RawMessage:
     data: bytes  # CDR
 
 
-@dataclass(frozen=True, slots=True)
-class DecodedMessage:
-    """A message with its fields as attributes of `message`."""
-
-    topic: str
-    type: str
-    log_time_ns: int
-    publish_time_ns: int
-    message: Any
-
-
 @dataclass(frozen=True)
 class Bag:
     """An opened bag. Reading again starts again; nothing is kept open in between."""
 
     path: Path
     files: tuple[Path, ...]
-    topics: dict[str, BagTopic]
+    topics: tuple[BagTopic, ...]  # by name
     message_count: int
     start_ns: int  # first log time
     end_ns: int  # last log time; in a truncated bag, of what could be read
@@ -71,35 +58,48 @@ class Bag:
     custom_data: dict[str, str]
     _indexes: tuple[scan.FileIndex, ...] = field(repr=False, default=())
 
+    def topic(self, name: str) -> BagTopic:
+        """One topic. Raises `InputError` listing those present."""
+        require_topics(self, (name,))
+        return next(topic for topic in self.topics if topic.name == name)
+
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
         """Raw messages in log-time order; equal times in recorded order.
 
-        Raises `InputError` for a topic that is not in the bag, and where a file that looked whole turns
-        out to be damaged.
+        `topics` selects; one that the bag lacks has no messages (see `require_topics`). Raises `InputError`
+        where a file that looked whole turns out to be damaged.
         """
-        wanted = set(self.topics) if topics is None else set(require_topics(self, topics))
-        return self._messages(wanted)
+        return self._messages(self._selected(topics))
 
-    def decoded(self, topics: Iterable[str] | None = None) -> Iterator[DecodedMessage]:
-        """Decoded messages in log-time order. Raises `InputError` if a schema or a message is broken."""
-        wanted = set(self.topics) if topics is None else set(require_topics(self, topics))
+    def decoded(self, topics: Iterable[str] | None = None) -> Iterator[tuple[RawMessage, Any]]:
+        """Pairs of raw message and decoded object (fields as attributes), in log-time order.
+
+        Raises `InputError` if a schema, now, or a message, when it comes, is broken.
+        """
+        wanted = self._selected(topics)
         decoders = Decoders()
-        by_topic: dict[str, Any] = {}
-        for index in self._indexes:  # a broken schema is refused before the first message
+        by_topic: dict[str, Decoder] = {}
+        for index in self._indexes:
             for channel in index.channels.values():
                 if channel.topic in wanted:
-                    schema = _schema_of(index, channel)
+                    schema = index.schemas.get(channel.schema_id)
                     decoder = decoders.get(channel.topic, channel.message_encoding, schema)
                     if by_topic.setdefault(channel.topic, decoder) is not decoder:
                         raise InputError(
-                            f"bag {self.path}: topic {channel.topic} was recorded with two definitions of its type"
+                            f"bag {self.path}: topic {channel.topic} was recorded with two definitions of its"
+                            " type; read the files one by one"
                         )
         return self._decoded(wanted, by_topic)
 
-    def _decoded(self, wanted: set[str], decoders: dict[str, Any]) -> Iterator[DecodedMessage]:
+    def _selected(self, topics: Iterable[str] | None) -> set[str]:
+        present = {topic.name for topic in self.topics}
+        if topics is None:
+            return present
+        return present & ({topics} if isinstance(topics, str) else set(topics))
+
+    def _decoded(self, wanted: set[str], decoders: dict[str, Decoder]) -> Iterator[tuple[RawMessage, Any]]:
         for raw in self._messages(wanted):
-            message = decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
-            yield DecodedMessage(raw.topic, raw.type, raw.log_time_ns, raw.publish_time_ns, message)
+            yield raw, decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
 
     def _messages(self, wanted: set[str]) -> Iterator[RawMessage]:
         # Blocks in order of their first log time; a message leaves the heap once no block that starts
@@ -108,31 +108,31 @@ class Bag:
             ((block.start_ns, number, at) for number, index in enumerate(self._indexes)
              for at, block in enumerate(index.blocks))
         )  # fmt: skip
+        types = {topic.name: topic.type for topic in self.topics}
         heap: list[tuple[int, int, int, int, scan.Entry]] = []
         with ExitStack() as stack:
             streams = [stack.enter_context(index.path.open("rb")) for index in self._indexes]
             for start, number, at in blocks:
                 while heap and heap[0][0] < start:
-                    yield self._raw(heap)
+                    yield self._raw(heap, types)
                 index = self._indexes[number]
                 try:
                     entries = scan.read_block(index, streams[number], index.blocks[at])
                 except scan.Damage as damage:
                     raise InputError(
-                        f"{index.path} is damaged: {damage}; `samrl bag repair {self.path}` keeps what precedes it"
+                        f"{index.path} is damaged: {damage};"
+                        f" `samrl bag repair {self.path}` keeps what precedes it"
                     ) from damage
                 for order, entry in enumerate(entries):
                     if index.channels[entry.channel].topic in wanted:
                         heapq.heappush(heap, (entry.log_time_ns, number, at, order, entry))
             while heap:
-                yield self._raw(heap)
+                yield self._raw(heap, types)
 
-    def _raw(self, heap: list[tuple[int, int, int, int, scan.Entry]]) -> RawMessage:
+    def _raw(self, heap: list[tuple[int, int, int, int, scan.Entry]], types: dict[str, str]) -> RawMessage:
         _, number, _, _, entry = heapq.heappop(heap)
         topic = self._indexes[number].channels[entry.channel].topic
-        return RawMessage(
-            topic, self.topics[topic].type, entry.log_time_ns, entry.publish_time_ns, entry.data
-        )
+        return RawMessage(topic, types[topic], entry.log_time_ns, entry.publish_time_ns, entry.data)
 
 
 def open_bag(path: Path | str, verify: bool = False, ignore_metadata: bool = False) -> Bag:
@@ -177,9 +177,10 @@ def open_bag(path: Path | str, verify: bool = False, ignore_metadata: bool = Fal
 def require_topics(bag: Bag, names: Iterable[str]) -> tuple[str, ...]:
     """The names, if the bag has them all. Raises `InputError` listing what is missing and what is there."""
     names = (names,) if isinstance(names, str) else tuple(names)
-    missing = [name for name in names if name not in bag.topics]
+    have = {topic.name for topic in bag.topics}
+    missing = [name for name in names if name not in have]
     if missing:
-        present = ", ".join(sorted(bag.topics)) or "none"
+        present = ", ".join(sorted(have)) or "none"
         raise InputError(f"bag {bag.path} lacks {', '.join(missing)}; topics present: {present}")
     return names
 
@@ -213,18 +214,14 @@ def _files_of(folder: Path, about: dict[str, Any] | None) -> tuple[Path, ...]:
     return files
 
 
-def _schema_of(index: scan.FileIndex, channel: Channel) -> Schema | None:
-    return index.schemas.get(channel.schema_id)
-
-
 def _topics_of(
     path: Path, indexes: tuple[scan.FileIndex, ...], about: dict[str, Any] | None
-) -> dict[str, BagTopic]:
+) -> tuple[BagTopic, ...]:
     recorded = _recorded_topics(about)
     topics: dict[str, BagTopic] = {}
     for index in indexes:
         for number, channel in index.channels.items():
-            schema = _schema_of(index, channel)
+            schema = index.schemas.get(channel.schema_id)
             type_name = schema.name if schema is not None else ""
             known = topics.get(channel.topic)
             if known is not None and known.type != type_name:
@@ -246,7 +243,7 @@ def _topics_of(
                     type_name, text, type_hash, schema.encoding if schema is not None else ""
                 ),
             )
-    return topics
+    return tuple(topics[name] for name in sorted(topics))
 
 
 def _recorded_topics(about: dict[str, Any] | None) -> dict[str, dict[str, Any]]:

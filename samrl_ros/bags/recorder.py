@@ -70,9 +70,9 @@ class Recorder:
         self._last_ns = receive_ns
         self._writer.write(topic, receive_ns, data, _publish_ns(source_ns, receive_ns))
 
-    def split(self) -> None:
-        """Go on in a new file."""
-        self._writer.split()
+    def split(self) -> str:
+        """Go on in a new file, whose path is returned."""
+        return str(self._writer.split())
 
     def flush_if_due(self) -> None:
         """For loops in which messages may stop: hand over what is older than the flush period."""

@@ -52,7 +52,7 @@ def repair(
     if not bag.topics:
         raise InputError(f"nothing can be kept of {source}: it holds no topic; {'; '.join(bag.damage)}")
     with BagWriter(destination, compression=compression, custom_data=bag.custom_data) as writer:
-        for topic in bag.topics.values():
+        for topic in bag.topics:
             writer.add_topic(topic.name, topic.type, topic.qos, topic.definition, topic.serialization)
         for done, message in enumerate(bag.messages(), start=1):
             writer.write(message.topic, message.log_time_ns, message.data, message.publish_time_ns)

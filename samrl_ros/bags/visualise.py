@@ -1,0 +1,65 @@
+"""A live view in Foxglove: a WebSocket server that forwards CDR bytes unchanged (extra `viz`)."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+from samrl_core.errors import InputError
+from samrl_ros.bags.schemas import Definition, definition
+
+
+class LiveView:
+    """A server at ws://host:port, to which Foxglove connects.
+
+    Raises:
+        InputError: the extra `viz` is not installed, or the port is taken.
+    """
+
+    def __init__(self, host: str = "127.0.0.1", port: int = 8765, name: str = "samrl cell") -> None:
+        self._foxglove = _foxglove()
+        self._context = self._foxglove.Context()
+        self._channels: dict[str, Any] = {}
+        try:
+            self._server = self._foxglove.start_server(name=name, host=host, port=port, context=self._context)
+        except (RuntimeError, OSError) as error:
+            raise InputError(f"cannot serve at {host}:{port}: {error}; choose another port") from error
+
+    @property
+    def port(self) -> int:
+        """The port in use; with port 0 the system chose it."""
+        return self._server.port
+
+    def show(
+        self, topic: str, type_name: str, data: bytes, time_ns: int, described: Definition | None = None
+    ) -> None:
+        """Forward one message. Raises `InputError` for a type without definition."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            found = described or definition(type_name)
+            schema = self._foxglove.Schema(name=type_name, encoding=found.encoding, data=found.text.encode())
+            channel = self._foxglove.Channel(
+                topic, schema=schema, message_encoding="cdr", context=self._context
+            )
+            self._channels[topic] = channel
+        channel.log(data, log_time=time_ns)
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.stop()
+
+    def __enter__(self) -> LiveView:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _foxglove() -> Any:
+    try:
+        import foxglove
+    except ImportError as error:
+        raise InputError("the live view needs Foxglove's SDK: pip install 'samrl[viz]'") from error
+    return foxglove

@@ -54,7 +54,7 @@ def ros_clash(wheels: str | None, environment: Mapping[str, str]) -> str:
         return ""
     return (
         f"ROS 2 {distribution} is sourced in this shell, and the ROS wheels (ros-rclpy {wheels}) are "
-        "installed in this Python environment: their libraries mix and crash. Use a shell without the sourced "
+        "installed in this environment: their libraries mix and crash. Use a shell without the sourced "
         "ROS 2, or an environment without the ros extra."
     )
 

@@ -15,7 +15,7 @@ from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from samrl_core.errors import SamrlError
+from samrl_core.errors import InputError, SamrlError
 from samrl_ros.node_kit import parameters
 from samrl_ros.node_kit.diagnostics import Health
 from samrl_ros.node_kit.interface_types import interface_class
@@ -47,7 +47,11 @@ class CellNode(LifecycleNode):
         self.declare_parameter(
             "autostart", True, ParameterDescriptor(description="configure and activate when the node starts")
         )
-        parameters.declare(self, settings_type)
+        try:
+            parameters.declare(self, settings_type)
+        except InputError:
+            self.destroy_node()
+            raise
         self.add_on_set_parameters_callback(self._check_parameters)
         self._diagnostics = self.create_publisher(
             interface_class(TOPICS["/diagnostics"].type),

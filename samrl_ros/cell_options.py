@@ -12,13 +12,14 @@ import yaml
 from samrl_core.errors import InputError
 from samrl_core.tasks import task_named
 
+# The recorder first, so that nothing is missed; the supervisor last, when all others answer.
 NODE_ORDER = (
+    "recorder",
     "sim_bridge",
     "manipulator",
     "view_planner",
     "model_updater",
     "residual_trainer",
-    "recorder",
     "supervisor",
 )
 
@@ -105,7 +106,7 @@ def _parameters(options: CellOptions, overlay: dict[str, Any]) -> dict[str, Any]
         "view_planner": {"task": options.task, "strategy": options.strategy, "seed": options.seed},
         "model_updater": {"task": options.task, "enabled": options.update},
         "residual_trainer": {"task": options.task},
-        "recorder": {"folder": str(out / "bag")},
+        "recorder": {"out": str(out / "bag"), "task": options.task},
         "supervisor": {
             "task": options.task,
             "episodes": options.episodes,

@@ -1,0 +1,153 @@
+"""The whole cell: `samrl cell`, `ros2 run samrl_ros cell`. Starts the nodes, watches them, sums up."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from samrl_core.errors import InputError, SamrlError
+from samrl_core.tasks import task_named
+from samrl_ros.cell_options import NODE_ORDER, CellOptions, prepare
+from samrl_ros.exit_codes import FAILED, INTERRUPTED, OK
+from samrl_ros.require_ros import require_ros
+
+__all__ = ["CellOptions", "run_cell", "main"]
+
+START_TIMEOUT_S = 180.0  # wall time until all nodes are active; the first compiles the renderer's kernels
+
+
+def run_cell(options: CellOptions, console: Console | None = None) -> int:
+    """Run the cell as asked and return the exit code.
+
+    Raises:
+        InputError: the options cannot be met; nothing was started.
+    """
+    console = console or Console()
+    require_ros()
+    params = prepare(options)
+    from samrl_ros.node_kit.host import start_ros, stop_ros, stop_signals
+
+    arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
+    with stop_signals() as stop:
+        start_ros([sys.argv[0], *arguments])
+        try:
+            watch, trouble = _watch_run(options, arguments, stop, console)
+        finally:
+            stop_ros()
+    code = INTERRUPTED if stop.is_set() and not trouble else FAILED if trouble else OK
+    if trouble:
+        console.print(f"[bold red]the cell stopped:[/] {trouble}", highlight=False, soft_wrap=True)
+    _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, console)
+    return code
+
+
+def _watch_run(options: CellOptions, arguments: list[str], stop: Any, console: Console) -> tuple[Any, str]:
+    """Start everything, wait for the end, stop everything; returns what was seen and what went wrong."""
+    from samrl_ros.monitor import Monitor
+    from samrl_ros.node_group import ProcessGroup, ThreadGroup
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        bar = progress.add_task("starting nodes", total=options.episodes)
+        monitor = Monitor(on_event=lambda text: progress.console.print(text, highlight=False, soft_wrap=True))
+        view = _start_view(options)
+        group = ProcessGroup(arguments, options.out / "logs") if options.processes else ThreadGroup()
+        trouble = ""
+        try:
+            trouble = _bring_up(group, monitor, stop)
+            while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
+                monitor.spin()
+                trouble = group.trouble() or monitor.trouble()
+                description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
+                progress.update(bar, completed=len(monitor.watch.outcomes), description=description)
+            deadline = time.monotonic() + 0.5  # last messages reach the recorder
+            while not trouble and time.monotonic() < deadline:
+                monitor.spin()
+        except SamrlError as error:
+            trouble = str(error)
+        finally:
+            trouble = "; ".join(filter(None, [trouble, group.stop()]))
+            if view is not None:
+                view.close()
+            monitor.close()
+    return monitor.watch, trouble
+
+
+def _bring_up(group: Any, monitor: Any, stop: Any) -> str:
+    """Start all nodes but the supervisor, wait until they are active, then start the supervisor."""
+    others = NODE_ORDER[:-1]
+    for name in others:
+        group.start(name)
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while not all(monitor.is_active(name) for name in others):
+        monitor.spin()
+        trouble = group.trouble() or monitor.trouble()
+        if trouble or stop.is_set():
+            return trouble
+        if time.monotonic() > deadline:
+            late = [name for name in others if not monitor.is_active(name)]
+            return f"nodes not active after {START_TIMEOUT_S:.0f} s: {', '.join(late)}"
+    group.start(NODE_ORDER[-1])
+    return ""
+
+
+def _start_view(options: CellOptions) -> Any:
+    if not options.view:
+        return None
+    from samrl_ros.live_view import start_live_view
+
+    return start_live_view()
+
+
+def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) -> None:
+    """Write `summary.json` and the picture from what was recorded; say where they are."""
+    from samrl_ros.contact_sheet import draw_contact_sheet
+    from samrl_ros.summary import summarise, write_json
+
+    task, out = task_named(options.task), options.out
+    try:
+        summary = summarise(out, task, options.as_dict(), watch.wall_time_s, trouble)
+    except InputError as error:
+        console.print(f"[yellow]no summary: {error}", highlight=False, soft_wrap=True)
+        return
+    write_json(out / "summary.json", summary)
+    n = len(summary["episodes"])
+    low, high = summary["success_rate_wilson95"]
+    console.print(f"{summary['successes']} of {n} episodes succeeded by evaluation truth (95 %: {low:.2f}-{high:.2f})")
+    for episode in summary["episodes"]:
+        console.print(_line(episode), highlight=False, soft_wrap=True)
+    console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)
+    picture = out / "contact_sheet.png"
+    try:
+        draw_contact_sheet(out / "bag", picture, episode=summary["episodes"][0]["episode"] if n else 0)
+    except InputError as error:
+        console.print(f"[yellow]no picture: {error}", highlight=False, soft_wrap=True)
+        return
+    console.print(f"picture: {picture}", highlight=False)
+
+
+def _line(episode: dict[str, Any]) -> str:
+    success = {True: "success", False: "failure", None: "not judged"}[episode["success"]]
+    return (
+        f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, "
+        f"hole estimate off by {1e3 * episode['estimate_error_before_contact_m']:.2f} mm before contact, "
+        f"{len(episode['views'])} views considered, {episode['wall_time_s']:.0f} s"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """`ros2 run samrl_ros cell [options] [--ros-args ...]`: the command `samrl cell`."""
+    from samrl_ros.cli import run
+
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    return run(["cell", *given])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

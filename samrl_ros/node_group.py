@@ -1,0 +1,120 @@
+"""The cell's nodes as threads of this process, or each in its own process."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+STOP_TIMEOUT_S = 15.0
+
+
+class ThreadGroup:
+    """Every node with its own executor thread in this process."""
+
+    def __init__(self) -> None:
+        self._threads: list[Any] = []
+
+    def start(self, name: str) -> None:
+        """Create and start a node; parameters come from the arguments that ROS was started with."""
+        from samrl_ros.node_kit import BehaviourNode, NodeThread
+
+        if name == "sim_bridge":
+            from samrl_ros.nodes.sim_bridge import SimBridge
+
+            node: Any = SimBridge()
+        elif name == "recorder":
+            from samrl_ros.nodes.recorder_node import RecorderNode
+
+            node = RecorderNode()
+        else:
+            from samrl_ros.node_registry import entry
+
+            found = entry(name)
+            node = BehaviourNode(found.behaviour, found.settings, name)
+        thread = NodeThread(node)
+        self._threads.append(thread)
+        thread.start()
+
+    def trouble(self) -> str:
+        """The first failure, empty while all work."""
+        return next((thread.failure for thread in self._threads if thread.failure), "")
+
+    def stop(self) -> str:
+        """Stop in reverse order; returns what did not stop."""
+        hanging = []
+        for thread in reversed(self._threads):
+            try:
+                thread.stop()
+            except TimeoutError as error:
+                hanging.append(str(error))
+        return "; ".join(hanging)
+
+
+class ProcessGroup:
+    """Every node as a child process that dies with this one; output goes to a log file per node."""
+
+    def __init__(self, arguments: list[str], logs: Path) -> None:
+        self._arguments = arguments
+        self._logs = logs
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        logs.mkdir(parents=True, exist_ok=True)
+
+    def start(self, name: str) -> None:
+        """Start a node's executable."""
+        command = [sys.executable, "-m", "samrl_ros.run", name, *self._arguments]
+        with (self._logs / f"{name}.log").open("wb") as log:
+            self._children[name] = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # a terminal's Ctrl-C reaches us alone; we stop them in order
+                preexec_fn=_die_with_parent,
+            )
+
+    def pids(self) -> dict[str, int]:
+        """Process ids by node."""
+        return {name: child.pid for name, child in self._children.items()}
+
+    def trouble(self) -> str:
+        """The first child that has ended, with the end of its log; empty while all run."""
+        for name, child in self._children.items():
+            code = child.poll()
+            if code is not None:
+                how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+                return f"{name} {how}; its log: {self._logs / f'{name}.log'}{self._tail(name)}"
+        return ""
+
+    def stop(self) -> str:
+        """SIGINT in reverse order, then SIGKILL for what hangs; returns what had to be killed."""
+        hanging = []
+        for name, child in reversed(self._children.items()):
+            if child.poll() is None:
+                child.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + STOP_TIMEOUT_S
+        for name, child in reversed(self._children.items()):
+            try:
+                child.wait(max(0.1, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+                hanging.append(f"{name} did not stop within {STOP_TIMEOUT_S:.0f} s and was killed")
+        return "; ".join(hanging)
+
+    def _tail(self, name: str) -> str:
+        lines = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
+        return "\n  " + "\n  ".join(lines[-5:]) if lines else ""
+
+
+def _die_with_parent() -> None:
+    """Linux: SIGINT when the parent dies, so that no arm is commanded by an orphan (prctl(2))."""
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGINT)
+    if os.getppid() == 1:
+        os.kill(os.getpid(), signal.SIGINT)

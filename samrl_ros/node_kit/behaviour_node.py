@@ -59,6 +59,7 @@ class BehaviourNode(CellNode):
         self._behaviour = behaviour
         for name in behaviour.outputs:
             topic = _topic(name)
+            self.health.published[name] = 0
             self._outputs[name] = self.create_publisher(
                 interface_class(topic.type), name, qos_named(topic.qos)
             )
@@ -124,7 +125,7 @@ class BehaviourNode(CellNode):
             self.health.unsent += 1
             return
         self._outputs[topic].publish(message)
-        self.health.published += 1
+        self.health.published[topic] += 1
 
     # --- services ---
 

@@ -127,6 +127,7 @@ class CellNode(LifecycleNode):
         """Create the node's parts from its parameters."""
         self.health.error = self._failure = ""
         self.health.topics.clear()
+        self.health.published.clear()
         ok = self.guard("configure", lambda: self.set_up(parameters.read(self, self._settings_type)))
         if ok and not self._failure:
             self.stage = INACTIVE

@@ -17,12 +17,13 @@ from samrl_core.errors import InputError
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).resolve().parents[2]
+ECHO = Path(__file__).with_name("echo_node.py")
 
 
 def _load_echo() -> Any:
     import importlib.util
 
-    spec = importlib.util.spec_from_file_location("echo_node", Path(__file__).with_name("echo_node.py"))
+    spec = importlib.util.spec_from_file_location("echo_node", ECHO)
     assert spec and spec.loader
     module = importlib.util.module_from_spec(spec)
     sys.modules["echo_node"] = module
@@ -147,6 +148,7 @@ def test_diagnostics_tell_state_rate_and_figures(make: Any, probe: Probe) -> Non
     values = _values(probe.statuses[-1])
     assert probe.statuses[-1].name == "/cell/echo" and probe.statuses[-1].level == b"\x00"
     assert values["state"] == "active" and values[f"{echo.PHASE} received"] == "1"
+    assert values[f"{echo.WEIGHTS} published"] == "2"  # started, x
     assert float(values["handler_last_ms"]) > 0
 
 
@@ -265,7 +267,7 @@ def test_qos_names_all_exist() -> None:
 def spawn() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     processes = []
 
-    def spawn(*arguments: str, script: Path = Path(__file__).with_name("echo_node.py")) -> Any:
+    def spawn(*arguments: str, script: Path = ECHO) -> Any:
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         processes.append(
             subprocess.Popen(
@@ -333,7 +335,7 @@ def test_own_messages_travel_between_processes(spawn: Any, probe: Probe, tmp_pat
         "rclpy.init()\n"
         "node = rclpy.create_node('sender')\n"
         "publisher = node.create_publisher(ModelState, '/cell/model_updater/state', PROFILES['latched'])\n"
-        "publisher.publish(ModelState(step=7, names=['x', 'y'], values=[0.1, -0.2], why_stopped='converged'))\n"
+        "publisher.publish(ModelState(step=7, names=['x', 'y'], values=[0.1, -0.2]))\n"
         "time.sleep(10)\n"
     )
     got: list[Any] = []

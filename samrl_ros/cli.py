@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from samrl_core.errors import InputError, SamrlError
-from samrl_ros.exit_codes import INPUT_REFUSED, INTERRUPTED, USAGE
+from samrl_ros.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
 
 app = typer.Typer(
     help="A two-arm cell that learns manipulation with few real trials, and says why simulation and cell differ.",
@@ -22,6 +23,7 @@ errors = Console(stderr=True)
 
 @app.command()
 def cell(
+    context: typer.Context,
     task: Annotated[str, typer.Option(help="Task to run.")] = "peg_insertion",
     episodes: Annotated[int, typer.Option(help="Episodes to run.", min=1)] = 1,
     seed: Annotated[int, typer.Option(help="Seed of the first episode; each next one adds 1.", min=0)] = 0,
@@ -55,6 +57,7 @@ def cell(
         max_actions=max_actions,
         world=world,
         params=params,
+        node_args=context.obj or (),
     )
     raise typer.Exit(run_cell(options))
 
@@ -82,26 +85,39 @@ def interfaces() -> None:
 
 
 def _add_groups() -> None:
-    from samrl_ros.bags.commands import app as bag_app
-    from samrl_ros.bench.commands import app as bench_app
+    from samrl_ros.bags.commands import bag_app
+    from samrl_ros.bench.commands import bench_app
 
     app.add_typer(bag_app, name="bag", help="Look into bags and repair them.")
     app.add_typer(bench_app, name="bench", help="Measure.")
 
 
-def main() -> None:
-    """Entry point: every refusal becomes one clear line and an exit code."""
-    _add_groups()
+def run(arguments: list[str]) -> int:
+    """Run a command line; every refusal becomes one clear line and an exit code.
+
+    What follows `--ros-args` goes to the nodes unread, as with any ROS 2 executable.
+    """
+    if not app.registered_groups:
+        _add_groups()
+    cut = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
     try:
-        app(standalone_mode=True)
+        app(args=arguments[:cut], obj=tuple(arguments[cut + 1 :]), prog_name="samrl")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(bool(end.code))
     except InputError as error:
-        errors.print(f"[bold red]refused:[/] {error}", highlight=False, soft_wrap=True)
-        sys.exit(INPUT_REFUSED)
+        errors.print(f"[bold red]refused:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return INPUT_REFUSED
     except SamrlError as error:
-        errors.print(f"[bold red]error:[/] {error}", highlight=False, soft_wrap=True)
-        sys.exit(USAGE)
+        errors.print(f"[bold red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return FAILED
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        return INTERRUPTED
+    return OK
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    sys.exit(run(sys.argv[1:]))
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import torch
 
 from samrl_core.errors import InputError
 from samrl_core.model.model import Model
@@ -101,7 +102,13 @@ class ModelUpdater(Behaviour):
         self._outbox.publish(
             STATE, model_state_message.to_message(self._estimate, self._task, request.episode, request.step)
         )
-        rendered = self._model.render_observed(self._estimate, observation)
+        with torch.no_grad():
+            rendered = self._model.render(
+                torch.as_tensor(self._estimate.values),
+                torch.as_tensor(self._estimate.colors),
+                observation.camera,
+                observation.tool_arm.position,
+            ).color.numpy()
         pixels = np.clip(np.round(rendered * 255.0), 0, 255).astype(np.uint8)
         self._outbox.publish(
             IMAGE, to_message.image(pixels, "rgb8", observation.stamp_ns, "camera_color_optical_frame")

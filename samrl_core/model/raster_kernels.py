@@ -7,9 +7,10 @@ costs one comparison instead of new triangles.
 
 Array shapes: B images, V vertices, F triangles, H x W pixels, s x s samples per pixel.
 """
+# ruff: noqa: UP018  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportRedeclaration=false, reportOptionalOperand=false
+# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def triangle_of(key: wp.int64):
 @wp.func
 def interpolate(w: wp.vec3, a0: Pixel, a1: Pixel, a2: Pixel):
     """Perspective-correct value from weights over depth."""
-    return (a0 * w[0] + a1 * w[1] + a2 * w[2]) / (w[0] + w[1] + w[2])
+    z = 1.0 / (w[0] + w[1] + w[2])
+    return a0 * (w[0] * z) + a1 * (w[1] * z) + a2 * (w[2] * z)
 
 
 @wp.kernel(enable_backward=False)
@@ -183,13 +185,11 @@ def shade(
     count = float(0.0)
     su = float(0.0)
     sv = float(0.0)
+    ix = x * samples
+    iy = y * samples
     for k in range(samples * samples + 1):
         triangle = int(-3)
-        iy = y * samples
-        ix = x * samples
         if k < samples * samples:
-            iy += k / samples
-            ix += k % samples
             key = keys[b, iy, ix]
             nearest = wp.max(nearest, key)
             triangle = triangle_of(key)
@@ -211,7 +211,11 @@ def shade(
         count += 1.0
         su += (float(ix) + 0.5) / s
         sv += (float(iy) + 0.5) / s
-    image[b, y, x] = value / (s * s)
+        ix += 1
+        if ix == (x + 1) * samples:
+            ix = x * samples
+            iy += 1
+    image[b, y, x] = value * (1.0 / (s * s))
     front = triangle_of(nearest)
     if front >= 0:
         depth[b, y, x] = DEPTH_SCALE / wp.float32(nearest >> ID_BITS)
@@ -240,13 +244,11 @@ def shade_adjoint(
     count = float(0.0)
     su = float(0.0)
     sv = float(0.0)
+    ix = x * samples
+    iy = y * samples
     for k in range(samples * samples + 1):
         triangle = int(-3)
-        iy = y * samples
-        ix = x * samples
         if k < samples * samples:
-            iy += k / samples
-            ix += k % samples
             triangle = triangle_of(keys[b, iy, ix])
         if triangle != current:
             if current >= 0:
@@ -272,6 +274,10 @@ def shade_adjoint(
         count += 1.0
         su += (float(ix) + 0.5) / s
         sv += (float(iy) + 0.5) / s
+        ix += 1
+        if ix == (x + 1) * samples:
+            ix = x * samples
+            iy += 1
 
 
 @wp.kernel(enable_backward=False)

@@ -1,0 +1,181 @@
+"""The model of the cell: renders what the camera should see (eq. 2) and predicts the tip (eq. 3).
+
+Built from nominal knowledge alone: the task's scene, the arms' shapes and calibration. What the task
+declares unknown (`Task.parameters`) and the colours of its bodies come with every call.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from samrl_core.errors import InputError
+from samrl_core.model import peg_contact
+from samrl_core.model.body_motion import BodyMotion, TensorPose
+from samrl_core.model.color_groups import lambert
+from samrl_core.model.renderer import Rendered, Renderer
+from samrl_core.model.scene_mesh import build_scene_mesh
+from samrl_core.robots.arm_model import ArmModel
+from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks.task import Task
+from samrl_core.types.camera import Camera
+from samrl_core.types.pose import Pose
+from samrl_core.types.scene import Rgb
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """Look of the model. Colours and light are ASSUMPTIONS: first guesses that Real2Sim corrects."""
+
+    supersample: int = 2  # samples per pixel and direction
+    device: str = "cpu"  # torch's name
+    near: float = 0.02  # near plane [m]
+    ambient: float = 0.4  # share of light without direction, 0..1
+    towards_light: tuple[float, float, float] = (0.5, 0.5, 1.0)  # in world
+    table_color: Rgb = (0.6, 0.6, 0.6)
+    hand_color: Rgb = (0.7, 0.7, 0.7)
+    arm_color: Rgb = (0.85, 0.85, 0.85)
+    background: Rgb = (1.0, 1.0, 1.0)
+    table_center: tuple[float, float] = (0.5, 0.0)  # in world [m]
+    table_size: tuple[float, float] = (0.8, 1.0)  # along world x and y [m]
+    table_height: float = 0.0  # of its top in world [m]
+
+
+CameraPose = tuple[torch.Tensor, torch.Tensor]  # rotation (3, 3) and translation (3,), world to camera
+
+
+class Model:
+    """Renderer and forward model of one task in one cell.
+
+    Bodies move with the task's parameters; the tool and the tool arm, which may hide them, stand where
+    the measured joints say. The camera arm is not drawn: its camera looks away from it.
+    """
+
+    def __init__(self, task: Task, cell: CellSpec, settings: ModelSettings | None = None) -> None:
+        """Builds meshes, colour groups and the renderer.
+
+        Raises:
+            InputError: a body of the scene that the parameters move does not exist, or no body moves.
+        """
+        self.task = task
+        self.cell = cell
+        self.settings = s = settings or ModelSettings()
+        self._scene = task.scene(cell)
+        self._motion = BodyMotion(task)
+        nominal = torch.tensor([p.nominal for p in task.parameters()], dtype=torch.float64)
+        moved = list(self._motion(nominal))
+        names = [b.name for b in self._scene.bodies]
+        if not moved or not set(moved) <= set(names):
+            raise InputError(f"task {task.name} moves bodies {moved}, its scene has {names}")
+        self._target_name = moved[0]
+        self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
+        self._mesh = build_scene_mesh(self._scene, cell, s)
+        self._renderer = Renderer(
+            self._mesh.topology, cell.intrinsics, s.supersample, s.device, s.near, s.background
+        )
+        self._target = torch.from_numpy(self._mesh.target_of(self._target_name))
+        self._contact: peg_contact.PegAndHole | None = None
+
+    @property
+    def color_names(self) -> tuple[str, ...]:
+        """Names of the colour groups, `<body>/<direction>`."""
+        return self._mesh.color_names
+
+    @property
+    def n_triangles(self) -> int:
+        """Triangles drawn per image."""
+        return len(self._mesh.topology.faces)
+
+    def initial_colors(self) -> np.ndarray:
+        """CAD colours under the assumed light, (G, 3) linear RGB."""
+        return self._mesh.initial_colors.copy()
+
+    def tip_in_base(self, joints: np.ndarray) -> Pose:
+        """Pose of the tool tip in the tool arm's base frame, from joint positions (J,) [rad]."""
+        flange_in_world = self._arm.link_poses_in_world(joints)[self.cell.tool_arm.flange]
+        return self.cell.tool_base_in_world.inverse() @ flange_in_world @ self._scene.tool.tip_in_flange
+
+    def render(
+        self,
+        values: torch.Tensor,
+        colors: torch.Tensor,
+        camera: Camera | CameraPose,
+        tool_arm_position: np.ndarray,
+    ) -> Rendered:
+        """The image that the camera should take; differentiable in values, colours and camera tensors.
+
+        Args:
+            values: (P,) in the order of `Task.parameters`.
+            colors: (G, 3) linear RGB in the order of `color_names`.
+            camera: a camera, or world-to-camera rotation and translation as tensors.
+            tool_arm_position: joint positions (7,) [rad].
+
+        Raises:
+            InputError: wrong shapes, non-finite values, or a camera with other intrinsics than the cell's.
+        """
+        if tuple(colors.shape) != (len(self.color_names), 3):
+            raise InputError(
+                f"colors have shape {tuple(colors.shape)}, must be ({len(self.color_names)}, 3)"
+            )
+        if isinstance(camera, Camera):
+            if camera.intrinsics != self.cell.intrinsics:
+                raise InputError(f"camera has {camera.intrinsics}, the cell's is {self.cell.intrinsics}")
+            rotation, translation = world_to_camera(camera.camera_in_world)
+        else:
+            rotation, translation = camera
+        vertices, shade = self._placed(self._motion(values), tool_arm_position)
+        color = self._mesh.vertex_colors(colors.to(torch.float32), shade)
+        return self._renderer(vertices, color, self._target, rotation, translation)
+
+    def forward(self, tip_position: torch.Tensor, action: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+        """Eq. 3: the tip after one displacement, stopped and guided by the target body.
+
+        Args:
+            tip_position: (..., 3) in the tool arm's base frame [m].
+            action: (..., 3) displacement in that frame [m].
+            values: (P,).
+
+        Raises:
+            InputError: shapes do not end in 3, or tool and target are no upright peg and ring.
+        """
+        if tip_position.shape[-1:] != (3,) or action.shape[-1:] != (3,):
+            raise InputError(f"tip {tuple(tip_position.shape)} and action {tuple(action.shape)} must end in 3")
+        if self._contact is None:
+            body = next(b for b in self._scene.bodies if b.name == self._target_name)
+            self._contact = peg_contact.sizes_from(self._scene.tool, body)
+        base = self.cell.tool_base_in_world
+        rotation = torch.from_numpy(base.rotation.copy())
+        position = torch.from_numpy(base.position.copy())
+        origin = (self._motion(values)[self._target_name].position - position) @ rotation
+        table = self.settings.table_height - float(base.position[2])
+        return peg_contact.step(tip_position, action, origin.to(tip_position.dtype), self._contact, table)
+
+    def _placed(
+        self, poses: dict[str, TensorPose], tool_arm_position: np.ndarray
+    ) -> tuple[torch.Tensor, np.ndarray]:
+        """World vertices (V, 3) and brightness of the vertices without a colour group (V,)."""
+        joints = np.asarray(tool_arm_position, dtype=np.float64)
+        count = len(self.cell.tool_arm.joint_names)
+        if joints.shape != (count,) or not np.isfinite(joints).all():
+            raise InputError(f"tool arm position {joints} must be {count} finite numbers [rad]")
+        links = self._arm.link_poses_in_world(joints)
+        placed, normals = [], []
+        for piece in self._mesh.pieces:
+            if piece.frame in poses:
+                pose = poses[piece.frame]
+                placed.append(piece.tensor @ pose.rotation.T + pose.position)
+                normals.append(piece.normals)  # not used: bodies have colour groups
+                continue
+            fixed = links[piece.frame] if piece.frame in links else self._mesh.fixed[piece.frame]
+            placed.append(torch.from_numpy(fixed.apply(piece.vertices)))
+            normals.append(piece.normals @ fixed.rotation.T)
+        light = np.array(self.settings.towards_light)
+        return torch.cat(placed), lambert(np.concatenate(normals), self.settings.ambient, light)
+
+
+def world_to_camera(camera_in_world: Pose) -> CameraPose:
+    """Rotation (3, 3) and translation (3,) that map world points into the camera, float64."""
+    world_in_camera = camera_in_world.inverse()
+    return torch.from_numpy(world_in_camera.rotation.copy()), torch.from_numpy(world_in_camera.position.copy())

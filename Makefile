@@ -64,7 +64,7 @@ bench: $(BUILT)
 	$(BIN)/samrl bench cell --out out/bench-$$(date +%Y%m%d-%H%M%S)
 
 docs: $(BUILT)
-	$(BIN)/python msgs_docs/generate.py
+	$(BIN)/python -m samrl_ros.docs
 
 clean:
 	rm -rf $(VENV) .pytest_cache .ruff_cache build dist

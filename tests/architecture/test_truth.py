@@ -1,0 +1,71 @@
+"""Ground truth has one door, and a list of who goes through it."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# Who may call SimulatedWorld.truth(): the log that evaluation reads, and evaluations themselves.
+MAY_CALL_TRUTH = {
+    "samrl_core/world/evaluation.py",
+    "samrl_core/experiments/view_score.py",
+}
+# Who may read what the log wrote.
+MAY_READ_TRUTH = {"samrl_core/world/evaluation.py", "samrl_ros/summary.py"}
+# Who may draw or judge with truth through the task border.
+MAY_JUDGE = {
+    "draw": {"samrl_core/world/pybullet_world.py", "samrl_core/world/mock_world.py"},
+    "succeeded": {"samrl_ros/summary.py"},
+    "final_error": {"samrl_ros/summary.py"},
+}
+
+
+def called_attributes(source: str) -> set[str]:
+    """Names of all methods and functions that a source calls."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call):
+            if isinstance(node.func, ast.Attribute):
+                names.add(node.func.attr)
+            elif isinstance(node.func, ast.Name):
+                names.add(node.func.id)
+    return names
+
+
+def callers(name: str) -> set[str]:
+    """Files of the package that call something of that name."""
+    found = set()
+    for package in ("samrl_core", "samrl_ros"):
+        for file in (ROOT / package).rglob("*.py"):
+            if name in called_attributes(file.read_text()):
+                found.add(str(file.relative_to(ROOT)))
+    return found
+
+
+def test_only_evaluation_asks_for_truth() -> None:
+    assert callers("truth") <= MAY_CALL_TRUTH
+    assert "samrl_core/world/evaluation.py" in callers("truth"), "the search must find the door itself"
+
+
+def test_only_evaluation_reads_truth() -> None:
+    assert callers("read_truth") <= MAY_READ_TRUTH
+    assert "samrl_ros/summary.py" in callers("read_truth")
+
+
+@pytest.mark.parametrize("name", sorted(MAY_JUDGE))
+def test_the_task_border_keeps_truth_with_world_and_evaluation(name: str) -> None:
+    assert callers(name) <= MAY_JUDGE[name], f"{name} is called by {callers(name) - MAY_JUDGE[name]}"
+
+
+def test_the_search_catches_a_breach() -> None:
+    assert "truth" in called_attributes("def peek(world):\n    return world.truth().body_position")
+
+
+def test_no_topic_carries_truth() -> None:
+    from samrl_ros.topics import TOPICS
+
+    assert not [name for name in TOPICS if "truth" in name or "seed" in name]

@@ -14,9 +14,9 @@ from rclpy.task import Future
 
 from samrl_core.errors import InputError
 from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_ros.message_types import message_class
 from samrl_ros.node_kit.cell_node import ACTIVE, CellNode
 from samrl_ros.node_kit.diagnostics import TopicCounter
-from samrl_ros.node_kit.interface_types import interface_class
 from samrl_ros.qos import qos_named
 from samrl_ros.topics import SERVICES, TOPICS
 
@@ -60,16 +60,14 @@ class BehaviourNode(CellNode):
         for name in behaviour.outputs:
             topic = _topic(name)
             self.health.published[name] = 0
-            self._outputs[name] = self.create_publisher(
-                interface_class(topic.type), name, qos_named(topic.qos)
-            )
+            self._outputs[name] = self.create_publisher(message_class(topic.type), name, qos_named(topic.qos))
         for name in behaviour.inputs:
             topic = _topic(name)
             counter = self.health.topics[name] = TopicCounter()
             events = SubscriptionEventCallbacks(message_lost=partial(_count_lost, counter))
             self._inputs.append(
                 self.create_subscription(
-                    interface_class(topic.type),
+                    message_class(topic.type),
                     name,
                     # One argument exactly: the events executor crashes on callbacks with two.
                     partial(self._receive, name, counter),
@@ -135,7 +133,7 @@ class BehaviourNode(CellNode):
             known = {entry.name: entry.type for entry in SERVICES}
             if service not in known:
                 raise InputError(f"unknown service {service}; known are {', '.join(known)}")
-            self._clients_by_name[service] = self.create_client(interface_class(known[service]), service)
+            self._clients_by_name[service] = self.create_client(message_class(known[service]), service)
         self._calls.append(_Call(service, request, on_response, time.monotonic() + SERVICE_WAIT_S))
         self._advance_calls()
 

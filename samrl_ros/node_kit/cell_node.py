@@ -16,9 +16,9 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from samrl_core.errors import InputError, SamrlError
+from samrl_ros.message_types import message_class
 from samrl_ros.node_kit import parameters
 from samrl_ros.node_kit.diagnostics import Health
-from samrl_ros.node_kit.interface_types import interface_class
 from samrl_ros.qos import qos_named
 from samrl_ros.topics import NAMESPACE, TOPICS
 
@@ -54,7 +54,7 @@ class CellNode(LifecycleNode):
             raise
         self.add_on_set_parameters_callback(self._check_parameters)
         self._diagnostics = self.create_publisher(
-            interface_class(TOPICS["/diagnostics"].type),
+            message_class(TOPICS["/diagnostics"].type),
             "/diagnostics",
             qos_named(TOPICS["/diagnostics"].qos),
         )

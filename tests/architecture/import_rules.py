@@ -30,7 +30,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "samrl_ros": ("samrl_ros/",),
     "mcap": ("samrl_ros/",),
     "mcap_ros2": ("samrl_ros/",),
-    "rosbags": (),  # a tool of the tests
+    "rosbags": ("samrl_ros/bags/",),  # optional there: definitions where no ROS is installed
     "typer": ("samrl_ros/",),
     "rich": ("samrl_ros/",),
 }

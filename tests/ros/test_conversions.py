@@ -60,11 +60,14 @@ def test_command_there_and_back() -> None:
         from_message.arm_command(message, NAMES)
 
 
-@pytest.mark.parametrize(("encoding", "dtype", "shape"), [
-    ("rgb8", np.uint8, (6, 5, 3)),
-    ("mono8", np.uint8, (6, 5)),
-    ("32FC1", np.float32, (6, 5)),
-])
+@pytest.mark.parametrize(
+    ("encoding", "dtype", "shape"),
+    [
+        ("rgb8", np.uint8, (6, 5, 3)),
+        ("mono8", np.uint8, (6, 5)),
+        ("32FC1", np.float32, (6, 5)),
+    ],
+)
 def test_images_there_and_back(encoding: str, dtype: type, shape: tuple[int, ...]) -> None:
     pixels = (np.random.default_rng(0).random(shape) * 200).astype(dtype)
     message = to_message.image(pixels, encoding, STAMP, "camera")

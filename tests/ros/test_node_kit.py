@@ -50,17 +50,21 @@ class Probe:
         self.statuses: list[Any] = []
         self._string = String
         self.phase = self.node.create_publisher(String, echo.PHASE, PROFILES["state"])
-        self.node.create_subscription(
-            String, echo.WEIGHTS, lambda message: self.answers.append(message.data), PROFILES["latched"]
-        )
+        self.node.create_subscription(String, echo.WEIGHTS, self._take_answer, PROFILES["latched"])
         self.node.create_subscription(
             DiagnosticArray,
             "/diagnostics",
-            lambda message: self.statuses.extend(message.status),
+            self._take_statuses,
             PROFILES["diagnostics"],
         )
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
+
+    def _take_answer(self, message: Any) -> None:
+        self.answers.append(message.data)
+
+    def _take_statuses(self, message: Any) -> None:
+        self.statuses.extend(message.status)
 
     def wait(self, condition: Callable[[], Any], seconds: float = 10.0) -> bool:
         end = time.monotonic() + seconds

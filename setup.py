@@ -1,0 +1,45 @@
+"""For colcon alone; pip and uv build with hatchling. All facts are in pyproject.toml."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from setuptools import find_namespace_packages, setup
+
+try:
+    import tomllib
+except ImportError:  # Python before 3.11, as on the build host of a colcon workspace
+    import tomli as tomllib  # type: ignore[no-redef,import-not-found]
+
+HERE = Path(__file__).resolve().parent
+META = tomllib.loads((HERE / "pyproject.toml").read_text())
+WHEEL = META["tool"]["hatch"]["build"]["targets"]["wheel"]
+
+packages = find_namespace_packages(include=[f"{name}*" for name in WHEEL["packages"]])
+package_dir = {}
+# What hatchling copies into the package from elsewhere is a package of data here.
+for source, target in WHEEL["force-include"].items():
+    for folder in sorted(path for path in (HERE / source).rglob("*") if path.is_dir()):
+        name = f"{target}/{folder.relative_to(HERE / source)}".replace("/", ".")
+        packages.append(name)
+        package_dir[name] = f"{source}/{folder.relative_to(HERE / source)}"
+
+arguments = {
+    "packages": packages,
+    "package_dir": package_dir,
+    "package_data": {"": ["*.urdf", "*.yaml", "*.xml", "*.msg", "*.srv", "*.json", "*.npz", "marker"]},
+    "data_files": [(os.path.dirname(target), [source]) for source, target in WHEEL["shared-data"].items()],  # noqa: PTH120
+}
+if not Path("pyproject.toml").exists():  # colcon --symlink-install builds in a folder without it
+    scripts = META["project"]["scripts"]
+    arguments.update(
+        name=META["project"]["name"],
+        version=META["project"]["version"],
+        entry_points={"console_scripts": [f"{name} = {target}" for name, target in scripts.items()]},
+    )
+distribution = setup(**arguments)
+if "--dry-run" in sys.argv:
+    # colcon reads repr(distribution) with ast.literal_eval, and a SpecifierSet is no literal
+    distribution.python_requires = distribution.metadata.python_requires = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,19 @@ __all__ = ["CellOptions", "run_cell", "main"]
 START_TIMEOUT_S = 180.0  # wall time until all nodes are active; the first compiles the renderer's kernels
 
 
-def run_cell(options: CellOptions, console: Console | None = None) -> int:
+def run_cell(
+    options: CellOptions,
+    console: Console | None = None,
+    on_tick: Callable[[dict[str, int]], None] = lambda pids: None,
+    keep: dict[str, Any] | None = None,
+) -> int:
     """Run the cell as asked and return the exit code.
+
+    Args:
+        options: what to run.
+        console: where to talk to people.
+        on_tick: called about twenty times a second with the process ids of the nodes, for benchmarks.
+        keep: gets `watch`, all that the monitor saw, for benchmarks.
 
     Raises:
         InputError: the options cannot be met; nothing was started.
@@ -37,9 +48,11 @@ def run_cell(options: CellOptions, console: Console | None = None) -> int:
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
         try:
-            watch, trouble = _watch_run(options, arguments, stop, console)
+            watch, trouble = _watch_run(options, arguments, stop, console, on_tick)
         finally:
             stop_ros()
+    if keep is not None:
+        keep["watch"] = watch
     code = INTERRUPTED if stop.is_set() and not trouble else FAILED if trouble else OK
     if trouble:
         console.print(f"[bold red]the cell stopped:[/] {trouble}", highlight=False, soft_wrap=True)
@@ -47,7 +60,13 @@ def run_cell(options: CellOptions, console: Console | None = None) -> int:
     return code
 
 
-def _watch_run(options: CellOptions, arguments: list[str], stop: Any, console: Console) -> tuple[Any, str]:
+def _watch_run(
+    options: CellOptions,
+    arguments: list[str],
+    stop: Any,
+    console: Console,
+    on_tick: Callable[[dict[str, int]], None],
+) -> tuple[Any, str]:
     """Start everything, wait for the end, stop everything; returns what was seen and what went wrong."""
     from samrl_ros.monitor import Monitor
     from samrl_ros.node_group import ProcessGroup, ThreadGroup
@@ -63,6 +82,7 @@ def _watch_run(options: CellOptions, arguments: list[str], stop: Any, console: C
             trouble = _bring_up(group, monitor, stop)
             while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
                 monitor.spin()
+                on_tick(group.pids())
                 trouble = group.trouble() or monitor.trouble()
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
                 progress.update(bar, completed=len(monitor.watch.outcomes), description=description)

@@ -41,6 +41,10 @@ class ThreadGroup:
         self._threads.append(thread)
         thread.start()
 
+    def pids(self) -> dict[str, int]:
+        """All nodes share this process."""
+        return {"cell": os.getpid()}
+
     def trouble(self) -> str:
         """The first failure, empty while all work."""
         return next((thread.failure for thread in self._threads if thread.failure), "")

@@ -77,6 +77,7 @@ class BridgeCore:
         self._seed = 0
         self._safety: tuple[Any, ...] = ()
         self.refused_commands = 0
+        self.least_lead_ms = float("inf")  # validity stamp minus time of arrival, worst since last asked [ms]
 
     def _ticks(self, hz: int) -> int:
         return max(1, round(1e9 / (hz * self._period_ns)))
@@ -112,6 +113,7 @@ class BridgeCore:
         guard = self._guards[role]
         try:
             command = from_message.arm_command(message, self._cell.arm(role).joint_names)
+            self.least_lead_ms = min(self.least_lead_ms, (command.stamp_ns - self._world.time_ns) * 1e-6)
             guard.accept(command, self._world.read_arm(role), self._steady_s(), self._world.time_ns * 1e-9)
         except SamrlError as error:
             self.refused_commands += 1

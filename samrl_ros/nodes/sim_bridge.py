@@ -146,8 +146,16 @@ class SimBridge(CellNode):
             "longest_gap_s": f"{self._longest_gap_s:.4f}",
             "sim_time_s": f"{core.time_ns * 1e-9:.3f}" if core else "0",
             "published": str(self._published),
+            "command_lead_min_ms": f"{self._least_lead_ms():.1f}",
             "refused_commands": str(core.refused_commands) if core else "0",
         }
+
+    def _least_lead_ms(self) -> float:
+        """Worst lead of commands since the last report; negative means that they came too late."""
+        if self._core is None:
+            return float("nan")
+        lead, self._core.least_lead_ms = self._core.least_lead_ms, float("inf")
+        return lead
 
     def _subscribe(self, name: str, callback: Any) -> None:
         topic = TOPICS[name]

@@ -1,0 +1,1 @@
+"""Measurements: `samrl bench NAME`."""

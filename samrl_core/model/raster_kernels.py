@@ -53,6 +53,59 @@ def interpolate(w: wp.vec3, a0: Pixel, a1: Pixel, a2: Pixel):
     return a0 * (w[0] * z) + a1 * (w[1] * z) + a2 * (w[2] * z)
 
 
+@wp.func
+def value_at(
+    planes: wp.array2d(dtype=wp.mat33),
+    faces: wp.array2d(dtype=wp.int32),
+    attributes: wp.array2d(dtype=Pixel),
+    background: Pixel,
+    b: int,
+    triangle: int,
+    u: float,
+    v: float,
+):
+    """Value of a triangle at a place in the image, the background's where there is none."""
+    if triangle < 0:
+        return background
+    return interpolate(
+        planes[b, triangle] * wp.vec3(u, v, 1.0),
+        attributes[b, faces[triangle, 0]],
+        attributes[b, faces[triangle, 1]],
+        attributes[b, faces[triangle, 2]],
+    )
+
+
+@wp.func
+def add_adjoint(
+    planes: wp.array2d(dtype=wp.mat33),
+    faces: wp.array2d(dtype=wp.int32),
+    attributes: wp.array2d(dtype=Pixel),
+    b: int,
+    triangle: int,
+    u: float,
+    v: float,
+    g: Pixel,
+    planes_grad: wp.array2d(dtype=wp.mat33),
+    corner_grad: wp.array3d(dtype=Pixel),
+):
+    """Adds the adjoint of `value_at`: value = sum w_i a_i / sum w_i, w = W (u, v, 1)."""
+    if triangle >= 0:
+        pixel = wp.vec3(u, v, 1.0)
+        w = planes[b, triangle] * pixel
+        z = 1.0 / (w[0] + w[1] + w[2])
+        slope = wp.vec3(
+            wp.dot(g, attributes[b, faces[triangle, 0]]),
+            wp.dot(g, attributes[b, faces[triangle, 1]]),
+            wp.dot(g, attributes[b, faces[triangle, 2]]),
+        )
+        mean = wp.dot(slope, w) * z
+        dw = (slope - wp.vec3(mean, mean, mean)) * z
+        wp.atomic_add(planes_grad, b, triangle, wp.outer(dw, pixel))
+        wp.atomic_add(corner_grad, b, triangle, 0, g * (w[0] * z))
+        wp.atomic_add(corner_grad, b, triangle, 1, g * (w[1] * z))
+        wp.atomic_add(corner_grad, b, triangle, 2, g * (w[2] * z))
+
+
 @wp.kernel(enable_backward=False)
 def set_up_triangles(
     points: wp.array2d(dtype=wp.vec3),  # (B, V) camera coordinates [m]
@@ -176,47 +229,32 @@ def shade(
     depth: wp.array3d(dtype=wp.float32),  # (B, H, W) out [m]
     label: wp.array3d(dtype=wp.int32),  # (B, H, W) out
 ):
-    """Mean over the samples; a run of samples on one triangle is evaluated once, at its mean place."""
+    """Mean over the samples; where all of them see one triangle, its value at the pixel's centre."""
     b, y, x = wp.tid()
-    s = float(samples)
-    value = Pixel()
-    nearest = wp.int64(0)
-    current = int(-2)
-    count = float(0.0)
-    su = float(0.0)
-    sv = float(0.0)
-    ix = x * samples
-    iy = y * samples
-    for k in range(samples * samples + 1):
-        triangle = int(-3)
-        if k < samples * samples:
-            key = keys[b, iy, ix]
+    inverse = 1.0 / float(samples)
+    first = keys[b, y * samples, x * samples]
+    nearest = first
+    mixed = int(0)
+    for row in range(y * samples, (y + 1) * samples):
+        for column in range(x * samples, (x + 1) * samples):
+            key = keys[b, row, column]
             nearest = wp.max(nearest, key)
-            triangle = triangle_of(key)
-        if triangle != current:
-            if current >= 0:
-                w = planes[b, current] * wp.vec3(su / count, sv / count, 1.0)
-                value += count * interpolate(
-                    w,
-                    attributes[b, faces[current, 0]],
-                    attributes[b, faces[current, 1]],
-                    attributes[b, faces[current, 2]],
-                )
-            elif current == -1:
-                value += count * background
-            current = triangle
-            count = 0.0
-            su = 0.0
-            sv = 0.0
-        count += 1.0
-        su += (float(ix) + 0.5) / s
-        sv += (float(iy) + 0.5) / s
-        ix += 1
-        if ix == (x + 1) * samples:
-            ix = x * samples
-            iy += 1
-    image[b, y, x] = value * (1.0 / (s * s))
+            if (key & ID_MASK) != (first & ID_MASK):
+                mixed = 1
     front = triangle_of(nearest)
+    if mixed == 1:
+        value = Pixel()
+        for row in range(y * samples, (y + 1) * samples):
+            for column in range(x * samples, (x + 1) * samples):
+                triangle = triangle_of(keys[b, row, column])
+                u = (float(column) + 0.5) * inverse
+                v = (float(row) + 0.5) * inverse
+                value += value_at(planes, faces, attributes, background, b, triangle, u, v)
+        image[b, y, x] = value * (inverse * inverse)
+    else:
+        image[b, y, x] = value_at(
+            planes, faces, attributes, background, b, front, float(x) + 0.5, float(y) + 0.5
+        )
     if front >= 0:
         depth[b, y, x] = DEPTH_SCALE / wp.float32(nearest >> ID_BITS)
         label[b, y, x] = face_label[front]
@@ -238,46 +276,26 @@ def shade_adjoint(
 ):
     """Adjoint of `shade` with respect to W and to the values at the corners of each triangle."""
     b, y, x = wp.tid()
-    s = float(samples)
+    inverse = 1.0 / float(samples)
+    first = keys[b, y * samples, x * samples]
+    mixed = int(0)
+    for row in range(y * samples, (y + 1) * samples):
+        for column in range(x * samples, (x + 1) * samples):
+            if (keys[b, row, column] & ID_MASK) != (first & ID_MASK):
+                mixed = 1
     g = image_grad[b, y, x]
-    current = int(-2)
-    count = float(0.0)
-    su = float(0.0)
-    sv = float(0.0)
-    ix = x * samples
-    iy = y * samples
-    for k in range(samples * samples + 1):
-        triangle = int(-3)
-        if k < samples * samples:
-            triangle = triangle_of(keys[b, iy, ix])
-        if triangle != current:
-            if current >= 0:
-                pixel = wp.vec3(su / count, sv / count, 1.0)
-                w = planes[b, current] * pixel
-                total = w[0] + w[1] + w[2]
-                scale = count / (s * s * total)
-                slope = wp.vec3(
-                    wp.dot(g, attributes[b, faces[current, 0]]),
-                    wp.dot(g, attributes[b, faces[current, 1]]),
-                    wp.dot(g, attributes[b, faces[current, 2]]),
-                )
-                mean = wp.dot(slope, w) / total
-                dw = (slope - wp.vec3(mean, mean, mean)) * scale
-                wp.atomic_add(planes_grad, b, current, wp.outer(dw, pixel))
-                wp.atomic_add(corner_grad, b, current, 0, g * (w[0] * scale))
-                wp.atomic_add(corner_grad, b, current, 1, g * (w[1] * scale))
-                wp.atomic_add(corner_grad, b, current, 2, g * (w[2] * scale))
-            current = triangle
-            count = 0.0
-            su = 0.0
-            sv = 0.0
-        count += 1.0
-        su += (float(ix) + 0.5) / s
-        sv += (float(iy) + 0.5) / s
-        ix += 1
-        if ix == (x + 1) * samples:
-            ix = x * samples
-            iy += 1
+    if mixed == 1:
+        g = g * (inverse * inverse)
+        for row in range(y * samples, (y + 1) * samples):
+            for column in range(x * samples, (x + 1) * samples):
+                triangle = triangle_of(keys[b, row, column])
+                u = (float(column) + 0.5) * inverse
+                v = (float(row) + 0.5) * inverse
+                add_adjoint(planes, faces, attributes, b, triangle, u, v, g, planes_grad, corner_grad)
+    else:
+        u = float(x) + 0.5
+        v = float(y) + 0.5
+        add_adjoint(planes, faces, attributes, b, triangle_of(first), u, v, g, planes_grad, corner_grad)
 
 
 @wp.kernel(enable_backward=False)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+import tempfile
 
 import warp as wp
 
@@ -16,9 +18,35 @@ Clip = wp.types.vector(length=2, dtype=wp.float32)
 EdgeRow = wp.types.vector(length=8, dtype=wp.int32)
 
 
+_NO_GPU = b"Could not find or load the NVIDIA CUDA driver"
+
+
 def start() -> None:
-    """Initialise Warp once, without its banner and its remark that there is no GPU."""
+    """Initialise Warp once, without its banner and its remark that there is no GPU.
+
+    The remark is written by Warp's library itself, past every setting; so what is written to the error
+    stream during the start is kept, and all but that line is passed on.
+    """
+    global _started
+    if _started:
+        return
     level = wp.config.log_level
     wp.config.log_level = 40  # errors only
-    wp.init()
+    sys.stderr.flush()
+    stream = os.dup(2)
+    with tempfile.TemporaryFile() as kept:
+        os.dup2(kept.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(stream, 2)
+            os.close(stream)
+            kept.seek(0)
+            for line in kept:
+                if _NO_GPU not in line:
+                    os.write(2, line)
     wp.config.log_level = max(level, 30)  # afterwards warnings too, but no line per loaded kernel
+    _started = True
+
+
+_started = False

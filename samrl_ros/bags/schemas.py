@@ -68,10 +68,14 @@ def _typestore_texts() -> dict[str, str]:
     }
 
 
-def message_text(type_name: str) -> str:
-    """The .msg text of one type, without its nested types. Raises `InputError` if it is not known."""
+def _check_name(type_name: str) -> None:
     if not _TYPE_NAME.match(type_name):
         raise InputError(f"message type {type_name!r} must read package/msg/Name")
+
+
+def message_text(type_name: str) -> str:
+    """The .msg text of one type, without its nested types. Raises `InputError` if it is not known."""
+    _check_name(type_name)
     text = _installed_text(type_name)
     if text is None and type_name in _typestore_texts():
         text = _typestore_texts()[type_name].split("=" * 80 + "\n")[0]
@@ -122,4 +126,5 @@ def type_hash(type_name: str) -> str:
 @cache
 def definition(type_name: str) -> Definition:
     """Text and hash of a type. Raises `InputError` with a remedy if the type is not known."""
+    _check_name(type_name)
     return Definition(type_name, schema_text(type_name), type_hash(type_name))

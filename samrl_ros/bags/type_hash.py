@@ -18,7 +18,8 @@ _TYPE_ID = {
     "uint64": 9, "float32": 10, "float64": 11, "bool": 15, "byte": 16, "string": 17, "wstring": 18,
 }  # fmt: skip
 _NESTED, _BOUNDED_STRING = 1, 4  # the second is added to a string's id
-_ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144  # added to the element's id
+SequenceKind = int
+ARRAY, BOUNDED_SEQUENCE, SEQUENCE = 48, 96, 144  # added to the element's id; 0 for a single value
 
 PRIMITIVES = frozenset(_TYPE_ID)
 
@@ -50,7 +51,7 @@ def fields(type_name: str, text: str) -> list[dict[str, Any]]:
         if match["chars"]:
             type_id += _BOUNDED_STRING
         if match["array"]:
-            type_id += _BOUNDED_SEQUENCE if match["upper"] else _ARRAY if match["count"] else _SEQUENCE
+            type_id += BOUNDED_SEQUENCE if match["upper"] else ARRAY if match["count"] else SEQUENCE
         described.append(
             {
                 "name": match["name"],
@@ -66,6 +67,12 @@ def fields(type_name: str, text: str) -> list[dict[str, Any]]:
         member = {"type_id": 3, "capacity": 0, "string_capacity": 0, "nested_type_name": ""}
         described.append({"name": "structure_needs_at_least_one_member", "type": member})
     return described
+
+
+def split_type_id(type_id: int) -> tuple[int, SequenceKind]:
+    """A field's type id as its element's id and the kind of sequence, 0 for a single value."""
+    kind = (type_id // ARRAY) * ARRAY
+    return type_id - kind, kind
 
 
 def rihs01(type_name: str, text_of: Callable[[str], str]) -> str:

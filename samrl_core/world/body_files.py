@@ -53,6 +53,9 @@ def write_arm_urdf(spec: RobotSpec, payload: Mounted, folder: Path) -> Path:
         raise InputError(f"{spec.urdf.name} has no link {spec.flange!r}; its links: {sorted(map(str, links))}")
     if PAYLOAD_LINK in links:
         raise InputError(f"{spec.urdf.name} has a link {PAYLOAD_LINK!r} already; rename it")
+    for bare in robot.findall("link"):
+        if bare.find("inertial") is None:  # a frame only; PyBullet would give it 1 kg
+            _add_inertial(bare, 0.0, np.zeros(3), np.zeros((3, 3)))
     link = ElementTree.SubElement(robot, "link", name=PAYLOAD_LINK)
     _add_inertial(link, payload.mass, payload.center_of_mass, payload.inertia)
     for i, (part, color) in enumerate(zip(payload.parts, payload.part_colors, strict=True)):

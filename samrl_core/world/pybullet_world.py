@@ -60,6 +60,11 @@ class PyBulletWorld(SimulatedWorld):
             period = cell.arm(role).controller.period_s
             if period != cell.arm(ROLES[0]).controller.period_s:
                 raise InputError(f"controller periods differ: {role} has {period} s; give both arms the same")
+            if np.any(cell.arm(role).armature):
+                raise InputError(
+                    f"{role} has rotor inertia {cell.arm(role).armature} kg m2; PyBullet's joints cannot hold "
+                    f"any, give this world an arm without"
+                )
         self._period_s = cell.tool_arm.controller.period_s
         self._period_ns = round(self._period_s * 1e9)
         self._scene = task.scene(cell)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.robots.arm_model import ArmModel
+from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.peg_insertion.board import board_body
 from samrl_core.tasks.peg_insertion.tool import hand_with_peg
@@ -103,20 +105,17 @@ class PegInsertion(Task):
 
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Tip above the middle of the range, peg straight down; camera in the middle of its region."""
-        from samrl_core.robots.inverse_kinematics import solve_ik
-
         tool = hand_with_peg(self.peg_radius, self.peg_length, self.friction, self.tool_label)
         tip = np.array([self.center_x, self.center_y, self.height + self.start_above])
         tip_in_base = Pose.from_rotation(tip, np.diag([1.0, -1.0, -1.0]))
-        camera_in_world = self.start_camera()
-        camera_in_base = cell.camera_base_in_world.inverse() @ camera_in_world
+        camera_in_base = cell.camera_base_in_world.inverse() @ self.start_camera()
+        flange_in_base = {
+            "tool_arm": tip_in_base @ tool.tip_in_flange.inverse(),
+            "camera_arm": camera_in_base @ cell.camera_in_flange.inverse(),
+        }
         return {
-            "tool_arm": solve_ik(
-                cell.tool_arm, tip_in_base @ tool.tip_in_flange.inverse(), cell.tool_arm.home
-            ),
-            "camera_arm": solve_ik(
-                cell.camera_arm, camera_in_base @ cell.camera_in_flange.inverse(), cell.camera_arm.home
-            ),
+            role: solve_ik(ArmModel(cell.arm(role), cell.base_in_world(role), None), pose, cell.arm(role).home)
+            for role, pose in flange_in_base.items()
         }
 
     def start_camera(self) -> Pose:

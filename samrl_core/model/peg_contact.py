@@ -117,7 +117,8 @@ def step(
     )
     # Deeper than a tip can sink into the top: it is in the hole or beside the block, not on the top.
     resting = torch.sigmoid((above0 + 5 * sizes.softness) / (0.5 * sizes.softness))
-    height = above1 + on_block * resting * _beyond(-above1, sizes.softness)
+    lift = on_block * resting * _beyond(-above1, sizes.softness)
+    height = above1 + lift
     # Walls act on the part of the tip that is below the top.
     offset = aim[..., :2] - origin[:2]
     radius = _norm(offset)
@@ -129,8 +130,8 @@ def step(
     )
     below = torch.sigmoid((-height - 3 * sizes.softness) / (0.2 * sizes.softness))  # not when resting on it
     walled = torch.where(height < 0.0, below, torch.zeros_like(below))
-    lateral = offset * (1.0 + walled * push / radius)[..., None] + origin[:2]
-    z = height + top
+    lateral = aim[..., :2] + offset * (walled * push / radius)[..., None]
+    z = aim[..., 2] + lift
     z = z + _beyond(table_height - z, sizes.softness)
     return torch.cat([lateral, z[..., None]], dim=-1)
 

@@ -17,22 +17,26 @@ HERE = Path(__file__).resolve().parent
 META = tomllib.loads((HERE / "pyproject.toml").read_text())
 WHEEL = META["tool"]["hatch"]["build"]["targets"]["wheel"]
 
+# colcon --symlink-install builds in a folder of links to the packages alone
+IN_CHECKOUT = Path("pyproject.toml").exists()
+
 packages = find_namespace_packages(include=[f"{name}*" for name in WHEEL["packages"]])
 package_dir = {}
-# What hatchling copies into the package from elsewhere is a package of data here.
-for source, target in WHEEL["force-include"].items():
-    for folder in sorted(path for path in (HERE / source).rglob("*") if path.is_dir()):
-        name = f"{target}/{folder.relative_to(HERE / source)}".replace("/", ".")
-        packages.append(name)
-        package_dir[name] = f"{source}/{folder.relative_to(HERE / source)}"
+if IN_CHECKOUT:  # what hatchling copies into the package from elsewhere; behind links it is found as it is
+    for source, target in WHEEL["force-include"].items():
+        for folder in sorted(path for path in (HERE / source).rglob("*") if path.is_dir()):
+            below = folder.relative_to(HERE / source)
+            name = f"{target}/{below}".replace("/", ".")
+            packages.append(name)
+            package_dir[name] = f"{source}/{below}"
 
 arguments = {
     "packages": packages,
     "package_dir": package_dir,
-    "package_data": {"": ["*.urdf", "*.yaml", "*.xml", "*.msg", "*.srv", "*.json", "*.npz", "marker"]},
+    "package_data": {"": ["*.urdf", "*.yaml", "*.xml", "*.msg", "*.srv", "*.json", "*.npz"]},
     "data_files": [(os.path.dirname(target), [source]) for source, target in WHEEL["shared-data"].items()],  # noqa: PTH120
 }
-if not Path("pyproject.toml").exists():  # colcon --symlink-install builds in a folder without it
+if not IN_CHECKOUT:
     scripts = META["project"]["scripts"]
     arguments.update(
         name=META["project"]["name"],

@@ -44,6 +44,8 @@ def test_every_executable_of_the_contract_is_shipped() -> None:
     assert shipped == EXECUTABLES
     for source in SHARED:
         assert (ROOT / source).is_file(), source
+        # setuptools, for colcon, keeps the name of the source
+        assert Path(source).name == Path(SHARED[source]).name
 
 
 @pytest.mark.parametrize("name", sorted(EXECUTABLES))

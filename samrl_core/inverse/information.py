@@ -1,0 +1,137 @@
+"""How well an image pins the parameters down: Fisher information through the renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.errors import InputError
+from samrl_core.inverse.target_cloud import eroded
+
+
+@dataclass(frozen=True)
+class ImageNoise:
+    """What is believed of the errors of an image. All figures are ASSUMPTION, checked against the spread of
+    estimates in the simulated cell (tests/real2sim)."""
+
+    color: float = 0.06  # shading that the model does not know, per pixel and channel, 0..1
+    edge: float = 0.7  # error of a segmentation boundary [px]
+    depth: float = 0.003  # at 1 m, growing with the square of the distance (stereo) [m]
+    # Neighbouring pixels err together (a mask boundary is one curve, not independent samples), so their
+    # information is counted once per so many pixels.
+    shared_by: float = 15.0  # [px]
+    # Error of calibration and encoders: the whole image is off by this much. It does not average
+    # out over the pixels of a view, and is what makes a second view from elsewhere worth more than one from here.
+    registration: float = 0.15  # [px]
+
+
+@dataclass(frozen=True, eq=False)
+class TargetImage:
+    """The part of a rendered image that is compared (eqs. 4 and 5)."""
+
+    color: np.ndarray  # (H, W, 3) coverage x colour, 0..1
+    depth: np.ndarray  # (H, W) [m], of the target where it covers a pixel
+    mask: np.ndarray  # (H, W) bool, target covers more than half of the pixel
+
+
+@dataclass(frozen=True, eq=False)
+class ViewInformation:
+    """Information of one view."""
+
+    matrix: np.ndarray  # (P, P) inverse of the covariance that this view alone would give [1/unit2]
+    pixels: int  # target pixels in the image
+
+
+def view_information(
+    render: Callable[[np.ndarray], TargetImage],
+    values: np.ndarray,
+    steps: np.ndarray,
+    noise: ImageNoise,
+    resolution: float = 1.0,
+) -> ViewInformation:
+    """J^T W J by central differences, less what an unknown shift of the image spoils.
+
+    A pixel's variance is that of its colour plus that of the boundary's position times the squared slope of
+    the image there. The shift (du, dv) of the whole image is a nuisance parameter with a Gaussian prior.
+
+    Args:
+        render: image of the target for parameters (P,).
+        values: where to linearise (P,).
+        steps: half the span of each difference (P,) [unit of the parameter]; about a pixel's worth, because
+            a rasterised edge moves in steps.
+        noise: error model, in pixels of the real image.
+        resolution: pixels of this image per pixel of the real one, along a side (a smaller image is faster).
+
+    Raises:
+        InputError: shapes disagree or a step is not positive.
+    """
+    v, h = np.asarray(values, dtype=np.float64), np.asarray(steps, dtype=np.float64)
+    if v.ndim != 1 or h.shape != v.shape or not np.all(h > 0):
+        raise InputError(f"steps {h} must be positive, one per parameter {v}")
+    middle = render(v)
+    pixels = int(middle.mask.sum())
+    count = v.size
+    if pixels == 0:
+        return ViewInformation(np.zeros((count, count)), 0)
+    ends = [(render(v + d), render(v - d)) for d in np.diag(h)]
+
+    # Depth counts only well inside the target: at its boundary the sensor mixes or loses it.
+    inside = eroded(middle.mask)
+    for a, b in ends:
+        inside &= a.mask & b.mask
+    range_noise = noise.depth * np.where(inside, middle.depth, 1.0) ** 2
+
+    def channels(image: TargetImage) -> np.ndarray:
+        depth = np.where(inside, image.depth, 0.0) / range_noise
+        return np.concatenate([image.color / noise.color, depth[..., None]], axis=-1)
+
+    def slope(axis: int) -> np.ndarray:
+        color = np.gradient(middle.color, axis=axis) / noise.color
+        whole = np.where(middle.mask, middle.depth, 0.0)  # read inside only, where neighbours are target too
+        depth = np.where(inside, np.gradient(whole, axis=axis), 0.0) / range_noise
+        return np.concatenate([color, depth[..., None]], axis=-1)
+
+    slope_v, slope_u = slope(0), slope(1)  # of channels of unit noise, per pixel
+    columns = [(channels(a) - channels(b)) / (2 * s) for (a, b), s in zip(ends, h, strict=True)]
+    # A shift of the image by +u moves what was at u - 1 here: the slope with the opposite sign.
+    jacobian = np.stack([*columns, -slope_u, -slope_v], axis=-1)  # (H, W, 4, P + 2)
+    # One boundary is one piece of evidence, in however many channels it shows.
+    variance = 1.0 + (noise.edge * resolution) ** 2 * (slope_u**2 + slope_v**2).sum(axis=-1)  # (H, W)
+    weight = 1.0 / (noise.shared_by * resolution * variance)  # along edges pixels fall with the side
+    near = middle.mask | (np.abs(jacobian[..., :count]).sum(axis=(-1, -2)) > 0)
+    rows = jacobian[near]  # (K, 4, P + 2)
+    whole = np.einsum("kci,k,kcj->ij", rows, weight[near], rows, optimize=True)
+    information, cross = whole[:count, :count], whole[:count, count:]
+
+    # The fit does not know of the shift, so the shift goes into the parameters as an error ("considered",
+    # not estimated: Bierman 1977): dv = I^-1 J_v^T W J_shift dshift.
+    bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ cross
+    spread = bias @ bias.T * (noise.registration * resolution) ** 2
+    matrix = information @ np.linalg.inv(np.eye(count) + spread @ information)
+    return ViewInformation(0.5 * (matrix + matrix.T), pixels)
+
+
+def fused(
+    mean: np.ndarray, covariance: np.ndarray, fit: np.ndarray, information: np.ndarray, surprise: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """A Gaussian belief (P,), (P, P) updated by a fit (P,) with its information (P, P).
+
+    When the fit is further from the mean than both covariances explain (squared Mahalanobis distance above
+    `surprise` per parameter), the belief is widened until it is not: an image counts more than a memory.
+
+    Raises:
+        InputError: the covariance is not positive definite.
+    """
+    eigenvalues = np.linalg.eigvalsh(covariance)
+    if not eigenvalues.min() > 0:
+        raise InputError(f"covariance has eigenvalues {eigenvalues}, must be positive definite")
+    offset = fit - mean
+    # Covariance of the offset; in directions that the image does not see, the fit says nothing.
+    gain = covariance @ np.linalg.inv(np.eye(mean.size) + information @ covariance) @ information
+    spread = information - information @ gain  # (C + I^-1)^-1 without inverting a singular I
+    distance = float(offset @ spread @ offset) / mean.size
+    widened = covariance * max(1.0, distance / surprise)
+    posterior = np.linalg.inv(np.linalg.inv(widened) + information)
+    return mean + posterior @ information @ offset, 0.5 * (posterior + posterior.T)

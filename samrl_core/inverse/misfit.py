@@ -1,0 +1,158 @@
+"""The losses of eqs. 4-6 between one image and the model, with their gradients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from samrl_core.inverse.emd import earth_movers
+from samrl_core.inverse.information import TargetImage
+from samrl_core.inverse.target_cloud import target_cloud
+from samrl_core.model.model import Model
+from samrl_core.types.camera import Camera
+from samrl_core.types.observation import Observation
+
+FINE_POINTS = 128  # of each cloud in eq. 5; four times fewer cost a tenth of 256 and cover the block at 10 mm
+COARSE_POINTS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class RealTarget:
+    """The target as the sensors saw it."""
+
+    color: np.ndarray  # (H, W, 3) mask x colour, 0..1 (G_real x I_real of eq. 4)
+    cloud: np.ndarray  # (N, 3) in world [m]
+    pixels: int  # of the mask
+
+    @staticmethod
+    def of(observation: Observation, label: int) -> RealTarget:
+        """Cut the target with `label` out of an observation."""
+        frame = observation.frame
+        mask = frame.mask == label
+        color = frame.color / 255.0 * mask[..., None]
+        cloud = target_cloud(observation.camera.unproject(frame.depth.astype(np.float64)), mask)
+        return RealTarget(color, cloud, int(mask.sum()))
+
+
+@dataclass(frozen=True)
+class Losses:
+    """One evaluation."""
+
+    total: float  # eq. 6 [-]
+    color: float  # eq. 4, mean absolute difference per pixel of the real mask, 0..1
+    emd: float  # eq. 5 [m]
+
+
+class TargetRenderer:
+    """Renders the target from one camera with the tool arm where its joints say."""
+
+    def __init__(self, model: Model, camera: Camera, tool_arm_position: np.ndarray) -> None:
+        """The first body that the task's parameters move is the target."""
+        self.model = model
+        self.camera = camera
+        self.body = next(iter(model.task.body_poses(_nominal(model))))
+        self.label = next(b.label for b in model.task.scene(model.cell).bodies if b.name == self.body)
+        self._tool_arm = tool_arm_position
+
+    def render(self, values: torch.Tensor, colors: torch.Tensor):
+        """The model's image (eq. 2)."""
+        return self.model.render(values, colors, self.camera, self._tool_arm)
+
+    def image(self, values: np.ndarray, colors: np.ndarray) -> TargetImage:
+        """The compared part, without gradient."""
+        with torch.no_grad():
+            r = self.render(torch.as_tensor(values), torch.as_tensor(colors))
+            coverage = r.target.numpy()
+            color = (r.color * r.target[..., None]).numpy()
+        return TargetImage(color.astype(np.float64), r.depth.numpy().astype(np.float64), coverage > 0.5)
+
+    def group_pixels(self, values: np.ndarray, colors: np.ndarray) -> np.ndarray:
+        """How many pixels of the target show each colour group (G,): the slope of the summed image."""
+        variable = torch.tensor(colors, requires_grad=True)
+        r = self.render(torch.as_tensor(values), variable)
+        (slope,) = torch.autograd.grad((r.color[..., 0] * r.target.detach()).sum(), variable)
+        return slope[:, 0].numpy()
+
+    def motion(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """How points (N, 3) of the target move with the parameters, (N, 3, P), by central differences.
+
+        The points are taken as fixed to the body: what the image shows at a fixed pixel of a flat face does
+        not change when the face slides along itself, but the cloud as a whole moves.
+        """
+        specs = self.model.task.parameters()
+        here = self.model.task.body_poses(values)[self.body].inverse()
+        local = here.apply(points)
+        columns = []
+        for k, spec in enumerate(specs):
+            step = np.zeros(len(specs))
+            step[k] = 1e-4 * spec.scale
+            ends = [self.model.task.body_poses(values + s * step)[self.body].apply(local) for s in (1, -1)]
+            columns.append((ends[0] - ends[1]) / (2 * step[k]))
+        return np.stack(columns, axis=-1)
+
+    def whole_surface(self, values: np.ndarray) -> np.ndarray:
+        """All vertices of the target (V, 3) [m], for when none of it is in the model's image."""
+        body = next(b for b in self.model.task.scene(self.model.cell).bodies if b.name == self.body)
+        return self.model.task.body_poses(values)[self.body].apply(body.mesh.vertices)
+
+
+def _nominal(model: Model) -> np.ndarray:
+    return np.array([p.nominal for p in model.task.parameters()])
+
+
+class Misfit:
+    """Objectives for `minimize`."""
+
+    def __init__(
+        self, renderer: TargetRenderer, real: RealTarget, color_weight: float, emd_weight: float
+    ) -> None:
+        """Weights are lambda_1 [-] and lambda_2 [1/m] of eq. 6."""
+        self._renderer = renderer
+        self._real = real
+        self._real_color = torch.as_tensor(real.color, dtype=torch.float32)
+        self._color_weight = color_weight
+        self._emd_weight = emd_weight
+
+    def losses(self, values: np.ndarray, colors: np.ndarray) -> Losses:
+        """Eqs. 4 to 6 without gradient."""
+        with torch.no_grad():
+            r = self._renderer.render(torch.as_tensor(values), torch.as_tensor(colors))
+            color = self._color_loss(r).item()
+            emd, _ = self._emd(values, r, FINE_POINTS)
+        return Losses(self._color_weight * color + self._emd_weight * emd, color, emd)
+
+    def coarse(self, values: np.ndarray) -> tuple[float, np.ndarray]:
+        """Eq. 5 alone: [m] and its gradient (P,)."""
+        with torch.no_grad():
+            colors = torch.as_tensor(self._renderer.model.initial_colors())
+            r = self._renderer.render(torch.as_tensor(values), colors)
+        return self._emd(values, r, COARSE_POINTS)
+
+    def fine(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
+        """Eq. 6 and its gradient by values (P,) and colours (G * 3,), stacked."""
+        count = len(self._renderer.model.task.parameters())
+        values = torch.tensor(parameters[:count], requires_grad=True)
+        colors = torch.tensor(parameters[count:].reshape(-1, 3), requires_grad=True)
+        r = self._renderer.render(values, colors)
+        loss = self._color_loss(r)
+        slopes = torch.autograd.grad(loss, (values, colors))
+        emd, emd_slope = self._emd(parameters[:count], r, FINE_POINTS)
+        gradient = self._color_weight * np.concatenate([slopes[0].numpy(), slopes[1].numpy().ravel()])
+        gradient[:count] += self._emd_weight * emd_slope
+        return self._color_weight * loss.item() + self._emd_weight * emd, gradient
+
+    def _color_loss(self, rendered) -> torch.Tensor:
+        simulated = rendered.color * rendered.target[..., None]
+        return (simulated - self._real_color).abs().mean(dim=-1).sum() / self._real.pixels
+
+    def _emd(self, values: np.ndarray, rendered, max_points: int) -> tuple[float, np.ndarray]:
+        mask = rendered.target.detach().numpy() > 0.5
+        cloud = target_cloud(rendered.xyz.detach().numpy().astype(np.float64), mask)
+        if len(cloud) < 8:  # out of sight in the model: pull with the whole body instead
+            cloud = self._renderer.whole_surface(values)
+        moved = earth_movers(cloud, self._real.cloud, max_points)
+        used = moved.matched[:, 0]
+        motion = self._renderer.motion(values, cloud[used])
+        return moved.value, np.einsum("nc,ncp->p", moved.gradient[used], motion)

@@ -1,0 +1,186 @@
+"""Real2Sim: correct the model's poses and colours from one RGB-D image (eqs. 4-7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from samrl_core.inverse.information import ImageNoise, fused, view_information
+from samrl_core.inverse.minimize import Minimum, MinimizeSettings, minimize
+from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
+from samrl_core.model.model import Model
+from samrl_core.types.observation import Observation
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What the model believes, and what the last update did to it."""
+
+    names: tuple[str, ...]  # parameters, P of them
+    values: np.ndarray  # (P,) in their units
+    covariance: np.ndarray  # (P, P)
+    color_names: tuple[str, ...]  # surface groups whose colours are fitted, G of them
+    colors: np.ndarray  # (G, 3) of the model's surface groups, linear RGB 0..1
+    color_variance: np.ndarray  # (G, 3)
+    stamp_ns: int  # of the image used last, 0 before the first [ns]
+    loss_before: float  # eq. 6 [-]
+    loss_after: float  # eq. 6 [-]
+    color_loss_before: float  # eq. 4, mean absolute difference per mask pixel, 0..1
+    color_loss_after: float
+    emd_before: float  # eq. 5 [m]
+    emd_after: float  # eq. 5 [m]
+    iterations: int  # renderings with gradient
+    why_stopped: str  # converged | iteration_limit | diverged | no_target | initial
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Real2SimSettings:
+    """Weights of the losses, noise and step control."""
+
+    color_weight: float = 1.0  # lambda_1 [-]
+    emd_weight: float = 1.0  # lambda_2 [1/m]
+    color_scale: float = 0.5  # unit of a colour's steps, 0..1
+    initial_color_deviation: float = 0.3  # of the colours that the model starts with, 0..1
+    color_floor: float = 0.02  # error of a colour that no number of pixels removes (shading), 0..1
+    drift: float = 1e-4  # the target may move by this between images, standard deviation [unit of value]
+    surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
+    least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
+    coarse_above: float = 0.012  # distance of the clouds above which EMD alone is reduced first [m]
+    jacobian_step: float = 0.035  # half span of the differences for the covariance [parameter's scale]
+    noise: ImageNoise = field(default_factory=ImageNoise)
+    coarse: MinimizeSettings = MinimizeSettings(
+        first_step=0.5, largest_step=1.0, smallest_step=0.03, max_evaluations=14
+    )
+    fine: MinimizeSettings = MinimizeSettings(
+        first_step=0.08, largest_step=0.2, smallest_step=2.5e-3, max_evaluations=36
+    )
+    warm: MinimizeSettings = MinimizeSettings(
+        first_step=0.03, largest_step=0.1, smallest_step=2.5e-3, max_evaluations=18
+    )
+
+
+def initial_estimate(model: Model) -> Estimate:
+    """The declared nominal values, with the declared scales as standard deviations."""
+    specs = model.task.parameters()
+    colors = np.asarray(model.initial_colors(), dtype=np.float64)
+    return Estimate(
+        names=tuple(p.name for p in specs),
+        values=np.array([p.nominal for p in specs]),
+        covariance=np.diag([p.scale**2 for p in specs]),
+        color_names=tuple(model.color_names),
+        colors=colors,
+        color_variance=np.full(colors.shape, Real2SimSettings.initial_color_deviation**2),
+        stamp_ns=0,
+        loss_before=float("nan"),
+        loss_after=float("nan"),
+        color_loss_before=float("nan"),
+        color_loss_after=float("nan"),
+        emd_before=float("nan"),
+        emd_after=float("nan"),
+        iterations=0,
+        why_stopped="initial",
+        converged=False,
+    )
+
+
+class Real2Sim:
+    """Fits the model to images one after the other; the belief travels in the `Estimate`."""
+
+    def __init__(self, model: Model, settings: Real2SimSettings | None = None) -> None:
+        self._model = model
+        self._settings = settings or Real2SimSettings()
+        specs = model.task.parameters()
+        self._scale = np.array([p.scale for p in specs])
+        self._lower = np.array([p.lower for p in specs])
+        self._upper = np.array([p.upper for p in specs])
+
+    def update(self, estimate: Estimate, observation: Observation) -> Estimate:
+        """Reduce eq. 6 over poses and colours, then fuse the fit with the belief before it.
+
+        Coarse: EMD alone, whose slope reaches across the range. Fine: eq. 6 over poses and colours, along the
+        renderer's gradient. The fit's information (`view_information`) gives its covariance; the result is
+        the Gaussian product of fit and belief, so that views add up.
+
+        Returns:
+            A new estimate. `why_stopped` "no_target": too few target pixels, values and colours unchanged.
+        """
+        s = self._settings
+        renderer = TargetRenderer(self._model, observation.camera, observation.tool_arm.position)
+        real = RealTarget.of(observation, renderer.label)
+        if min(real.pixels, len(real.cloud)) < s.least_pixels:
+            return replace(
+                estimate,
+                stamp_ns=observation.stamp_ns,
+                loss_before=float("nan"),
+                loss_after=float("nan"),
+                color_loss_before=float("nan"),
+                color_loss_after=float("nan"),
+                emd_before=float("nan"),
+                emd_after=float("nan"),
+                iterations=0,
+                why_stopped="no_target",
+                converged=False,
+            )
+        misfit = Misfit(renderer, real, s.color_weight, s.emd_weight)
+        before = misfit.losses(estimate.values, estimate.colors)
+
+        start, coarse_evaluations = estimate.values, 0
+        cold = before.emd > s.coarse_above
+        if cold:
+            coarse = minimize(misfit.coarse, start, self._scale, self._lower, self._upper, s.coarse)
+            start, coarse_evaluations = coarse.parameters, coarse.evaluations
+        fit = self._fit(misfit, start, estimate.colors, s.fine if cold or not estimate.stamp_ns else s.warm)
+        count = self._scale.size
+        fitted, colors = fit.parameters[:count], fit.parameters[count:].reshape(-1, 3)
+        if fit.why_stopped == "diverged":
+            fitted, colors = estimate.values, estimate.colors
+
+        view = view_information(
+            lambda values: renderer.image(values, colors), fitted, s.jacobian_step * self._scale, s.noise
+        )
+        belief = estimate.covariance + s.drift**2 * np.eye(count)
+        values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
+        values = np.clip(values, self._lower, self._upper)
+        color_variance, colors = self._fused_colors(estimate, colors, renderer.group_pixels(values, colors))
+        after = misfit.losses(values, colors)
+        return Estimate(
+            names=estimate.names,
+            values=values,
+            covariance=covariance if fit.why_stopped != "diverged" else estimate.covariance,
+            color_names=estimate.color_names,
+            colors=colors,
+            color_variance=color_variance,
+            stamp_ns=observation.stamp_ns,
+            loss_before=before.total,
+            loss_after=after.total,
+            color_loss_before=before.color,
+            color_loss_after=after.color,
+            emd_before=before.emd,
+            emd_after=after.emd,
+            iterations=coarse_evaluations + fit.evaluations,
+            why_stopped=fit.why_stopped,
+            converged=fit.why_stopped == "converged",
+        )
+
+    def _fit(
+        self, misfit: Misfit, values: np.ndarray, colors: np.ndarray, steps: MinimizeSettings
+    ) -> Minimum:
+        scale = np.concatenate([self._scale, np.full(colors.size, self._settings.color_scale)])
+        lower = np.concatenate([self._lower, np.zeros(colors.size)])
+        upper = np.concatenate([self._upper, np.ones(colors.size)])
+        return minimize(misfit.fine, np.concatenate([values, colors.ravel()]), scale, lower, upper, steps)
+
+    def _fused_colors(
+        self, estimate: Estimate, fitted: np.ndarray, pixels: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Per group and channel, by the number of pixels that showed the group (G,)."""
+        s = self._settings
+        seen = (pixels > 0)[:, None]
+        spread = s.noise.color**2 * s.noise.shared_by / np.maximum(pixels, 1.0)[:, None] + s.color_floor**2
+        gain = np.where(seen, estimate.color_variance / (estimate.color_variance + spread), 0.0)
+        colors = estimate.colors + gain * (fitted - estimate.colors)
+        # Shading changes with the next view, so a colour is never believed better than the floor.
+        variance = np.maximum((1.0 - gain) * estimate.color_variance, s.color_floor**2)
+        return variance, colors

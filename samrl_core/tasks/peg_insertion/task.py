@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.peg_insertion.board import board_body
@@ -114,7 +113,7 @@ class PegInsertion(Task):
             "camera_arm": camera_in_base @ cell.camera_in_flange.inverse(),
         }
         return {
-            role: solve_ik(ArmModel(cell.arm(role), cell.base_in_world(role), None), pose, cell.arm(role).home)
+            role: solve_ik(cell.arm(role), pose, cell.arm(role).home)
             for role, pose in flange_in_base.items()
         }
 

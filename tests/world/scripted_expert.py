@@ -1,0 +1,96 @@
+"""An expert that is told the hole's true place: what the world allows, not what a learner can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.robots.arm_model import ArmModel, Payload
+from samrl_core.robots.inverse_kinematics import solve_ik
+from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
+from samrl_core.tasks.peg_insertion.tool import HAND_TCP_Z
+from samrl_core.types.observation import ArmCommand
+from samrl_core.types.pose import Pose
+from samrl_core.world.world import SimulatedWorld
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+LEASH = 0.02  # the commanded tip stays this near to the measured one [m]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What became of one episode."""
+
+    success: bool
+    done: bool
+    actions: int
+    peak_force: float  # [N]
+    error: float  # [m]
+
+
+def tool_model(task: PegInsertion, cell: CellSpec) -> ArmModel:
+    """The tool arm with the task's tool."""
+    tool = task.scene(cell).tool
+    return ArmModel(
+        cell.tool_arm, cell.tool_base_in_world, Payload(tool.mass, tool.center_of_mass, tool.inertia)
+    )
+
+
+def move_joints(world: SimulatedWorld, model: ArmModel, start: np.ndarray, end: np.ndarray, steps: int) -> None:
+    """Minimum-jerk motion of the tool arm at 1 kHz with nominal feed-forward, over `steps` periods."""
+    duration = steps * 1e-3
+    for i in range(1, steps + 1):
+        s = i / steps
+        place = 10 * s**3 - 15 * s**4 + 6 * s**5
+        speed = (30 * s**2 - 60 * s**3 + 30 * s**4) / duration
+        rate = (60 * s - 180 * s**2 + 120 * s**3) / duration**2
+        q, dq, ddq = start + place * (end - start), speed * (end - start), rate * (end - start)
+        effort = model.effort_without_gravity(q, dq, ddq)
+        world.command("tool_arm", ArmCommand(world.time_ns, q, dq, ddq, effort))
+        world.advance()
+
+
+def insert(
+    world: SimulatedWorld,
+    task: PegInsertion,
+    model: ArmModel,
+    seed: int,
+    *,
+    noise: float = 0.0,
+    period_s: float = 0.2,
+) -> Episode:
+    """One episode, an action each `period_s`; `noise` is relative to the action's length."""
+    world.reset(seed)
+    rng = np.random.default_rng(1000 + seed)
+    reach = HAND_TCP_Z + task.peg_length
+    hole = world.truth().body_position[BODY][:2]
+    offset = np.array([0.0, 0.0, -reach])  # flange to tip, pointing down
+    commanded = world.read_arm("tool_arm").position
+    target = model.flange_in_base(commanded).position + offset
+    done, action = False, 0
+    for action in range(1, task.max_actions + 1):
+        flange = model.flange_in_base(world.read_arm("tool_arm").position)
+        tip = flange.apply(np.array([0.0, 0.0, reach]))
+        goals = task.sub_goals(hole, tip)
+        if not goals:
+            done = True
+            break
+        step = goals[0].tip_position - tip
+        length = float(np.linalg.norm(step))
+        step = step * min(1.0, goals[0].max_step / max(length, 1e-9))
+        step = step + noise * np.linalg.norm(step) * rng.standard_normal(3)
+        target = target + step
+        target = tip + np.clip(target - tip, -LEASH, LEASH)
+        end = solve_ik(model, Pose.from_rotation(target - offset, DOWN), commanded)
+        move_joints(world, model, commanded, end, round(period_s * 1e3))
+        commanded = end
+    truth = world.truth()
+    return Episode(
+        task.succeeded(truth.body_position, truth.tip_position),
+        done,
+        action,
+        truth.peak_contact_force,
+        task.final_error(truth.body_position, truth.tip_position),
+    )

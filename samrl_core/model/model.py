@@ -13,7 +13,7 @@ import torch
 
 from samrl_core.errors import InputError
 from samrl_core.model import peg_contact
-from samrl_core.model.body_motion import BodyMotion, TensorPose
+from samrl_core.model.body_motion import BodyMotion
 from samrl_core.model.color_groups import lambert
 from samrl_core.model.renderer import Rendered, Renderer
 from samrl_core.model.scene_mesh import build_scene_mesh
@@ -70,12 +70,14 @@ class Model:
         if not moved or not set(moved) <= set(names):
             raise InputError(f"task {task.name} moves bodies {moved}, its scene has {names}")
         self._target_name = moved[0]
+        self._moved = frozenset(moved)
         self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._mesh = build_scene_mesh(self._scene, cell, s)
         self._renderer = Renderer(
             self._mesh.topology, cell.intrinsics, s.supersample, s.device, s.near, s.background
         )
         self._target = torch.from_numpy(self._mesh.target_of(self._target_name))
+        self._posed: _Occluders | None = None
         self._contact: peg_contact.PegAndHole | None = None
 
     @property
@@ -125,8 +127,10 @@ class Model:
             rotation, translation = world_to_camera(camera.camera_in_world)
         else:
             rotation, translation = camera
-        vertices, shade = self._placed(self._motion(values), tool_arm_position)
-        color = self._mesh.vertex_colors(colors.to(torch.float32), shade)
+        vertices = self._vertices(values, tool_arm_position)
+        color = self._mesh.vertex_colors(
+            colors.to("cpu", torch.float32), self._occluders(tool_arm_position).color
+        )
         return self._renderer(vertices, color, self._target, rotation, translation)
 
     def forward(self, tip_position: torch.Tensor, action: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
@@ -152,30 +156,45 @@ class Model:
         table = self.settings.table_height - float(base.position[2])
         return peg_contact.step(tip_position, action, origin.to(tip_position.dtype), self._contact, table)
 
-    def _placed(
-        self, poses: dict[str, TensorPose], tool_arm_position: np.ndarray
-    ) -> tuple[torch.Tensor, np.ndarray]:
-        """World vertices (V, 3) and brightness of the vertices without a colour group (V,)."""
-        joints = np.asarray(tool_arm_position, dtype=np.float64)
-        count = len(self.cell.tool_arm.joint_names)
-        if joints.shape != (count,) or not np.isfinite(joints).all():
-            raise InputError(f"tool arm position {joints} must be {count} finite numbers [rad]")
-        links = self._arm.link_poses_in_world(joints)
-        placed, normals = [], []
-        for piece in self._mesh.pieces:
+    def _vertices(self, values: torch.Tensor, tool_arm_position: np.ndarray) -> torch.Tensor:
+        """World vertices (V, 3) [m], pieces in drawing order."""
+        poses = self._motion(values)
+        placed = dict(self._occluders(tool_arm_position).vertices)
+        for k, piece in enumerate(self._mesh.pieces):
             if piece.frame in poses:
                 pose = poses[piece.frame]
-                placed.append(piece.tensor @ pose.rotation.T + pose.position)
-                normals.append(piece.normals)  # not used: bodies have colour groups
+                placed[k] = piece.tensor @ pose.rotation.T + pose.position
+        return torch.cat([placed[k] for k in range(len(self._mesh.pieces))])
+
+    def _occluders(self, tool_arm_position: np.ndarray) -> _Occluders:
+        """What the parameters do not move, posed by the joints; kept, as a fit asks for it many times."""
+        joints = np.asarray(tool_arm_position, dtype=np.float64)
+        if self._posed is not None and np.array_equal(self._posed.joints, joints):
+            return self._posed
+        links = self._arm.link_poses_in_world(joints)  # checks the joints
+        vertices, normals = {}, []
+        for k, piece in enumerate(self._mesh.pieces):
+            if piece.frame in self._moved:
+                normals.append(piece.normals)
                 continue
-            fixed = links[piece.frame] if piece.frame in links else self._mesh.fixed[piece.frame]
-            placed.append(torch.from_numpy(fixed.apply(piece.vertices)))
-            normals.append(piece.normals @ fixed.rotation.T)
+            pose = links[piece.frame] if piece.frame in links else self._mesh.fixed[piece.frame]
+            vertices[k] = torch.from_numpy(pose.apply(piece.vertices))
+            normals.append(piece.normals @ pose.rotation.T)
         light = np.array(self.settings.towards_light)
-        return torch.cat(placed), lambert(np.concatenate(normals), self.settings.ambient, light)
+        shade = lambert(np.concatenate(normals), self.settings.ambient, light)
+        color = torch.from_numpy((self._mesh.fixed_color * shade[:, None]).astype(np.float32))
+        self._posed = _Occluders(joints.copy(), vertices, color)
+        return self._posed
+
+
+@dataclass(frozen=True, eq=False)
+class _Occluders:
+    joints: np.ndarray  # (J,) [rad]
+    vertices: dict[int, torch.Tensor]  # per piece (V, 3) in world [m]
+    color: torch.Tensor  # (V, 3) of all vertices; those with a colour group are not used
 
 
 def world_to_camera(camera_in_world: Pose) -> CameraPose:
     """Rotation (3, 3) and translation (3,) that map world points into the camera, float64."""
-    world_in_camera = camera_in_world.inverse()
-    return torch.from_numpy(world_in_camera.rotation.copy()), torch.from_numpy(world_in_camera.position.copy())
+    inverse = camera_in_world.inverse()
+    return torch.from_numpy(inverse.rotation.copy()), torch.from_numpy(inverse.position.copy())

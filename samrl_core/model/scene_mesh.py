@@ -55,9 +55,8 @@ class SceneMesh:
         """1 on the vertices of a body, else 0, (V,) float32."""
         return np.concatenate([np.full(len(p.vertices), p.frame == body, np.float32) for p in self.pieces])
 
-    def vertex_colors(self, colors: torch.Tensor, shade: np.ndarray) -> torch.Tensor:
-        """Colours (V, 3) float32 from the groups' colours (G, 3) and the brightness of the rest (V,)."""
-        rest = torch.from_numpy((self.fixed_color * shade[:, None]).astype(np.float32))
+    def vertex_colors(self, colors: torch.Tensor, rest: torch.Tensor) -> torch.Tensor:
+        """Colours (V, 3) from the groups' colours (G, 3), or from `rest` (V, 3) where there is no group."""
         return torch.where(self.is_grouped[:, None], colors[self.group], rest)
 
 

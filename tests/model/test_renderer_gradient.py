@@ -40,7 +40,8 @@ def thread_scene() -> Scene:
         if k < 6:
             mesh = frustum_mesh(0.005, 0.004, 0.06, (0, 0, 0), 10)
             group = np.zeros(len(mesh.faces), dtype=int)
-            place = Pose.from_rpy(np.array([-0.11 + 0.044 * k, 0.03 * (-1) ** k, 0.06]), (1.2, 0.2 * k, 0.9 * k))
+            where = np.array([-0.11 + 0.044 * k, 0.03 * (-1) ** k, 0.06])
+            place = Pose.from_rpy(where, (1.2, 0.2 * k, 0.9 * k))
         else:
             mesh = box_mesh((0.03, 0.02, 0.012), (0, 0, 0))
             group = (np.arange(12) >= 8).astype(int)

@@ -28,7 +28,9 @@ class Payload:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0):
-            raise InputError(f"payload mass {self.mass} kg must be positive and finite; pass None for no payload")
+            raise InputError(
+                f"payload mass {self.mass} kg must be positive and finite; pass None for no payload"
+            )
         if np.shape(self.center_of_mass) != (3,) or np.shape(self.inertia) != (3, 3):
             raise InputError("payload needs a centre of mass (3,) and an inertia (3, 3)")
         if not (np.isfinite(self.center_of_mass).all() and np.isfinite(self.inertia).all()):
@@ -37,7 +39,9 @@ class Payload:
         if not np.allclose(self.inertia, np.transpose(self.inertia)) or moments[0] < 0:
             raise InputError(f"payload inertia must be symmetric and positive, principal moments {moments}")
         if moments[2] > (moments[0] + moments[1]) * (1 + 1e-6):
-            raise InputError(f"payload principal moments {moments} break the triangle inequality of real bodies")
+            raise InputError(
+                f"payload principal moments {moments} break the triangle inequality of real bodies"
+            )
 
 
 class ArmModel:
@@ -67,7 +71,9 @@ class ArmModel:
         flange = model.frames[self._flange]
         if payload is not None:
             inertia = pin.Inertia(
-                float(payload.mass), np.asarray(payload.center_of_mass, float), np.asarray(payload.inertia, float)
+                float(payload.mass),
+                np.asarray(payload.center_of_mass, float),
+                np.asarray(payload.inertia, float),
             )
             joint = flange.parentJoint
             model.inertias[joint] = model.inertias[joint] + flange.placement.act(inertia)
@@ -146,8 +152,8 @@ class ArmModel:
         names = self.spec.joint_names
         if array.shape != (len(names),):
             raise InputError(
-                f"joint {quantity} of '{self.spec.name}' has shape {array.shape}, must be ({len(names)},) for "
-                f"{names[0]}..{names[-1]}"
+                f"joint {quantity} of '{self.spec.name}' has shape {array.shape}, must be ({len(names)},) "
+                f"for {names[0]}..{names[-1]}"
             )
         if not np.isfinite(array).all():
             bad = [n for n, v in zip(names, array, strict=True) if not np.isfinite(v)]

@@ -1,9 +1,11 @@
 """Joint positions for a flange pose: damped least squares with a null-space pull.
 
-    dq = J^+ e + (1 - J^+ J) k (q0 - q),   J^+ = J' (J J' + l 1)^-1
+    dq = J^+ e + (1 - J^+ J) k (q0 - q),   J^+ = J' (J J' + l 1)^-1,   l = c |e|^2
 
 (Nakamura and Hanafusa, "Inverse kinematic solutions with singularity robustness for robot manipulator
-control", 1986, with the redundancy term of Liegeois 1977.) Steps are clipped to the joint range.
+control", 1986; damping by the error after Sugihara, "Solvability-unconcerned inverse kinematics by the
+Levenberg-Marquardt method", 2011; redundancy term of Liegeois 1977.) A joint that a step would push
+through its limit is held there, and the others take its share.
 """
 
 from __future__ import annotations
@@ -19,7 +21,10 @@ from samrl_core.robots.robot import RobotSpec
 from samrl_core.types.pose import Pose
 
 _MAX_STEP = 0.3  # per iteration [rad]; the linear model of e is good to a few degrees
-_PULL = 0.05  # k above; slow against e, so that a line of waypoints does not swing the elbow
+_PULL = 0.05  # k above at large errors; slow, so that a line of waypoints does not swing the elbow
+_PULL_FADES = 0.1  # error below which k falls with it, so that the pull does not keep e from converging
+_PATIENCE = 25  # iterations in which the error must fall by a tenth, else the pose is given up
+_RIDGE = 1e-9  # smallest l, for exact singularities
 
 
 def solve_ik(
@@ -31,7 +36,7 @@ def solve_ik(
     margin_rad: float = 0.05,
     iterations: int = 200,
     tolerance: float = 1e-5,
-    damping: float = 1e-5,
+    damping: float = 0.05,
 ) -> np.ndarray:
     """Joint positions (J,) [rad] that put the flange there, near `seed`; deterministic.
 
@@ -43,7 +48,7 @@ def solve_ik(
         margin_rad: distance kept from every joint limit [rad].
         iterations: most steps taken.
         tolerance: on the norm of position [m] and rotation vector [rad] error together.
-        damping: l above [m2].
+        damping: c above.
 
     Raises:
         ReachError: not within `tolerance` after `iterations`, with what is left.
@@ -52,7 +57,9 @@ def solve_ik(
     model = _model_of(arm)
     q, residual = _iterate(model, flange_in_base, seed, q0, margin_rad, iterations, tolerance, damping)
     if _norm(residual) > tolerance:
-        raise ReachError(_explain(model.spec, flange_in_base, q, residual, margin_rad, tolerance, "this seed"))
+        raise ReachError(
+            _explain(model.spec, flange_in_base, q, residual, margin_rad, tolerance, "this seed")
+        )
     return q
 
 
@@ -65,7 +72,7 @@ def solve_ik_multi(
     margin_rad: float = 0.05,
     iterations: int = 200,
     tolerance: float = 1e-5,
-    damping: float = 1e-5,
+    damping: float = 0.05,
 ) -> np.ndarray:
     """As `solve_ik`, from several seeds: of the solutions, the one nearest to the first seed.
 
@@ -78,7 +85,8 @@ def solve_ik_multi(
     if not seeds:
         raise InputError("inverse kinematics got no seeds; give at least one, such as the arm's home")
     runs = [
-        _iterate(model, flange_in_base, seed, q0, margin_rad, iterations, tolerance, damping) for seed in seeds
+        _iterate(model, flange_in_base, seed, q0, margin_rad, iterations, tolerance, damping)
+        for seed in seeds
     ]
     solved = [q for q, residual in runs if _norm(residual) <= tolerance]
     if not solved:
@@ -86,6 +94,12 @@ def solve_ik_multi(
         who = f"the best of {len(seeds)} seeds"
         raise ReachError(_explain(model.spec, flange_in_base, q, residual, margin_rad, tolerance, who))
     return min(solved, key=lambda q: float(np.abs(q - seeds[0]).max()))
+
+
+def draw_seeds(spec: RobotSpec, rng: np.random.Generator, count: int) -> list[np.ndarray]:
+    """The arm's home and `count` joint positions uniform over the limits, for `solve_ik_multi`."""
+    limits = spec.limits
+    return [spec.home, *rng.uniform(limits.lower, limits.upper, (count, len(spec.joint_names)))]
 
 
 def _iterate(
@@ -101,13 +115,15 @@ def _iterate(
     limits = model.spec.limits
     lower, upper = limits.lower + margin_rad, limits.upper - margin_rad
     if (lower >= upper).any():
-        raise InputError(f"margin of {margin_rad} rad leaves a joint of '{model.spec.name}' no range; reduce it")
+        raise InputError(
+            f"margin of {margin_rad} rad leaves a joint of '{model.spec.name}' no range; reduce it"
+        )
     rest = np.clip(_joints(model.spec, "q0", model.spec.home if q0 is None else q0), lower, upper)
     q = np.clip(_joints(model.spec, "seed", seed), lower, upper)
     wanted_position, wanted_rotation = target.position, target.rotation
-    ridge = damping * np.eye(6)
     best, best_error = q, np.full(6, np.inf)
-    for _ in range(iterations + 1):
+    checkpoint = np.inf
+    for k in range(iterations + 1):
         position, rotation, jacobian = model.flange_and_jacobian(q)
         # Difference of rotations as a rotation vector in base axes, to match the Jacobian's rows.
         turn = rotation @ pin.log3(rotation.T @ wanted_rotation)
@@ -116,11 +132,34 @@ def _iterate(
             best, best_error = q, error
         if _norm(error) <= tolerance:
             break
-        solved = np.linalg.solve(jacobian @ jacobian.T + ridge, np.column_stack([error, jacobian]))
-        pull = _PULL * (rest - q)
-        step = jacobian.T @ (solved[:, 0] - solved[:, 1:] @ pull) + pull
-        q = np.clip(q + step * min(1.0, _MAX_STEP / float(np.abs(step).max())), lower, upper)
+        if k % _PATIENCE == 0:
+            if _norm(best_error) > 0.9 * checkpoint:
+                break
+            checkpoint = _norm(best_error)
+        pull = _PULL * min(1.0, _norm(error) / _PULL_FADES) * (rest - q)
+        step = _step(q, error, jacobian, pull, lower, upper, damping * float(error @ error) + _RIDGE)
+        q = np.clip(q + step * min(1.0, _MAX_STEP / max(float(np.abs(step).max()), 1e-12)), lower, upper)
     return best, best_error
+
+
+def _step(
+    q: np.ndarray,
+    error: np.ndarray,
+    jacobian: np.ndarray,
+    pull: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    damping: float,
+) -> np.ndarray:
+    free = np.ones(len(q), dtype=bool)
+    while True:
+        j = jacobian * free
+        solved = np.linalg.solve(j @ j.T + damping * np.eye(6), np.column_stack([error, j]))
+        step = free * (j.T @ (solved[:, 0] - solved[:, 1:] @ pull) + pull)
+        blocked = free & (((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0)))
+        if not blocked.any():
+            return step
+        free &= ~blocked
 
 
 def _model_of(arm: ArmModel | RobotSpec) -> ArmModel:
@@ -150,8 +189,8 @@ def _explain(
     near = np.minimum(q - spec.limits.lower, spec.limits.upper - q) < margin_rad + 1e-6
     at_limit = [name for name, at in zip(spec.joint_names, near, strict=True) if at]
     return (
-        f"'{spec.name}' does not reach {spec.flange} at {np.round(target.position, 4).tolist()} m, quaternion "
-        f"{np.round(target.quat_xyzw, 4).tolist()}: from {who} {1e3 * _norm(error[:3]):.2f} mm and "
-        f"{_norm(error[3:]):.4f} rad are left (limit {tolerance:g} together), joints at their limit: "
+        f"'{spec.name}' does not reach {spec.flange} at {np.round(target.position, 4).tolist()} m, "
+        f"quaternion {np.round(target.quat_xyzw, 4).tolist()}: from {who} {1e3 * _norm(error[:3]):.2f} mm "
+        f"and {_norm(error[3:]):.4f} rad are left (limit {tolerance:g} together), joints at their limit: "
         f"{at_limit or 'none'}; choose a nearer pose, another roll, or further seeds"
     )

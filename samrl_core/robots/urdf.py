@@ -87,15 +87,15 @@ def check_robot(spec: RobotSpec) -> None:
     children = {child.get("link") for child in root.iter("child")}
     if spec.base_link in children:
         raise InputError(
-            f"link '{spec.base_link}' of {spec.urdf} hangs on another link; robot '{spec.name}' needs its base "
-            "link at the root: cut what is before it, the cell says where the base stands"
+            f"link '{spec.base_link}' of {spec.urdf} hangs on another link; robot '{spec.name}' needs its "
+            "base link at the root: cut what is before it, the cell says where the base stands"
         )
     moving = [j for j in root.findall("joint") if j.get("type") in _MOVING]
     names = [j.get("name") for j in moving]
     if sorted(map(str, names)) != sorted(spec.joint_names):
         raise InputError(
             f"{spec.urdf} moves joints {names}, robot '{spec.name}' names {list(spec.joint_names)}; "
-            "they must be the same: fix further joints (type=\"fixed\") or mend the spec"
+            'they must be the same: fix further joints (type="fixed") or mend the spec'
         )
     _check_figures(spec)
     by_name = {j.get("name"): j for j in moving}

@@ -1,0 +1,1 @@
+"""Jerk-limited motion and the rules by which trajectories are refused."""

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from samrl_core.errors import SamrlError
@@ -30,7 +31,7 @@ def _refusals() -> Iterator[None]:
     try:
         yield
     except SamrlError as error:
-        Console(stderr=True).print(f"[red]error:[/red] {error}", soft_wrap=True, highlight=False)
+        Console(stderr=True).print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True, highlight=False)
         raise typer.Exit(INPUT_REFUSED) from error
 
 

@@ -49,6 +49,7 @@ class WrittenTopic:
     qos: tuple[QoS, ...]
     definition: Definition
     serialization: str = "cdr"
+    copied: bool = False  # from another bag, whose oddities are kept
     count: int = 0
 
 

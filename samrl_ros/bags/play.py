@@ -32,24 +32,57 @@ class PlayReport:
     stopped: bool  # before the end
 
 
-def publish(
-    bag: Bag,
+def publish(bag: Bag, rate: float = 1.0, topics: Iterable[str] | None = None) -> PlayReport:
+    """Play a bag from a node of our own, with a progress bar.
+
+    Starts and stops ROS. Raises as `publish_from`, and KeyboardInterrupt, after all is closed, when SIGINT or
+    SIGTERM ended it early.
+    """
+    import rclpy
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from samrl_ros.node_kit.host import start_ros, stop_ros, stop_signals
+
+    with stop_signals() as stop, Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(f"playing {bag.path} at {rate:g}x", total=None)
+        start_ros([])
+        node = rclpy.create_node("player")
+        try:
+            report = publish_from(
+                node,
+                bag,
+                rate,
+                topics,
+                stop,
+                on_progress=lambda done, total: progress.update(task, completed=done, total=total),
+            )
+        finally:
+            node.destroy_node()
+            stop_ros()
+    if report.stopped:
+        raise KeyboardInterrupt
+    return report
+
+
+def publish_from(
     node: Any,
+    bag: Bag,
     rate: float = 1.0,
     topics: Iterable[str] | None = None,
     stop: threading.Event | None = None,
     discovery_s: float = 1.0,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> PlayReport:
-    """Publish a bag's messages from an rclpy node, paced by log time.
+    """Publish a bag's messages from a given rclpy node, paced by log time.
 
     The first message of each transient-local topic goes out before the clock starts, so that whoever waits
     for a description has it. `/clock` is published before each new log time; a recorded `/clock` is not
     played beside it.
 
     Args:
-        bag: what to play.
         node: an rclpy node; needs no spinning.
+        bag: what to play.
         rate: speed, 1 is real time.
         topics: which; all by default.
         stop: set it to end early, for example from a signal handler.

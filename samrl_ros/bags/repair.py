@@ -7,13 +7,14 @@ So a sound bag that only lacks metadata.yaml is copied too: it costs disk, and n
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from samrl_core.errors import InputError
 from samrl_ros.bags.reader import open_bag
-from samrl_ros.bags.writer import BagWriter
+from samrl_ros.bags.writer import BagWriter, is_private
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,18 @@ def repair(
     bag = open_bag(source, verify=True, ignore_metadata=True)
     if not bag.topics:
         raise InputError(f"nothing can be kept of {source}: it holds no topic; {'; '.join(bag.damage)}")
-    with BagWriter(destination, compression=compression, custom_data=bag.custom_data) as writer:
+    about = {key: value for key, value in bag.custom_data.items() if not is_private(key)}
+    writer = BagWriter(destination, compression=compression, custom_data=about)
+    try:
         for topic in bag.topics:
             writer.add_topic(topic.name, topic.type, topic.qos, topic.definition, topic.serialization)
         for done, message in enumerate(bag.messages(), start=1):
             writer.write(message.topic, message.log_time_ns, message.data, message.publish_time_ns)
             if done % 1000 == 0:
                 on_progress(done, bag.message_count)
+        writer.close()
+    except BaseException:
+        shutil.rmtree(destination)  # half a copy must not pass for the bag; the source is all there
+        raise
     on_progress(bag.message_count, bag.message_count)
     return RepairReport(source, destination, writer.message_count, bag.end_ns, bag.lost_bytes, bag.damage)

@@ -130,7 +130,7 @@ class BagWriter:
         `described` replaces the installed definition: a copy of a bag keeps what its source says.
         Raises `InputError` for an unknown type, or one that differs from the topic's first.
         """
-        if not name.startswith("/"):
+        if described is None and not name.startswith("/"):
             raise InputError(f"topic name {name!r} must be absolute, starting with /")
         known = self._topics.get(name)
         if known is not None:
@@ -142,7 +142,7 @@ class BagWriter:
             return
         profiles = qos if isinstance(qos, tuple) else (qos or QoS(),)
         self._topics[name] = metadata.WrittenTopic(
-            name, profiles, described or definition(type_name), serialization
+            name, profiles, described or definition(type_name), serialization, copied=described is not None
         )
 
     def write(self, name: str, log_time_ns: int, data: bytes, publish_time_ns: int | None = None) -> None:
@@ -159,7 +159,7 @@ class BagWriter:
             raise InputError(
                 f"topic {name} was not added to {self.folder}; present: {', '.join(self._topics)}"
             )
-        if len(data) < 4:
+        if len(data) < 4 and not topic.copied:
             raise InputError(f"{name}: {len(data)} bytes are no CDR message, whose header alone has 4")
         if publish_time_ns is None:
             publish_time_ns = log_time_ns
@@ -178,137 +178,6 @@ class BagWriter:
             self._flush_if_due()
         except OSError as error:
             raise self._fail(error) from error
-
-    def flush(self) -> None:
-        pass
-
-    def sync(self) -> None:
-        os.fsync(self._fd)
-
-    def close(self) -> None:
-        if self._fd >= 0:
-            os.close(self._fd)
-            self._fd = -1
-
-
-class BagWriter:
-    """A bag being written: a new folder with `<folder>_0.mcap`, ... and, once closed, metadata.yaml.
-
-    Args:
-        folder: must not exist yet; its parents are made.
-        compression: of each chunk: zstd, lz4 or none.
-        chunk_bytes: uncompressed size at which a chunk is written.
-        flush_period_s: longest wall time [s] that a message stays in this process while others arrive.
-        custom_data: what may be known about the run: schema version, task, code version. Seeds and
-            ground truth are refused.
-        ros_distro: as in rosbag2's metadata.
-
-    Raises:
-        InputError: the folder exists or cannot be made, or the disk is full. After a failed write nothing
-            more is written and no metadata.yaml claims that the bag is complete.
-    """
-
-    def __init__(
-        self,
-        folder: Path | str,
-        compression: str = "zstd",
-        chunk_bytes: int = 256 * 1024,
-        flush_period_s: float = 0.5,
-        custom_data: dict[str, str] | None = None,
-        ros_distro: str = "jazzy",
-    ) -> None:
-        self.folder = Path(folder)
-        if compression not in COMPRESSIONS:
-            raise InputError(f"compression {compression!r} is unknown; use one of {', '.join(COMPRESSIONS)}")
-        if chunk_bytes < 1 or not flush_period_s >= 0:
-            raise InputError(f"chunk_bytes={chunk_bytes} must be positive, {flush_period_s=} not negative")
-        self._compression = COMPRESSIONS[compression]
-        self._chunk_bytes = chunk_bytes
-        self._flush_period_s = flush_period_s
-        self._custom_data = _checked_custom_data(custom_data or {})
-        self._ros_distro = ros_distro
-        self._topics: dict[str, metadata.WrittenTopic] = {}
-        self._files: list[metadata.WrittenFile] = []
-        self._channels: dict[str, int] = {}  # of the present file
-        self._schemas: dict[Definition, int] = {}  # of the present file
-        self._failure = ""
-        self._closed = False
-        _make_folder(self.folder)
-        self._open_file()
-
-    @property
-    def message_count(self) -> int:
-        """Messages handed in so far."""
-        return sum(file.span.count for file in self._files)
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        """Names added so far."""
-        return tuple(self._topics)
-
-    @property
-    def closed(self) -> bool:
-        """Nothing can be written any more."""
-        return self._closed
-
-    def add_topic(
-        self,
-        name: str,
-        type_name: str,
-        qos: QoS | tuple[QoS, ...] | None = None,
-        described: Definition | None = None,
-        serialization: str = "cdr",
-    ) -> None:
-        """Announce a topic; again with the same type does nothing.
-
-        `described` replaces the installed definition: a copy of a bag keeps what its source says.
-        Raises `InputError` for an unknown type, or one that differs from the topic's first.
-        """
-        if not name.startswith("/"):
-            raise InputError(f"topic name {name!r} must be absolute, starting with /")
-        known = self._topics.get(name)
-        if known is not None:
-            if known.definition.type != type_name:
-                raise InputError(
-                    f"topic {name} was recorded as {known.definition.type}, now {type_name} arrives;"
-                    " one topic of a bag has one type"
-                )
-            return
-        profiles = qos if isinstance(qos, tuple) else (qos or QoS(),)
-        self._topics[name] = metadata.WrittenTopic(
-            name, profiles, described or definition(type_name), serialization
-        )
-
-    def write(self, name: str, log_time_ns: int, data: bytes, publish_time_ns: int | None = None) -> None:
-        """Append one message.
-
-        Args:
-            name: a topic announced before.
-            log_time_ns: receive time [ns] of the bag's clock; decides the order of reading.
-            data: CDR with its 4-byte header, as `raw=True` subscriptions give it.
-            publish_time_ns: send time or header stamp [ns]; the log time if absent.
-        """
-        topic = self._topics.get(name)
-        if topic is None:
-            raise InputError(
-                f"topic {name} was not added to {self.folder}; present: {', '.join(self._topics)}"
-            )
-        if len(data) < 4:
-            raise InputError(f"{name}: {len(data)} bytes are no CDR message, whose header alone has 4")
-        if publish_time_ns is None:
-            publish_time_ns = log_time_ns
-        if not (0 <= log_time_ns < 2**63 and 0 <= publish_time_ns < 2**63):
-            raise InputError(
-                f"{name}: log time {log_time_ns} and publish time {publish_time_ns} ns must be in [0, 2^63)"
-            )
-        with self._writing():
-            channel = self._channels.get(name)
-            if channel is None:
-                channel = self._register(topic)
-            self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
-            topic.count += 1
-            self._files[-1].span.add(log_time_ns)
-            self._flush_if_due()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system; it then outlives this process."""
@@ -426,11 +295,16 @@ class BagWriter:
         )
 
 
+def is_private(key: str) -> bool:
+    """Custom data of this name does not belong in a bag."""
+    return any(word in key.lower() for word in _PRIVATE)
+
+
 def _checked_custom_data(custom_data: dict[str, str]) -> dict[str, str]:
     for key, value in custom_data.items():
         if not isinstance(key, str) or not isinstance(value, str):
             raise InputError(f"custom data {key!r}: {value!r} must be text; convert it with str()")
-        if any(word in key.lower() for word in _PRIVATE):
+        if is_private(key):
             raise InputError(f"custom data {key!r} does not belong in a bag: only evaluation may know it")
     return dict(custom_data)
 

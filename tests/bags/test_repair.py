@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 from rosbags.rosbag2 import Reader
 from typer.testing import CliRunner
 
@@ -15,6 +16,7 @@ from samrl_ros.bags.commands import bag_app
 from samrl_ros.bags.info import describe
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import repair
+from samrl_ros.bags.writer import BagWriter
 
 
 def fingerprint(folder: Path) -> dict[str, str]:
@@ -62,6 +64,35 @@ def test_repair_refuses(small_bag, tmp_path: Path) -> None:  # type: ignore[no-u
     with pytest.raises(InputError, match="nothing can be kept"):
         repair(head, tmp_path / "whole")
     assert not (tmp_path / "whole").exists()
+
+
+def test_an_interrupted_repair_leaves_no_half_bag(small_bag, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    folder = small_bag()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(BagWriter, "write", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            repair(folder, tmp_path / "whole")
+    assert not (tmp_path / "whole").exists()
+    assert repair(folder, tmp_path / "whole").messages == 200
+
+
+def test_oddities_of_other_writers_are_copied(tmp_path: Path) -> None:
+    source = tmp_path / "odd.mcap"
+    with source.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_metadata("samrl", {"seed": "4", "task": "t"})
+        schema = writer.register_schema("my.Thing", "jsonschema", b"{}")
+        writer.add_message(writer.register_channel("thing", "json", schema), 5, b"{}", 4)
+        writer.finish()
+    assert repair(source, tmp_path / "whole").messages == 1
+    bag = open_bag(tmp_path / "whole")
+    assert bag.custom_data == {"task": "t"}
+    assert [(m.topic, m.type, m.data) for m in bag.messages()] == [("thing", "my.Thing", b"{}")]
+    assert bag.topics[0].serialization == "json" and bag.topics[0].definition.encoding == "jsonschema"
 
 
 def test_describe(small_bag) -> None:  # type: ignore[no-untyped-def]

@@ -145,7 +145,8 @@ class Model:
             InputError: shapes do not end in 3, or tool and target are no upright peg and ring.
         """
         if tip_position.shape[-1:] != (3,) or action.shape[-1:] != (3,):
-            raise InputError(f"tip {tuple(tip_position.shape)} and action {tuple(action.shape)} must end in 3")
+            shapes = f"{tuple(tip_position.shape)} and {tuple(action.shape)}"
+            raise InputError(f"tip and action have shapes {shapes}, must end in 3")
         if self._contact is None:
             body = next(b for b in self._scene.bodies if b.name == self._target_name)
             self._contact = peg_contact.sizes_from(self._scene.tool, body)

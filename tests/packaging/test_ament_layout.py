@@ -77,9 +77,9 @@ def test_a_fresh_environment_runs_the_cell_by_its_launcher(tmp_path: Path, edita
     venv.create(prefix, with_pip=True)
     python = str(prefix / "bin" / "python")
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    # The dependencies of the running environment, without copying them.
+    # The dependencies of the running environment, without copying them; its own .pth files count as well.
     link = prefix / "lib" / version / "site-packages" / "borrowed.pth"
-    link.write_text(f"{sysconfig.get_path('platlib')}\n")
+    link.write_text(f"import site; site.addsitedir({sysconfig.get_path('platlib')!r})\n")
     source = ["-e", str(ROOT)] if editable else [str(ROOT)]
     subprocess.run([python, "-m", "pip", "install", "-q", "--no-deps", *source], check=True, timeout=100)
 

@@ -92,6 +92,33 @@ class TargetRenderer:
             columns.append((ends[0] - ends[1]) / (2 * step[k]))
         return np.stack(columns, axis=-1)
 
+    def visibility(self, values: np.ndarray, colors: np.ndarray) -> float:
+        """Share of the target's surface turned to the camera that the image shows, 0..1.
+
+        Judged at the faces' centres, by area as seen; what lies outside the image or behind something,
+        the target itself included, is not shown.
+        """
+        body = next(b for b in self.model.task.scene(self.model.cell).bodies if b.name == self.body)
+        pose = self.model.task.body_poses(values)[self.body]
+        corners = pose.apply(body.mesh.vertices)[body.mesh.faces]  # (F, 3, 3)
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # twice the area
+        centre = corners.mean(axis=1)
+        towards = self.camera.camera_in_world.position - centre
+        distance = np.linalg.norm(towards, axis=1)
+        area = np.maximum(np.einsum("fi,fi->f", normal, towards), 0.0) / distance**3
+        if area.sum() <= 0.0:
+            return 0.0
+        u, v, depth = self.camera.project(centre).T
+        k = self.camera.intrinsics
+        framed = (depth > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+        with torch.no_grad():
+            seen = self.render(torch.as_tensor(values), torch.as_tensor(colors)).depth.numpy()
+        column = np.clip(u, 0, k.width - 1).astype(int)
+        row = np.clip(v, 0, k.height - 1).astype(int)
+        # A pixel's depth may be that of a neighbouring point of a slanted face: two pixels' worth of slack.
+        shown = framed & (depth < seen[row, column] + 0.003 + 2.0 * depth / k.fx)
+        return float(area[shown].sum() / area.sum())
+
     def whole_surface(self, values: np.ndarray) -> np.ndarray:
         """All vertices of the target (V, 3) [m], for when none of it is in the model's image."""
         body = next(b for b in self.model.task.scene(self.model.cell).bodies if b.name == self.body)

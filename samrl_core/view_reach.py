@@ -1,0 +1,162 @@
+"""Which views the camera arm can take: reach, joint limits and coarse clearance."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.errors import InputError, ReachError
+from samrl_core.robots.arm_model import ArmModel
+from samrl_core.robots.geometry import Capsules, clearance, link_shapes
+from samrl_core.robots.inverse_kinematics import solve_ik
+from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks.task import Task, ViewRegion
+from samrl_core.types.pose import Pose, look_at
+
+
+@dataclass(frozen=True)
+class ReachSettings:
+    """The grid of views and what counts as free."""
+
+    azimuths: int = 12
+    elevations: int = 3
+    distances: int = 2
+    rolls: tuple[float, ...] = (0.0, math.pi)  # about the optical axis; one of them suffices [rad]
+    limit_margin: float = 0.10  # from every joint limit [rad]
+    clearance: float = 0.03  # between the camera arm and anything else [m]
+    camera_radius: float = 0.05  # sphere about the camera's body and its bracket [m]
+    way_points: int = 12  # configurations that are checked along a straight motion in joint space
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera pose that the arm reaches."""
+
+    camera_in_world: Pose
+    joint_position: np.ndarray  # of the camera arm (J,) [rad]
+    capsules: Capsules  # of the camera arm with its camera, in world
+
+
+def grid(region: ViewRegion, settings: ReachSettings) -> tuple[tuple[Pose, ...], ...]:
+    """Camera poses over the region, one tuple per place with its rolls, nearest and highest first."""
+    low, high = region.azimuth
+    # A full circle must not meet itself: there the last step would repeat the first.
+    closed = high - low > 2 * math.pi - 1e-6
+    azimuths = np.linspace(low, high, settings.azimuths, endpoint=not closed)
+    elevations = np.linspace(region.elevation[1], region.elevation[0], settings.elevations)
+    distances = np.linspace(region.distance[0], region.distance[1], settings.distances)
+    places = []
+    for r, e, a in itertools.product(distances, elevations, azimuths):
+        towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        eye = region.target + r * towards
+        places.append(tuple(look_at(eye, region.target, roll) for roll in settings.rolls))
+    return tuple(places)
+
+
+class ViewReach:
+    """Reach and clearance of the camera arm in one cell; the grid is solved once, on first use."""
+
+    def __init__(self, cell: CellSpec, task: Task, settings: ReachSettings | None = None) -> None:
+        """Builds the kinematic models."""
+        self._cell, self._task = cell, task
+        self.settings = settings or ReachSettings()
+        self._camera_arm = ArmModel(cell.camera_arm, cell.camera_base_in_world, None)
+        self._tool_arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
+        self._camera_shapes = link_shapes(cell.camera_arm)
+        self._tool_shapes = link_shapes(cell.tool_arm)
+        self._tool = task.scene(cell).tool
+        self._views: tuple[View, ...] | None = None
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """All reachable views that are clear of table and bodies, whatever the tool arm does."""
+        if self._views is None:
+            self._views = self._solve()
+        return self._views
+
+    def camera_capsules(self, joint_position: np.ndarray) -> Capsules:
+        """The camera arm with its camera at a joint position (J,) [rad]."""
+        links = self._camera_arm.link_poses_in_world(joint_position)
+        arm = Capsules.of_arm(self._camera_shapes, links)
+        flange = links[self._cell.camera_arm.flange]
+        ends = flange.apply(np.stack([np.zeros(3), self._cell.camera_center_of_mass]))
+        camera = Capsules(ends[:1], ends[1:], np.array([self.settings.camera_radius]))
+        return Capsules.joined((arm, camera))
+
+    def tool_capsules(self, joint_position: np.ndarray) -> Capsules:
+        """The tool arm with its tool at a joint position (J,) [rad]."""
+        links = self._tool_arm.link_poses_in_world(joint_position)
+        tool = Capsules.of_parts(self._tool.parts, links[self._cell.tool_arm.flange])
+        return Capsules.joined((Capsules.of_arm(self._tool_shapes, links), tool))
+
+    def body_capsules(self, values: np.ndarray) -> Capsules:
+        """The task's bodies where the estimate has them."""
+        poses = self._task.body_poses(values)
+        bodies = self._task.scene(self._cell).bodies
+        return Capsules.joined(
+            Capsules.of_parts(b.parts, poses.get(b.name, b.body_in_world)) for b in bodies
+        )
+
+    def camera_at(self, joint_position: np.ndarray) -> Pose:
+        """Camera pose in world for a joint position (J,) [rad]."""
+        return self._camera_arm.flange_in_world(joint_position) @ self._cell.camera_in_flange
+
+    def is_clear(self, camera: Capsules, obstacles: Capsules) -> bool:
+        """Whether every gap is at least the clearance; the arm's pedestal may stand on the table."""
+        return clearance(camera, obstacles) >= self.settings.clearance
+
+    def way_is_clear(self, start: np.ndarray, end: np.ndarray, obstacles: Capsules) -> bool:
+        """The same along a straight line in joint space, table included; the start itself is not asked."""
+        for s in np.linspace(0.0, 1.0, self.settings.way_points)[1:]:
+            capsules = self.camera_capsules(start + s * (end - start))
+            if not (self._above_table(capsules) and self.is_clear(capsules, obstacles)):
+                return False
+        return True
+
+    def _above_table(self, capsules: Capsules) -> bool:
+        base = self._cell.camera_base_in_world.position
+        # The first links cannot but be near the plane that the base stands on.
+        away = np.linalg.norm(0.5 * (capsules.start + capsules.end)[:, :2] - base[:2], axis=1) > 0.2
+        moving = Capsules(capsules.start[away], capsules.end[away], capsules.radius[away])
+        return moving.lowest() >= self.settings.clearance
+
+    def _solve(self) -> tuple[View, ...]:
+        cell = self._cell
+        world_in_base = cell.camera_base_in_world.inverse()
+        flange_in_camera = cell.camera_in_flange.inverse()
+        nominal = self.body_capsules(np.array([p.nominal for p in self._task.parameters()]))
+        seeds = [cell.camera_arm.home, self._task.start_joints(cell)["camera_arm"]]
+        views: list[View] = []
+        for rolls in grid(self._task.view_region(), self.settings):
+            # Near the start, where the arm's motions to them are short.
+            solved = [
+                q for pose in rolls if (q := self._ik(world_in_base @ pose @ flange_in_camera, seeds)) is not None
+            ]
+            for q in sorted(solved, key=lambda q: float(np.abs(q - seeds[1]).max())):
+                capsules = self.camera_capsules(q)
+                if self._above_table(capsules) and self.is_clear(capsules, nominal):
+                    views.append(View(self.camera_at(q), q, capsules))
+                    break
+        if not views:
+            raise InputError(
+                f"the camera arm reaches no view of task {self._task.name}; move its base or the view region"
+            )
+        return tuple(views)
+
+    def _ik(self, flange_in_base: Pose, seeds: list[np.ndarray]) -> np.ndarray | None:
+        for seed in seeds:
+            try:
+                return solve_ik(
+                    self._camera_arm,
+                    flange_in_base,
+                    seed,
+                    margin_rad=self.settings.limit_margin,
+                    iterations=60,
+                    tolerance=1e-4,
+                )
+            except ReachError:
+                continue
+        return None

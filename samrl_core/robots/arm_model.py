@@ -80,6 +80,7 @@ class ArmModel:
         # Gravity is given in world axes, the model lives in the axes of the base.
         model.gravity.linear = base_in_world.rotation.T @ np.array([0.0, 0.0, -9.81])
         model.armature = np.asarray(spec.armature, dtype=np.float64)
+        self._base_placement = pin.SE3(base_in_world.matrix())
         self._model = model
         self._data: Any = model.createData()
         # A serial chain: parents come before children, so base first and flange last.
@@ -93,12 +94,13 @@ class ArmModel:
 
     def flange_in_world(self, q: np.ndarray) -> Pose:
         """Flange pose in world."""
-        return self.base_in_world @ self.flange_in_base(q)
+        pin.forwardKinematics(self._model, self._data, self._checked("position", q))
+        return _pose(self._base_placement * self._placement(self._flange))
 
     def link_poses_in_world(self, q: np.ndarray) -> dict[str, Pose]:
         """Pose of every link of the URDF, from the base to the flange."""
-        pin.forwardKinematics(self._model, self._data, self._checked("position", q))
-        return {name: self.base_in_world @ _pose(self._placement(i)) for name, i in self._links}
+        pin.framesForwardKinematics(self._model, self._data, self._checked("position", q))
+        return {name: _pose(self._base_placement * self._data.oMf[i]) for name, i in self._links}
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Jacobian of the flange (6, J): linear rows first, at the flange's origin, in base axes."""
@@ -162,4 +164,5 @@ class ArmModel:
 
 
 def _pose(placement: Any) -> Pose:
-    return Pose.from_rotation(placement.translation, placement.rotation)
+    # Pinocchio's own conversion: the general one also checks that the matrix is a rotation, ten times slower.
+    return Pose(placement.translation, pin.Quaternion(placement.rotation).coeffs())

@@ -8,7 +8,7 @@ edge, not by random samples: no noise, and equal inputs give equal gradients.
 Two kinds of edges carry a jump: a silhouette (both faces on one screen side, or one face only), whose
 other side is read from the z-buffer, and a crease, whose two faces have different colours.
 """
-# ruff: noqa: UP018  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
+# ruff: noqa: UP018, RUF046  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 # pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false

@@ -119,7 +119,7 @@ def test_doubled_vertices_make_no_silhouette() -> None:
 
 def test_same_input_same_output() -> None:
     rng = np.random.default_rng(0)
-    vertices = rng.uniform(-0.3, 0.3, (90, 3)) + [0, 0, 1.0]
+    vertices = rng.uniform(-0.3, 0.3, (90, 3)) + np.array([0, 0, 1.0])
     faces = np.arange(90).reshape(30, 3)
     topology = Topology.build(vertices, faces, np.zeros(90), np.zeros(90))
     color = torch.from_numpy(rng.uniform(0, 1, (90, 3)))

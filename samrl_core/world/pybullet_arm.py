@@ -28,8 +28,9 @@ class PyBulletArm:
             base_in_world.position.tolist(),
             base_in_world.quat_xyzw.tolist(),
             useFixedBase=True,
-            # Otherwise PyBullet replaces the file's inertias by those of the collision shapes.
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+            # Without the first, PyBullet puts the collision shapes' inertias for the file's; without the
+            # second, cylinders become 32-sided hulls with a margin that makes the peg 1 mm wider and longer.
+            flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER,
             physicsClientId=client,
         )
         infos = [
@@ -92,7 +93,8 @@ class PyBulletArm:
         state = pybullet.getLinkState(
             self.body, self.flange_link, computeForwardKinematics=True, physicsClientId=self._client
         )
-        return Pose(np.array(state[4]), np.array(state[5]))
+        quat = np.array(state[5])
+        return Pose(np.array(state[4]), quat / np.linalg.norm(quat))  # Bullet's is of unit length to 1e-7 only
 
     def payload_normal_forces(self) -> list[float]:
         """Normal force at each contact of the payload in the last step [N]."""

@@ -95,6 +95,7 @@ class PyBulletWorld(SimulatedWorld):
 
     def reset(self, seed: int) -> None:
         """Lay the scene anew, arms at the task's start joints and at rest; the clock goes on."""
+        self._require_open()
         scene_rng, self._joint_rng, self._camera_rng = np.random.default_rng(seed).spawn(3)
         poses = {body.name: body.body_in_world for body in self._scene.bodies} | self._task.draw(scene_rng)
         for name, pose in poses.items():
@@ -105,7 +106,9 @@ class PyBulletWorld(SimulatedWorld):
                 physicsClientId=self._client,
             )
         self._poses = poses
-        self._commands, self._efforts, self._states, self._readings = {}, {}, {}, {}
+        self._commands: dict[str, ArmCommand] = {}
+        self._efforts: dict[str, np.ndarray] = {}
+        self._readings: dict[str, ArmReading] = {}
         for role in ROLES:
             self._arms[role].place(self._start[role])
             self._commands[role] = holding(self._start[role], self._time_ns)
@@ -124,6 +127,7 @@ class PyBulletWorld(SimulatedWorld):
 
     def advance(self) -> None:
         """One controller period: control law on the newest readings, physics, new readings."""
+        self._require_open()
         for role in ROLES:
             spec, reading = self._cell.arm(role), self._readings[role]
             effort = impedance_effort(

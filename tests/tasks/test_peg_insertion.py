@@ -101,11 +101,12 @@ def test_steps_shrink_near_the_hole() -> None:
 @pytest.mark.parametrize(
     ("depth", "lateral", "done", "success"),
     [
-        (0.021, 0.0, True, True),
+        (0.0215, 0.0, True, True),
+        (0.0205, 0.0, False, True),
         (0.019, 0.0, False, False),
-        (0.021, 0.0028, True, True),
-        (0.021, 0.0045, True, False),
-        (0.021, 0.0060, False, False),
+        (0.022, 0.0028, True, True),
+        (0.022, 0.0045, True, False),
+        (0.022, 0.0060, False, False),
     ],
 )
 def test_done_and_succeeded(depth: float, lateral: float, done: bool, success: bool) -> None:

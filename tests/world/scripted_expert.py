@@ -60,12 +60,16 @@ def insert(
     *,
     noise: float = 0.0,
     period_s: float = 0.2,
+    misled: np.ndarray | None = None,
 ) -> Episode:
-    """One episode, an action each `period_s`; `noise` is relative to the action's length."""
+    """One episode, an action each `period_s`.
+
+    `noise` is relative to the action's length; `misled` (2,) [m] is added to what the expert is told.
+    """
     world.reset(seed)
     rng = np.random.default_rng(1000 + seed)
     reach = HAND_TCP_Z + task.peg_length
-    hole = world.truth().body_position[BODY][:2]
+    hole = world.truth().body_position[BODY][:2] + (np.zeros(2) if misled is None else misled)
     offset = np.array([0.0, 0.0, -reach])  # flange to tip, pointing down
     commanded = world.read_arm("tool_arm").position
     target = model.flange_in_base(commanded).position + offset

@@ -42,6 +42,7 @@ class PegInsertion(Task):
     hover: float = 0.015  # tip above the block's top before it goes down [m]
     goal_depth: float = 0.025  # tip below the block's top at the end [m]
     success_depth: float = 0.020  # [m]
+    done_margin: float = 0.001  # deeper than this beyond `success_depth` before the model says done [m]
     done_slack: float = 0.003  # lateral error beyond the clearance that `is_done` accepts [m]
     success_slack: float = 0.001  # the same for `succeeded` [m]
     free_step: float = 0.010  # largest displacement per action in free space [m]
@@ -162,7 +163,7 @@ class PegInsertion(Task):
         """Deep enough, and within the clearance and a slack of the estimated axis."""
         tip = _tip(tip_position)
         x, y = self._hole(values)
-        return self._inserted(tip, x, y, self.done_slack)
+        return self._inserted(tip, x, y, self.success_depth + self.done_margin, self.done_slack)
 
     def draw(self, rng: np.random.Generator) -> dict[str, Pose]:
         """Hole uniform within the range."""
@@ -172,7 +173,7 @@ class PegInsertion(Task):
     def succeeded(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> bool:
         """Deep enough, and within the clearance and a smaller slack of the true axis."""
         x, y, _ = body_position[BODY]
-        return self._inserted(_tip(tip_position), x, y, self.success_slack)
+        return self._inserted(_tip(tip_position), x, y, self.success_depth, self.success_slack)
 
     def final_error(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> float:
         """Distance of the tip from the part of the true axis at or below the success depth [m]."""
@@ -181,8 +182,8 @@ class PegInsertion(Task):
         missing = max(0.0, tip[2] - (self.height - self.success_depth))
         return float(np.linalg.norm([tip[0] - x, tip[1] - y, missing]))
 
-    def _inserted(self, tip: np.ndarray, x: float, y: float, slack: float) -> bool:
-        deep = tip[2] <= self.height - self.success_depth
+    def _inserted(self, tip: np.ndarray, x: float, y: float, depth: float, slack: float) -> bool:
+        deep = tip[2] <= self.height - depth
         return bool(deep and np.hypot(tip[0] - x, tip[1] - y) < self.clearance + slack)
 
     def _hole(self, values: np.ndarray) -> tuple[float, float]:

@@ -1,0 +1,58 @@
+"""The task can be done in this world, under torque control, by one who is told where the hole is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.world.scripted_expert import Episode, insert, tool_model
+
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks.peg_insertion.task import PegInsertion
+from samrl_core.world.pybullet_world import PyBulletWorld
+
+CELL = default_cell()
+
+
+def episodes(clearance: float, seeds: range, noise: float = 0.0) -> list[Episode]:
+    """One per seed, an action every 0.1 s."""
+    task = PegInsertion(clearance=clearance)
+    world, model = PyBulletWorld(task, CELL), tool_model(task, CELL)
+    found = [insert(world, task, model, seed, noise=noise, period_s=0.1) for seed in seeds]
+    world.close()
+    return found
+
+
+def test_expert_inserts() -> None:
+    """Within the actions allowed, gently."""
+    for episode in episodes(0.002, range(3)):
+        assert episode.success and episode.done
+        assert episode.actions < 30
+        assert episode.peak_force < 30.0
+        assert episode.error < 0.001
+
+
+def test_missing_the_hole_fails() -> None:
+    """Told a place 8 mm off, the expert ends on top of the block, and both judgements say so."""
+    task = PegInsertion(max_actions=25)
+    world, model = PyBulletWorld(task, CELL), tool_model(task, CELL)
+    episode = insert(world, task, model, 0, period_s=0.1, misled=np.array([0.008, 0.0]))
+    assert not episode.success and not episode.done
+    assert episode.peak_force > 1.0
+    assert episode.error > 0.015
+    world.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("clearance", "least"), [(0.002, 20), (0.001, 19)])
+def test_expert_inserts_from_everywhere(clearance: float, least: int) -> None:
+    """20 holes."""
+    found = episodes(clearance, range(20))
+    assert sum(episode.success for episode in found) >= least
+    assert max(episode.peak_force for episode in found) < 30.0
+
+
+@pytest.mark.slow
+def test_a_careless_expert_fails_sometimes() -> None:
+    """A quarter of each action in noise: the task is not won by trying."""
+    found = episodes(0.001, range(8), noise=0.25)
+    assert sum(episode.success for episode in found) <= 6

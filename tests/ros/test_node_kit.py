@@ -175,6 +175,26 @@ def test_a_failing_handler_is_seen_and_the_node_can_be_started_anew(make: Any, p
     assert probe.heard("again")
 
 
+def test_the_lifecycle_services_drive_the_node(make: Any, probe: Probe) -> None:
+    """As `ros2 lifecycle set /cell/echo ...` does, twice through all states."""
+    from lifecycle_msgs.srv import ChangeState
+
+    thread = make()
+    assert probe.heard("started")
+    client = probe.node.create_client(ChangeState, "/cell/echo/change_state")
+    assert probe.wait(client.service_is_ready)
+    expected = {4: "inactive", 2: "unconfigured", 1: "inactive", 3: "active"}  # lifecycle_msgs/Transition
+    for transition, stage in list(expected.items()) * 2:
+        request = ChangeState.Request()
+        request.transition.id = transition
+        answer = client.call_async(request)
+        assert probe.wait(answer.done)
+        result = answer.result()
+        assert result is not None and result.success and thread.node.stage == stage
+    probe.say("still here")
+    assert probe.heard("still here")
+
+
 def test_speaking_on_a_topic_that_is_no_output_is_a_failure(make: Any, probe: Probe) -> None:
     thread = make()
     probe.say("stray")

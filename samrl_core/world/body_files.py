@@ -50,7 +50,7 @@ def write_arm_urdf(spec: RobotSpec, payload: Mounted, folder: Path) -> Path:
     robot = tree.getroot()
     links = {link.get("name") for link in robot.findall("link")}
     if spec.flange not in links:
-        raise InputError(f"{spec.urdf.name} has no link {spec.flange!r}; its links: {sorted(map(str, links))}")
+        raise InputError(f"{spec.urdf.name} has no link {spec.flange!r}; it has {sorted(map(str, links))}")
     if PAYLOAD_LINK in links:
         raise InputError(f"{spec.urdf.name} has a link {PAYLOAD_LINK!r} already; rename it")
     for bare in robot.findall("link"):

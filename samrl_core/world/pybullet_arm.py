@@ -20,7 +20,9 @@ class PyBulletArm:
         InputError: the URDF lacks one of the specified joints.
     """
 
-    def __init__(self, client: int, spec: RobotSpec, base_in_world: Pose, mounted: Mounted, folder: Path) -> None:
+    def __init__(
+        self, client: int, spec: RobotSpec, base_in_world: Pose, mounted: Mounted, folder: Path
+    ) -> None:
         """Load the arm with its payload."""
         self._client = client
         self.body: int = pybullet.loadURDF(
@@ -57,7 +59,10 @@ class PyBulletArm:
             )
         # Bullet multiplies the two friction coefficients of a pair; roots make it their geometric mean.
         pybullet.changeDynamics(
-            self.body, self.payload_link, lateralFriction=float(np.sqrt(mounted.friction)), physicsClientId=client
+            self.body,
+            self.payload_link,
+            lateralFriction=float(np.sqrt(mounted.friction)),
+            physicsClientId=client,
         )
         # Every joint is born with a velocity motor that acts as friction.
         pybullet.setJointMotorControlArray(
@@ -93,8 +98,8 @@ class PyBulletArm:
         state = pybullet.getLinkState(
             self.body, self.flange_link, computeForwardKinematics=True, physicsClientId=self._client
         )
-        quat = np.array(state[5])
-        return Pose(np.array(state[4]), quat / np.linalg.norm(quat))  # Bullet's is of unit length to 1e-7 only
+        quat = np.array(state[5])  # of unit length to 1e-7 only
+        return Pose(np.array(state[4]), quat / np.linalg.norm(quat))
 
     def payload_normal_forces(self) -> list[float]:
         """Normal force at each contact of the payload in the last step [N]."""

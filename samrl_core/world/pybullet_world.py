@@ -62,8 +62,8 @@ class PyBulletWorld(SimulatedWorld):
                 raise InputError(f"controller periods differ: {role} has {period} s; give both arms the same")
             if np.any(cell.arm(role).armature):
                 raise InputError(
-                    f"{role} has rotor inertia {cell.arm(role).armature} kg m2; PyBullet's joints cannot hold "
-                    f"any, give this world an arm without"
+                    f"{role} has rotor inertia {cell.arm(role).armature} kg m2; PyBullet's joints cannot "
+                    f"hold any, give this world an arm without"
                 )
         self._period_s = cell.tool_arm.controller.period_s
         self._period_ns = round(self._period_s * 1e9)
@@ -77,7 +77,11 @@ class PyBulletWorld(SimulatedWorld):
         self._arms, self._models = self._build_arms()
         self._bodies = self._build_bodies()
         self._camera = TinyCamera(
-            self._client, cell.intrinsics, self._labels(), self._settings.light_direction, self._settings.shadow
+            self._client,
+            cell.intrinsics,
+            self._labels(),
+            self._settings.light_direction,
+            self._settings.shadow,
         )
         self._sensor = RgbdSensor(self._settings.rgbd_noise, cell.intrinsics)
         self._noise_std = {r: self._settings.joint_noise.stack(len(cell.arm(r).joint_names)) for r in ROLES}
@@ -266,7 +270,9 @@ class PyBulletWorld(SimulatedWorld):
         )
 
     def _labels(self) -> dict[tuple[int, int], int]:
-        labels = {(arm.body, link): ARM_LABELS[role] for role, arm in self._arms.items() for link in arm.links}
+        labels = {
+            (arm.body, link): ARM_LABELS[role] for role, arm in self._arms.items() for link in arm.links
+        }
         tool_arm = self._arms["tool_arm"]
         labels[tool_arm.body, tool_arm.payload_link] = self._scene.tool.label
         for body in self._scene.bodies:

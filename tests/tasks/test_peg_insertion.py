@@ -45,7 +45,7 @@ def test_boxes_leave_the_hole_free_and_nothing_else() -> None:
     def covered(radius: float) -> np.ndarray:
         points = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(400, 0.02)], axis=1)
         inside = [
-            (np.abs(box.part_in_body.inverse().apply(points)) <= np.array(box.half_extents) + 1e-12).all(axis=1)
+            (np.abs(box.part_in_body.inverse().apply(points)) < np.array(box.half_extents)).all(axis=1)
             for box in boxes
         ]
         return np.any(inside, axis=0)

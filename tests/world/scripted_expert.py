@@ -38,7 +38,9 @@ def tool_model(task: PegInsertion, cell: CellSpec) -> ArmModel:
     )
 
 
-def move_joints(world: SimulatedWorld, model: ArmModel, start: np.ndarray, end: np.ndarray, steps: int) -> None:
+def move_joints(
+    world: SimulatedWorld, model: ArmModel, start: np.ndarray, end: np.ndarray, steps: int
+) -> None:
     """Minimum-jerk motion of the tool arm at 1 kHz with nominal feed-forward, over `steps` periods."""
     duration = steps * 1e-3
     for i in range(1, steps + 1):
@@ -73,14 +75,15 @@ def insert(
     offset = np.array([0.0, 0.0, -reach])  # flange to tip, pointing down
     commanded = world.read_arm("tool_arm").position
     target = model.flange_in_base(commanded).position + offset
-    done, action = False, 0
-    for action in range(1, task.max_actions + 1):
+    done, actions = False, 0
+    while actions < task.max_actions:
         flange = model.flange_in_base(world.read_arm("tool_arm").position)
         tip = flange.apply(np.array([0.0, 0.0, reach]))
         goals = task.sub_goals(hole, tip)
         if not goals:
             done = True
             break
+        actions += 1
         step = goals[0].tip_position - tip
         length = float(np.linalg.norm(step))
         step = step * min(1.0, goals[0].max_step / max(length, 1e-9))
@@ -94,7 +97,7 @@ def insert(
     return Episode(
         task.succeeded(truth.body_position, truth.tip_position),
         done,
-        action,
+        actions,
         truth.peak_contact_force,
         task.final_error(truth.body_position, truth.tip_position),
     )

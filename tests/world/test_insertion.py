@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.world.scripted_expert import Episode, insert, tool_model
 
 from samrl_core.robots.cell import default_cell
+from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.tasks.peg_insertion.task import PegInsertion
+from samrl_core.types.pose import Pose
 from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.settings import NOISELESS
+from tests.world.scripted_expert import Episode, insert, move_joints, tool_model
 
 CELL = default_cell()
 
@@ -39,6 +42,24 @@ def test_missing_the_hole_fails() -> None:
     assert not episode.success and not episode.done
     assert episode.peak_force > 1.0
     assert episode.error > 0.015
+    world.close()
+
+
+def test_the_hole_holds_the_peg() -> None:
+    """Pushed 6 mm sideways inside a hole of 1 mm clearance, the tip moves by about the clearance."""
+    task = PegInsertion(clearance=0.001)
+    world, model = PyBulletWorld(task, CELL, NOISELESS), tool_model(task, CELL)
+    assert insert(world, task, model, 0, period_s=0.1).success
+    before = world.truth()
+    q = world.read_arm("tool_arm").position
+    flange = model.flange_in_base(q)
+    end = solve_ik(model, Pose(flange.position + np.array([0.006, 0.0, 0.0]), flange.quat_xyzw), q)
+    move_joints(world, model, q, end, 300)
+    after = world.truth()
+    moved = after.tip_position - before.tip_position
+    assert 0.0007 < moved[0] < 0.0016  # the arm gives way by turning, so a little more than the clearance
+    assert abs(moved[1]) < 0.0005
+    assert after.peak_contact_force > 2.0
     world.close()
 
 

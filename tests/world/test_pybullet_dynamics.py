@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pybullet
 import pytest
-from tests.world.scripted_expert import DOWN, move_joints
 
 from samrl_core.errors import InputError
 from samrl_core.robots.cell import default_cell
@@ -19,6 +18,7 @@ from samrl_core.types.camera import Camera
 from samrl_core.types.pose import Pose
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.settings import NOISELESS
+from tests.world.scripted_expert import DOWN, move_joints
 
 CELL = default_cell()
 TASK = task_named("peg_insertion")
@@ -102,7 +102,7 @@ def test_pressing_on_the_block_is_a_contact(world: PyBulletWorld) -> None:
     q = world.read_arm("tool_arm").position
     for height, steps in ((0.045, 800), (0.038, 400), (0.038, 300)):
         tip = np.array([hole[0] + 0.03, hole[1], height])
-        flange = Pose.from_rotation(tip + [0.0, 0.0, 0.1634], DOWN)
+        flange = Pose.from_rotation(tip + np.array([0.0, 0.0, 0.1634]), DOWN)
         end = solve_ik(model, flange, q)
         move_joints(world, model, q, end, steps)
         q = end

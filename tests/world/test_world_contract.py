@@ -168,7 +168,7 @@ def test_unknown_kind_lists_the_worlds() -> None:
 def test_missing_pybullet_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     """Names the package and the way out."""
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    with pytest.raises(InputError, match="3.12"):
+    with pytest.raises(InputError, match=r"3\.12"):
         make_world("pybullet", TASK, CELL)
 
 

@@ -51,7 +51,8 @@ class PegInsertion(Task):
     tool_label: int = 2
 
     def __post_init__(self) -> None:
-        for field in ("peg_radius", "peg_length", "clearance", "height", "half_range", "free_step", "fine_step"):
+        lengths = ("peg_radius", "peg_length", "clearance", "height", "half_range", "free_step", "fine_step")
+        for field in lengths:
             if not getattr(self, field) > 0:
                 raise InputError(f"{field} is {getattr(self, field)} m, must be positive")
         if self.hole_radius >= self.outer_radius:

@@ -128,7 +128,8 @@ def optimise(
     for goal in goals:
         if not np.isfinite(goal.tip_position).all() or goal.max_step <= 0:
             raise InputError(f"sub-goal {goal.name}: {goal.tip_position} m, max_step {goal.max_step} m")
-    tip, parameters = torch.as_tensor(start), torch.as_tensor(np.asarray(values, dtype=np.float64))
+    tip = torch.tensor(start)
+    parameters = torch.tensor(np.array(values, dtype=np.float64))
 
     def forward(tip: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
         return model.forward(tip, action, parameters)

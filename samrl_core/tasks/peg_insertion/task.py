@@ -154,10 +154,12 @@ class PegInsertion(Task):
         near = float(np.linalg.norm(tip - above)) < 2 * self.free_step
         goals = (
             SubGoal("above", above, tolerance, self.fine_step if near else self.free_step),
-            SubGoal("inserted", np.array([x, y, self.height - self.goal_depth]), 0.005, self.fine_step),
+            SubGoal("inserted", np.array([x, y, self.height - self.goal_depth]), 0.002, self.fine_step),
         )
         inside = tip[2] < self.height - 0.001 and lateral < self.clearance + self.done_slack
-        aligned = tip[2] < above[2] + tolerance and lateral < tolerance
+        # On the way down a little more is allowed, or noise would send the tip up again and again.
+        descending = tip[2] < above[2] - tolerance
+        aligned = tip[2] < above[2] + tolerance and lateral < (0.8 * self.clearance if descending else tolerance)
         return goals[1:] if inside or aligned else goals
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:

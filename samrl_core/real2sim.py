@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from samrl_core.inverse.information import ImageNoise, fused, view_information
+from samrl_core.inverse.information import ImageNoise, ViewInformation, fused, newton_step, view_information
 from samrl_core.inverse.minimize import Minimum, MinimizeSettings, minimize
 from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
 from samrl_core.model.model import Model
@@ -48,6 +48,8 @@ class Real2SimSettings:
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
     coarse_above: float = 0.012  # distance of the clouds above which EMD alone is reduced first [m]
+    polish: int = 2  # noise-weighted Newton steps after the descent
+    polish_limit: float = 0.1  # longest of them [parameter's scale]
     jacobian_step: float = 0.035  # half span of the differences for the covariance [parameter's scale]
     noise: ImageNoise = field(default_factory=ImageNoise)
     coarse: MinimizeSettings = MinimizeSettings(
@@ -137,9 +139,18 @@ class Real2Sim:
         if fit.why_stopped == "diverged":
             fitted, colors = estimate.values, estimate.colors
 
-        view = view_information(
-            lambda values: renderer.image(values, colors), fitted, s.jacobian_step * self._scale, s.noise
-        )
+        def view_at(values: np.ndarray) -> ViewInformation:
+            step = s.jacobian_step * self._scale
+            return view_information(lambda v: renderer.image(v, colors), values, step, s.noise)
+
+        view = view_at(fitted)
+        if fit.why_stopped != "diverged":
+            for _ in range(s.polish):
+                change = newton_step(view, real.image)
+                if not np.all(np.abs(change) < s.polish_limit * self._scale):
+                    break  # too far for the linear model: the descent's answer stands
+                fitted = np.clip(fitted + change, self._lower, self._upper)
+                view = view_at(fitted)
         belief = estimate.covariance + s.drift**2 * np.eye(count)
         values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
         values = np.clip(values, self._lower, self._upper)

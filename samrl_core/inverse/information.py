@@ -17,14 +17,15 @@ class ImageNoise:
     estimates in the simulated cell (tests/real2sim)."""
 
     color: float = 0.06  # shading that the model does not know, per pixel and channel, 0..1
-    edge: float = 0.7  # error of a segmentation boundary [px]
+    edge: float = 0.7  # error of a segmentation boundary, and of a jump in depth [px]
+    inner_edge: float = 0.35  # error of an edge between colours inside the target [px]
     depth: float = 0.003  # at 1 m, growing with the square of the distance (stereo) [m]
     # Neighbouring pixels err together (a mask boundary is one curve, not independent samples), so their
     # information is counted once per so many pixels.
-    shared_by: float = 15.0  # [px]
+    shared_by: float = 5.0  # [px]
     # Error of calibration and encoders: the whole image is off by this much. It does not average
     # out over the pixels of a view, and is what makes a second view from elsewhere worth more than one from here.
-    registration: float = 0.15  # [px]
+    registration: float = 0.10  # [px]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +39,16 @@ class TargetImage:
 
 @dataclass(frozen=True, eq=False)
 class ViewInformation:
-    """Information of one view."""
+    """Information of one view, and the linear model that it came from."""
 
     matrix: np.ndarray  # (P, P) inverse of the covariance that this view alone would give [1/unit2]
     pixels: int  # target pixels in the image
+    near: np.ndarray  # (H, W) bool, the K pixels that tell something
+    inside: np.ndarray  # (H, W) bool, where depth is compared
+    sensitivity: np.ndarray  # (K, 4, P) slope of red, green, blue and depth in units of their noise
+    weight: np.ndarray  # (K,)
+    middle: np.ndarray  # (K, 4) image where it was linearised, in units of noise
+    unit: np.ndarray  # (K, 4) noise of a channel: 0..1 and [m]
 
 
 def view_information(
@@ -53,14 +60,15 @@ def view_information(
 ) -> ViewInformation:
     """J^T W J by central differences, less what an unknown shift of the image spoils.
 
-    A pixel's variance is that of its colour plus that of the boundary's position times the squared slope of
-    the image there. The shift (du, dv) of the whole image is a nuisance parameter with a Gaussian prior.
+    A pixel's variance is that of its colour and depth plus that of an edge's position times the squared slope
+    of the image there. A shift (du, dv) of the whole image, which the fit does not estimate, adds the error
+    that it causes.
 
     Args:
         render: image of the target for parameters (P,).
         values: where to linearise (P,).
-        steps: half the span of each difference (P,) [unit of the parameter]; about a pixel's worth, because
-            a rasterised edge moves in steps.
+        steps: half the span of each difference (P,) [unit of the parameter]; about half a pixel's worth,
+            because a rasterised edge moves in steps.
         noise: error model, in pixels of the real image.
         resolution: pixels of this image per pixel of the real one, along a side (a smaller image is faster).
 
@@ -71,46 +79,81 @@ def view_information(
     if v.ndim != 1 or h.shape != v.shape or not np.all(h > 0):
         raise InputError(f"steps {h} must be positive, one per parameter {v}")
     middle = render(v)
-    pixels = int(middle.mask.sum())
     count = v.size
-    if pixels == 0:
-        return ViewInformation(np.zeros((count, count)), 0)
     ends = [(render(v + d), render(v - d)) for d in np.diag(h)]
 
     # Depth counts only well inside the target: at its boundary the sensor mixes or loses it.
     inside = eroded(middle.mask)
     for a, b in ends:
         inside &= a.mask & b.mask
-    range_noise = noise.depth * np.where(inside, middle.depth, 1.0) ** 2
-
-    def channels(image: TargetImage) -> np.ndarray:
-        depth = np.where(inside, image.depth, 0.0) / range_noise
-        return np.concatenate([image.color / noise.color, depth[..., None]], axis=-1)
+    unit = np.full((*middle.mask.shape, 4), noise.color)
+    unit[..., 3] = noise.depth * np.where(inside, middle.depth, 1.0) ** 2
 
     def slope(axis: int) -> np.ndarray:
-        color = np.gradient(middle.color, axis=axis) / noise.color
         whole = np.where(middle.mask, middle.depth, 0.0)  # read inside only, where neighbours are target too
-        depth = np.where(inside, np.gradient(whole, axis=axis), 0.0) / range_noise
-        return np.concatenate([color, depth[..., None]], axis=-1)
+        depth = np.where(inside, np.gradient(whole, axis=axis), 0.0)
+        return np.concatenate([np.gradient(middle.color, axis=axis), depth[..., None]], axis=-1) / unit
 
     slope_v, slope_u = slope(0), slope(1)  # of channels of unit noise, per pixel
-    columns = [(channels(a) - channels(b)) / (2 * s) for (a, b), s in zip(ends, h, strict=True)]
+    columns = [(_channels(a, inside, unit) - _channels(b, inside, unit)) for a, b in ends]
+    sensitivity = np.stack(columns, axis=-1) / (2 * h)  # (H, W, 4, P)
+    # One edge is one piece of evidence, in however many channels it shows.
+    steepness = slope_u**2 + slope_v**2  # (H, W, 4)
+    place = np.where(eroded(middle.mask, 2), noise.inner_edge, noise.edge) * resolution  # [px]
+    variance = 1.0 + place**2 * steepness[..., :3].sum(axis=-1)
+    variance += (noise.edge * resolution) ** 2 * steepness[..., 3]
+    near = middle.mask | (np.abs(sensitivity).sum(axis=(-1, -2)) > 0)
     # A shift of the image by +u moves what was at u - 1 here: the slope with the opposite sign.
-    jacobian = np.stack([*columns, -slope_u, -slope_v], axis=-1)  # (H, W, 4, P + 2)
-    # One boundary is one piece of evidence, in however many channels it shows.
-    variance = 1.0 + (noise.edge * resolution) ** 2 * (slope_u**2 + slope_v**2).sum(axis=-1)  # (H, W)
-    weight = 1.0 / (noise.shared_by * resolution * variance)  # along edges pixels fall with the side
-    near = middle.mask | (np.abs(jacobian[..., :count]).sum(axis=(-1, -2)) > 0)
-    rows = jacobian[near]  # (K, 4, P + 2)
-    whole = np.einsum("kci,k,kcj->ij", rows, weight[near], rows, optimize=True)
-    information, cross = whole[:count, :count], whole[:count, count:]
+    rows, shift = sensitivity[near], -np.stack([slope_u[near], slope_v[near]], axis=-1)
+    weight = 1.0 / (noise.shared_by * resolution * variance[near])  # along edges pixels fall with the side
+    information = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
+    cross = np.einsum("kci,k,kcj->ij", rows, weight, shift, optimize=True)
 
     # The fit does not know of the shift, so the shift goes into the parameters as an error ("considered",
     # not estimated: Bierman 1977): dv = I^-1 J_v^T W J_shift dshift.
     bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ cross
     spread = bias @ bias.T * (noise.registration * resolution) ** 2
     matrix = information @ np.linalg.inv(np.eye(count) + spread @ information)
-    return ViewInformation(0.5 * (matrix + matrix.T), pixels)
+    return ViewInformation(
+        0.5 * (matrix + matrix.T),
+        int(middle.mask.sum()),
+        near,
+        inside,
+        rows,
+        weight,
+        _channels(middle, inside, unit)[near],
+        unit[near],
+    )
+
+
+def _channels(image: TargetImage, inside: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    depth = np.where(inside, image.depth, 0.0)
+    return np.concatenate([image.color, depth[..., None]], axis=-1) / unit
+
+
+def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) -> np.ndarray:
+    """Change of the parameters (P,) that the linear model asks for: the noise-weighted end of eq. 7.
+
+    Eq. 4's plain sum lets the ragged boundary of the segmentation outvote the sharp edges inside the target.
+    Here each pixel counts by its noise, and beyond `outlier` standard deviations only linearly (Huber 1964).
+
+    Args:
+        view: linearised where the parameters are now.
+        real: the real image cut by the real mask; depth NaN where it was not measured.
+        outlier: in standard deviations of a pixel's channel.
+    """
+    near = view.near
+    measured = (view.inside & eroded(real.mask) & np.isfinite(real.depth))[near]
+    color = real.color[near] / view.unit[:, :3]
+    depth = np.where(measured, np.nan_to_num(real.depth[near]) / view.unit[:, 3], view.middle[:, 3])
+    residual = np.concatenate([color, depth[:, None]], axis=-1) - view.middle  # (K, 4)
+    rows = view.sensitivity.copy()
+    rows[:, 3] *= measured[:, None]
+    own = view.weight / view.weight.max(initial=1e-300)  # 1 / variance up to a factor
+    size = np.sqrt((residual**2).sum(axis=-1) * own)
+    weight = view.weight * np.minimum(1.0, outlier / np.maximum(size, 1e-12))
+    normal = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
+    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ np.einsum("kci,k,kc->i", rows, weight, residual)
 
 
 def fused(

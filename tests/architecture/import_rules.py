@@ -42,7 +42,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"robots", "tasks", "motion", "safety"}),
     frozenset({"model", "world"}),
     frozenset({"inverse"}),
-    frozenset({"real2sim", "view_planning", "trajectory", "rl", "gap", "residual"}),
+    frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "gap", "residual"}),
     frozenset({"experiments"}),
 )
 

@@ -86,6 +86,13 @@ def test_sub_goals_come_in_order_and_end() -> None:
     assert names == [["above", "inserted"], ["inserted"], ["inserted"], []]
 
 
+def test_small_errors_on_the_way_down_do_not_turn_it_back() -> None:
+    """1.4 mm of 2 mm clearance: too much to begin the descent, not too much to go on with it."""
+    assert TASK.sub_goals(HOLE, at(-0.015, 0.0014))[0].name == "above"
+    assert TASK.sub_goals(HOLE, at(-0.008, 0.0014))[0].name == "inserted"
+    assert TASK.sub_goals(HOLE, at(-0.008, 0.0018))[0].name == "above"
+
+
 def test_pressing_on_the_block_goes_back_above() -> None:
     """A tip on the top, beside the hole, must not push on."""
     assert TASK.sub_goals(HOLE, at(0.0, 0.006))[0].name == "above"

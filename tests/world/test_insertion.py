@@ -74,6 +74,6 @@ def test_expert_inserts_from_everywhere(clearance: float, least: int) -> None:
 
 @pytest.mark.slow
 def test_a_careless_expert_fails_sometimes() -> None:
-    """A quarter of each action in noise: the task is not won by trying."""
-    found = episodes(0.001, range(8), noise=0.25)
-    assert sum(episode.success for episode in found) <= 6
+    """Half of each action is noise: the task is not won by trying."""
+    found = episodes(0.001, range(8), noise=0.5)
+    assert sum(episode.success for episode in found) <= 5

@@ -159,7 +159,8 @@ class PegInsertion(Task):
         inside = tip[2] < self.height - 0.001 and lateral < self.clearance + self.done_slack
         # On the way down a little more is allowed, or noise would send the tip up again and again.
         descending = tip[2] < above[2] - tolerance
-        aligned = tip[2] < above[2] + tolerance and lateral < (0.8 * self.clearance if descending else tolerance)
+        allowed = 0.8 * self.clearance if descending else tolerance
+        aligned = tip[2] < above[2] + tolerance and lateral < allowed
         return goals[1:] if inside or aligned else goals
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:

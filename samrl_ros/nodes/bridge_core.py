@@ -120,6 +120,11 @@ class BridgeCore:
             guard.fault(str(error))
             self._outbox.log("error", f"{role}: command refused, arm brakes: {error}")
 
+    def waits_for_commands(self, within_s: float) -> bool:
+        """Whether simulated time should stand still: an arm's next commands are due and still on their way."""
+        steady, robot = self._steady_s(), self._world.time_ns * 1e-9
+        return any(guard.waits_for_command(steady, robot, within_s) for guard in self._guards.values())
+
     def tick(self) -> None:
         """One controller period: guard, controller, physics, then whatever is due to be published."""
         steady, robot = self._steady_s(), self._world.time_ns * 1e-9

@@ -172,6 +172,9 @@ class SimBridge(CellNode):
         window_sim = core.time_ns
         last = due
         while not self._stop.is_set():
+            # In lockstep: a simulation that outran the manipulator would make every command late.
+            while core.waits_for_commands(2 * period) and not self._stop.is_set():
+                self._stop.wait(0.0005)
             end_ns = core.time_ns + round(period * 1e9)
             while core.time_ns < end_ns and not self._stop.is_set():
                 with self._lock:

@@ -125,7 +125,7 @@ class ViewPlannerNode(Behaviour):
 
     def _act(self, request: Any, state: Any) -> None:
         values = np.array(state.values)
-        tip = self._model.tip_in_base(self._readings["tool_arm"].position)
+        tip = self._model.tip_in_base(self._readings["tool_arm"].position).position
         goals = self._task.sub_goals(values, tip)
         plan = optimise(self._model, values, tip, goals)
         message = ToolAction(header=state.header, episode=request.episode, step=request.step)

@@ -6,6 +6,7 @@ Nothing here reads the time of day, so a seed and a sequence of calls give the s
 from __future__ import annotations
 
 import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -73,19 +74,23 @@ class PyBulletWorld(SimulatedWorld):
         self._folder = tempfile.TemporaryDirectory(prefix="samrl_world_")
         self._client = pybullet.connect(pybullet.DIRECT)
         self._closed = False
-        self._configure()
-        self._arms, self._models = self._build_arms()
-        self._bodies = self._build_bodies()
-        self._camera = TinyCamera(
-            self._client,
-            cell.intrinsics,
-            self._labels(),
-            self._settings.light_direction,
-            self._settings.shadow,
-        )
-        self._sensor = RgbdSensor(self._settings.rgbd_noise, cell.intrinsics)
-        self._noise_std = {r: self._settings.joint_noise.stack(len(cell.arm(r).joint_names)) for r in ROLES}
-        self.reset(0)
+        with ExitStack() as undo:
+            undo.callback(self.close)  # unless all of this succeeds
+            self._configure()
+            self._arms, self._models = self._build_arms()
+            self._bodies = self._build_bodies()
+            self._camera = TinyCamera(
+                self._client,
+                cell.intrinsics,
+                self._labels(),
+                self._settings.light_direction,
+                self._settings.shadow,
+            )
+            self._sensor = RgbdSensor(self._settings.rgbd_noise, cell.intrinsics)
+            noise = self._settings.joint_noise
+            self._noise_std = {role: noise.stack(len(cell.arm(role).joint_names)) for role in ROLES}
+            self.reset(0)
+            undo.pop_all()
 
     @property
     def time_ns(self) -> int:

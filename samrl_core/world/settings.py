@@ -18,8 +18,8 @@ class WorldSettings:
 
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)  # in world [m/s2]
     solver_iterations: int = 50
-    contact_stiffness: float = 5e4  # of bodies against the tool, ASSUMPTION: a peg held by rubber pads [N/m]
-    contact_damping: float = 200.0  # [N s/m], ASSUMPTION: about critical for 0.8 kg at that stiffness
+    contact_stiffness: float = 5e4  # per contact point, ASSUMPTION: a peg held by rubber pads [N/m]
+    contact_damping: float = 200.0  # per contact point, ASSUMPTION: half critical for 0.8 kg [N s/m]
     light_direction: tuple[float, float, float] = (0.6, 0.4, 1.2)  # towards the light, in world
     shadow: bool = False
     joint_noise: JointSensorNoise = field(default_factory=JointSensorNoise)

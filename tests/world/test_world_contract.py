@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+import pybullet
 import pytest
 
 from samrl_core.errors import InputError
@@ -188,3 +190,21 @@ def test_every_task_starts_free_of_contact_and_in_view(name: str) -> None:
         for label in [body.label for body in scene.bodies] + [scene.tool.label]:
             assert (mask == label).sum() > 50
     made.close()
+
+
+def test_a_failed_build_leaves_no_client_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A body that cannot be built is refused, and the half-built world is closed."""
+    scene = TASK.scene(CELL)
+    heavy = replace(scene, bodies=(replace(scene.bodies[0], mass=1.0),))
+    monkeypatch.setattr(type(TASK), "scene", lambda self, cell: heavy)
+    closed = []
+    disconnect = pybullet.disconnect
+
+    def counted(**client: int) -> None:
+        closed.append(client)
+        disconnect(**client)
+
+    monkeypatch.setattr(pybullet, "disconnect", counted)
+    with pytest.raises(InputError, match="fixed bodies only"):
+        make_world("pybullet", TASK, CELL)
+    assert len(closed) == 1

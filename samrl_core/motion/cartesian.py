@@ -29,16 +29,19 @@ def straight_line(
     Raises:
         ReachError: a waypoint is out of reach (from `solve`).
         LimitError: joints would jump between two waypoints.
-        InputError: the displacement is not finite.
+        InputError: the displacement is not three finite numbers, or the spacing is not positive.
     """
-    if not np.isfinite(displacement).all():
-        raise InputError(f"displacement {displacement} is not finite")
+    displacement = np.asarray(displacement, dtype=np.float64)
+    if displacement.shape != (3,) or not np.isfinite(displacement).all():
+        raise InputError(f"displacement {displacement} must be three finite numbers [m]")
+    if not (spacing > 0.0 and math.isfinite(spacing)):
+        raise InputError(f"spacing of waypoints is {spacing} m, must be positive and finite")
     count = max(1, math.ceil(float(np.linalg.norm(displacement)) / spacing))
     waypoints, previous = [], seed
     for k in range(1, count + 1):
         q = solve(Pose(start.position + displacement * (k / count), start.quat_xyzw), previous)
         step = float(np.abs(q - previous).max())
-        if step > MAX_JOINT_STEP:
+        if not step <= MAX_JOINT_STEP:  # so that NaN is refused
             raise LimitError(
                 f"waypoint {k} of {count} needs a joint step of {step:.3f} rad, limit {MAX_JOINT_STEP} rad; "
                 "the arm is near a singularity: choose another direction"

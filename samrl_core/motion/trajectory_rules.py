@@ -60,6 +60,8 @@ def check_trajectory(
     """
     r = rules or TrajectoryRules()
     order = _order(list(joint_names), expected_names)
+    if present_position.shape != (len(order),) or not np.isfinite(present_position).all():
+        raise InputError(f"present position {present_position} must be {len(order)} finite numbers; check the driver")
     if not points:
         raise InputError("trajectory has no points")
     checked = [_reordered(k, p, order) for k, p in enumerate(points)]
@@ -75,6 +77,8 @@ def check_trajectory(
     _check_end(checked[-1], r, expected_names)
     for k, point in enumerate(checked):
         _check_limits(k, point, limits, r.joint_limit_margin, expected_names)
+    for k, (a, b) in enumerate(zip(checked, checked[1:], strict=False)):
+        _check_mean_speed(k, a, b, limits, expected_names)
     jump = np.abs(checked[0].position - present_position)
     if jump.max() > r.start_jump_rad:
         j = int(np.argmax(jump))
@@ -130,7 +134,8 @@ def _check_limits(
     if outside.max() > 0:
         j = int(np.argmax(outside))
         raise LimitError(
-            f"point {k}: {names[j]} at {point.position[j]:.4f} rad, allowed {low[j]:.4f} to {high[j]:.4f} rad"
+            f"point {k}: {names[j]} at {point.position[j]:.4f} rad, allowed {low[j]:.4f} to {high[j]:.4f} rad; "
+            "move the point inside"
         )
     for what, values, bound, unit in (
         ("velocity", point.velocity, limits.velocity, "rad/s"),
@@ -138,4 +143,20 @@ def _check_limits(
     ):
         if values.size and (np.abs(values) > bound).any():
             j = int(np.argmax(np.abs(values) / bound))
-            raise LimitError(f"point {k}: {names[j]} {what} {values[j]:.3f} {unit}, limit {bound[j]:.3f} {unit}")
+            raise LimitError(
+                f"point {k}: {names[j]} {what} {values[j]:.3f} {unit}, limit {bound[j]:.3f} {unit}; give it more time"
+            )
+
+
+def _check_mean_speed(
+    k: int, a: TrajectoryPoint, b: TrajectoryPoint, limits: JointLimits, names: tuple[str, ...]
+) -> None:
+    seconds = (b.time_from_start_ns - a.time_from_start_ns) * 1e-9
+    speed = np.abs(b.position - a.position) / seconds
+    over = speed / limits.velocity
+    if over.max() > 1.0 + 1e-6:  # rounding of times to nanoseconds
+        j = int(np.argmax(over))
+        raise LimitError(
+            f"points {k} and {k + 1}: {names[j]} moves {speed[j]:.3f} rad/s between them, limit "
+            f"{limits.velocity[j]:.3f} rad/s; give it more time"
+        )

@@ -61,9 +61,9 @@ class CommandGuard:
 
         A simulation asks this before it advances, so as not to outrun the sender of the commands.
         """
-        if self._state is not GuardState.TRACKING or not self._buffer:
+        if self._state is not GuardState.TRACKING:
             return False
-        ahead = self._buffer[-1].stamp_ns * 1e-9 - robot_s
+        ahead = self._curve.last.stamp_ns * 1e-9 - robot_s
         return ahead < within_s and steady_s - self._received[0] < self._s.timeout_s
 
     def restart(self) -> None:
@@ -100,7 +100,7 @@ class CommandGuard:
         if not (tracking or self._state is GuardState.HOLD) or command.stamp_ns <= newest_ns:
             self._ignored += 1
             return False
-        if command.stamp_ns < now_ns:
+        if command.stamp_ns < max(now_ns, self._setpoint.stamp_ns if self._setpoint is not None else now_ns):
             self._late += 1
             return False
         try:

@@ -65,7 +65,9 @@ def check_jump(
         LimitError: too far.
     """
     if measured.position.shape != (len(names),) or not np.isfinite(measured.position).all():
-        raise InputError(f"measured position {measured.position} must be {len(names)} finite numbers; check the driver")
+        raise InputError(
+            f"measured position {measured.position} must be {len(names)} finite numbers; check the driver"
+        )
     jump = np.abs(command.position - measured.position)
     if jump.max() > bound:
         j = int(np.argmax(jump))
@@ -92,9 +94,8 @@ def check_step(
     middle = 1.5 * travel / h - 0.25 * (v0 + v1)  # speed of the cubic half way
     peak = np.maximum(np.abs(travel) / h, np.abs(middle)) / (limits.velocity * settings.curve_slack)
     change = np.abs(v1 - v0) / (limits.acceleration * settings.slack * (h + settings.stamp_jitter_s))
-    bend = np.abs(travel - 0.5 * h * (v0 + v1)) / (
-        limits.acceleration * settings.slack * h * h / 4 + np.maximum(np.abs(v0), np.abs(v1)) * settings.stamp_jitter_s + 1e-6
-    )
+    untrue = np.maximum(np.abs(v0), np.abs(v1)) * settings.stamp_jitter_s + 1e-6  # [rad], with rounding
+    bend = np.abs(travel - 0.5 * h * (v0 + v1)) / (limits.acceleration * settings.slack * h * h / 4 + untrue)
     for what, over, remedy in (
         ("position step", peak, "its velocity limit; smooth the trajectory"),
         ("velocity step", change, "its acceleration limit; smooth the trajectory"),

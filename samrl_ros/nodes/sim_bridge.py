@@ -117,7 +117,9 @@ class SimBridge(CellNode):
         with self._lock:
             self._core.announce()
         self._stop.clear()
-        self._thread = threading.Thread(target=self._run, name="sim_bridge world", daemon=True)
+        self._thread = threading.Thread(
+            target=lambda: self.guard("stepping the world", self._run), name="sim_bridge world", daemon=True
+        )
         self._thread.start()
 
     def halt(self) -> None:
@@ -173,13 +175,12 @@ class SimBridge(CellNode):
         last = due
         while not self._stop.is_set():
             # In lockstep: a simulation that outran the manipulator would make every command late.
-            while core.waits_for_commands(2 * period) and not self._stop.is_set():
+            while self._waits(core, 2 * period) and not self._stop.is_set():
                 self._stop.wait(0.0005)
             end_ns = core.time_ns + round(period * 1e9)
             while core.time_ns < end_ns and not self._stop.is_set():
                 with self._lock:
-                    if not self.guard("stepping the world", core.tick):
-                        return
+                    core.tick()
             now = time.monotonic()
             self._longest_gap_s = max(self._longest_gap_s, now - last)
             if now - window_wall > 1.0:
@@ -191,6 +192,10 @@ class SimBridge(CellNode):
             else:
                 time.sleep(0)  # let the other threads of this process run
             last = time.monotonic()
+
+    def _waits(self, core: BridgeCore, within_s: float) -> bool:
+        with self._lock:
+            return core.waits_for_commands(within_s)
 
     def _on_command(self, role: str, message: Any) -> None:
         with self._lock:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from samrl_core.inverse.information import ImageNoise, ViewInformation, fused, newton_step, view_information
-from samrl_core.inverse.minimize import Minimum, MinimizeSettings, minimize
+from samrl_core.inverse.minimize import MinimizeSettings, Minimum, minimize
 from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
 from samrl_core.model.model import Model
 from samrl_core.types.observation import Observation

@@ -19,7 +19,9 @@ Forward = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]  # tip (3,), acti
 class ForwardModel(Protocol):
     """What a plan needs of a model: eq. 3."""
 
-    def forward(self, tip: torch.Tensor, action: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    def forward(
+        self, tip_position: torch.Tensor, action: torch.Tensor, values: torch.Tensor, /
+    ) -> torch.Tensor:
         """Next tip (3,) [m] after an action (3,) [m] with the parameters (P,); differentiable."""
         ...
 

@@ -136,7 +136,7 @@ class ViewPlanner:
         best = max(finalists, key=lambda f: f.utility)
         gain = best.utility - stay.utility
         if gain <= s.min_gain:
-            reason = f"stays: the best of {len(free)} views gains {gain:.2f} nat, {s.min_gain:.2f} are asked for"
+            reason = f"stays: the best of {len(free)} views gains {gain:.2f} nat, below {s.min_gain:.2f}"
             return self._choice(False, stay, stay.score, len(free), estimate, tool, reason)
         reason = f"the best of {len(free)} views gains {gain:.2f} nat after the price of its motion"
         return self._choice(True, best, stay.score, len(free), estimate, tool, reason)

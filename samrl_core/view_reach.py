@@ -96,9 +96,7 @@ class ViewReach:
         """The task's bodies where the estimate has them."""
         poses = self._task.body_poses(values)
         bodies = self._task.scene(self._cell).bodies
-        return Capsules.joined(
-            Capsules.of_parts(b.parts, poses.get(b.name, b.body_in_world)) for b in bodies
-        )
+        return Capsules.joined(Capsules.of_parts(b.parts, poses.get(b.name, b.body_in_world)) for b in bodies)
 
     def camera_at(self, joint_position: np.ndarray) -> Pose:
         """Camera pose in world for a joint position (J,) [rad]."""
@@ -132,9 +130,8 @@ class ViewReach:
         views: list[View] = []
         for rolls in grid(self._task.view_region(), self.settings):
             # Near the start, where the arm's motions to them are short.
-            solved = [
-                q for pose in rolls if (q := self._ik(world_in_base @ pose @ flange_in_camera, seeds)) is not None
-            ]
+            wanted = [world_in_base @ pose @ flange_in_camera for pose in rolls]
+            solved = [q for flange in wanted if (q := self._ik(flange, seeds)) is not None]
             for q in sorted(solved, key=lambda q: float(np.abs(q - seeds[1]).max())):
                 capsules = self.camera_capsules(q)
                 if self._above_table(capsules) and self.is_clear(capsules, nominal):

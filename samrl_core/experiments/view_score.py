@@ -12,8 +12,10 @@ import json
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import torch
 from scipy.stats import binomtest, wilcoxon
 
 from samrl_core.errors import InputError
@@ -55,7 +57,12 @@ class Comparison:
 
 
 def run_seed(
-    seed: int, driver: CellDriver, world: PyBulletWorld, real2sim: Real2Sim, planner: ViewPlanner, model: Model
+    seed: int,
+    driver: CellDriver,
+    world: PyBulletWorld,
+    real2sim: Real2Sim,
+    planner: ViewPlanner,
+    model: Model,
 ) -> list[Trial]:
     """All strategies on one seed; the world is laid anew for each, with the same noise up to the choice."""
     trials = []
@@ -68,7 +75,7 @@ def run_seed(
         choice = planner.plan(estimate, first.tool_arm.position, first.camera_arm.position, strategy, rng)
         planned = time.perf_counter()
         if choice.move:
-            driver.move_camera(choice.joint_position)
+            driver.move("camera_arm", choice.joint_position)
         second = driver.observe()
         fitting = time.perf_counter()
         after = real2sim.update(estimate, second)
@@ -106,13 +113,21 @@ def compare(trials: list[Trial], other: str) -> Comparison:
     difference = np.array([by[s, "best"] - by[s, other] for s in seeds])
     wins, losses = int((difference < 0).sum()), int((difference > 0).sum())
     sign = binomtest(wins, wins + losses, alternative="greater").pvalue if wins + losses else 1.0
-    rank = wilcoxon(difference, alternative="less").pvalue if wins + losses else 1.0
+    rank = _signed_rank(difference) if wins + losses else 1.0
     return Comparison(other, wins, losses, float(np.median(difference)), float(sign), float(rank))
+
+
+def _signed_rank(difference: np.ndarray) -> float:
+    """One-sided p of Wilcoxon's test that the differences lie below zero."""
+    result: Any = wilcoxon(difference, alternative="less")
+    return float(result.pvalue)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run, print a table, write DIR/view_score.json."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--task", default="peg_insertion")
     parser.add_argument("--out", type=Path, required=True)
@@ -121,20 +136,26 @@ def main(arguments: list[str] | None = None) -> int:
         raise InputError(f"--seeds {options.seeds} must be at least 1")
     options.out.mkdir(parents=True, exist_ok=True)
 
+    torch.set_num_threads(1)  # images are too small to share; waiting threads cost more than they save
     cell, task = default_cell(), task_named(options.task)
     model = Model(task, cell)
     real2sim, planner = Real2Sim(model), ViewPlanner(model, cell, task)
     planner.prepare()
     world = PyBulletWorld(task, cell)
-    driver = CellDriver(world, cell)
+    driver = CellDriver(world, cell, task.scene(cell).tool)
     trials: list[Trial] = []
     for seed in range(options.seeds):
         trials += run_seed(seed, driver, world, real2sim, planner, model)
         shown = "  ".join(f"{t.strategy} {1e3 * t.error:.2f}" for t in trials[-len(STRATEGIES) :])
-        print(f"seed {seed + 1}/{options.seeds}: first {1e3 * trials[-1].first_error:.2f}  {shown} mm", flush=True)
+        print(
+            f"seed {seed + 1}/{options.seeds}: first {1e3 * trials[-1].first_error:.2f}  {shown} mm",
+            flush=True,
+        )
     world.close()
 
-    print(f"\n{'strategy':9} {'median':>7} {'90 %':>7} {'max':>7} {'claimed':>8} {'plan':>6} {'fit':>6}   [mm, s]")
+    print(
+        f"\n{'strategy':9} {'median':>7} {'90 %':>7} {'max':>7} {'claimed':>8} {'plan':>6} {'fit':>6} mm, s"
+    )
     for strategy in STRATEGIES:
         rows = [t for t in trials if t.strategy == strategy]
         e = 1e3 * np.array([t.error for t in rows])
@@ -147,7 +168,8 @@ def main(arguments: list[str] | None = None) -> int:
     comparisons = [compare(trials, other) for other in STRATEGIES if other != "best"]
     for c in comparisons:
         print(
-            f"best against {c.other}: {c.wins} wins, {c.losses} losses, median {1e3 * c.median_difference:+.3f} mm, "
+            f"best against {c.other}: {c.wins} wins, {c.losses} losses, "
+            f"median {1e3 * c.median_difference:+.3f} mm, "
             f"sign p {c.sign_p:.4f}, Wilcoxon p {c.wilcoxon_p:.4f}"
         )
     record = {

@@ -31,7 +31,9 @@ def _checked(points: np.ndarray, which: str) -> np.ndarray:
     if p.shape[0] == 0:
         raise InputError(f"{which} cloud is empty; is the target in the image, and does its depth exist?")
     if not np.isfinite(p).all():
-        raise InputError(f"{which} cloud has {int((~np.isfinite(p)).sum())} non-finite numbers; drop them first")
+        raise InputError(
+            f"{which} cloud has {int((~np.isfinite(p)).sum())} non-finite numbers; drop them first"
+        )
     return p
 
 

@@ -23,8 +23,8 @@ class ImageNoise:
     # Neighbouring pixels err together (a mask boundary is one curve, not independent samples), so their
     # information is counted once per so many pixels.
     shared_by: float = 5.0  # [px]
-    # Error of calibration and encoders: the whole image is off by this much. It does not average
-    # out over the pixels of a view, and is what makes a second view from elsewhere worth more than one from here.
+    # Error of calibration and encoders: the whole image is off by this much. It does not average out over
+    # the pixels of a view.
     registration: float = 0.10  # [px]
 
 
@@ -153,7 +153,9 @@ def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) 
     size = np.sqrt((residual**2).sum(axis=-1) * own)
     weight = view.weight * np.minimum(1.0, outlier / np.maximum(size, 1e-12))
     normal = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
-    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ np.einsum("kci,k,kc->i", rows, weight, residual)
+    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ np.einsum(
+        "kci,k,kc->i", rows, weight, residual
+    )
 
 
 def fused(

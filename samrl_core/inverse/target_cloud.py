@@ -26,11 +26,6 @@ def eroded(mask: np.ndarray, pixels: int = 1) -> np.ndarray:
     return inner
 
 
-def filled(mask: np.ndarray, pixels: int = 1) -> np.ndarray:
-    """A boolean image with holes and notches up to 2 * `pixels` wide closed: dilated, then eroded."""
-    return eroded(~eroded(~mask, pixels), pixels)
-
-
 def target_cloud(xyz: np.ndarray, mask: np.ndarray, erosion: int = 1) -> np.ndarray:
     """Points (N, 3) of an image of points (H, W, 3) [m] inside the eroded mask; NaN is dropped.
 

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from samrl_core.errors import InputError
+from samrl_core.model.model import Model
 from samrl_core.tasks.task import SubGoal
 from samrl_core.trajectory import TrajectorySettings, optimise
 
@@ -93,3 +94,23 @@ def test_refuses_bad_goals() -> None:
     for goal in (SubGoal("nan", np.full(3, np.nan), 1e-3, 0.01), SubGoal("still", np.zeros(3), 1e-3, 0.0)):
         with pytest.raises(InputError):
             optimise(Free(), np.zeros(0), START, (goal,))
+
+
+def test_plan_through_the_real_model(model: Model) -> None:
+    """Over the rim first, then down: the tip ends in the hole and never meets the block's top off centre."""
+    values = np.array([0.53, -0.03])
+    goals = model.task.sub_goals(values, START)
+    plan = optimise(model, values, START, goals)
+    assert plan.reached
+    low = plan.tips[plan.tips[:, 2] < 0.041]
+    assert len(low) and np.linalg.norm(low[:, :2] - values, axis=1).max() < 0.002
+    assert model.task.is_done(values, plan.tips[-1])
+
+
+def test_the_top_of_the_block_stops_a_wrong_goal(model: Model) -> None:
+    """A goal inside the block 2 cm beside the hole is not reached; the plan says so."""
+    values = np.array([0.5, 0.0])
+    wrong = SubGoal("beside", np.array([0.52, 0.0, 0.02]), 1e-3, 0.005)
+    plan = optimise(model, values, np.array([0.52, 0.0, 0.06]), (wrong,))
+    assert not plan.reached
+    assert plan.tips[:, 2].min() > 0.035

@@ -89,7 +89,7 @@ class JointSmoother:
             InputError: wrong length, or a value that is not finite; nothing changes.
             LimitError: beyond a limit, or too fast to stop before a position limit; nothing changes.
         """
-        q = self._checked_position(position, 0.0, "move the arm back inside by hand or in the pendant's recovery mode")
+        q = self._checked_position(position, 0.0, "move the arm back inside by hand")
         v = self._checked_velocity(np.zeros_like(q) if velocity is None else velocity, q, "start slower")
         self._input.current_position = q.tolist()
         self._input.current_velocity = v.tolist()
@@ -131,7 +131,7 @@ class JointSmoother:
         self._queue.clear()
         self._done = False
         self._input.control_interface = ruckig.ControlInterface.Velocity
-        # Not synchronised: a joint that could stop at once must not run on, towards its limit, with the others.
+        # Not synchronised: a joint that could stop at once must not run on, towards its limit.
         self._input.synchronization = ruckig.Synchronization.No
         self._input.target_velocity = zeros
         self._input.target_acceleration = zeros
@@ -145,7 +145,9 @@ class JointSmoother:
         if not self._done:
             result = self._otg.update(self._input, self._output)
             if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-                raise LimitError(f"no jerk-limited motion from here ({result}); reset from the measured position")
+                raise LimitError(
+                    f"no motion within limits from here ({result}); reset from the measured position"
+                )
             self._output.pass_to_input(self._input)
             self._advance(result == ruckig.Result.Finished)
         return (
@@ -193,9 +195,8 @@ class JointSmoother:
 
     def _checked_velocity(self, velocity: np.ndarray, position: np.ndarray, remedy: str) -> np.ndarray:
         v = self._finite(velocity, "velocity", "rad/s")
-        top, a, jerk = (
-            np.array(b) for b in (self._input.max_velocity, self._input.max_acceleration, self._input.max_jerk)
-        )
+        bounds = (self._input.max_velocity, self._input.max_acceleration, self._input.max_jerk)
+        top, a, jerk = (np.array(b) for b in bounds)
         over = np.abs(v) / top
         if over.max() > 1.0:
             j = int(np.argmax(over))
@@ -215,7 +216,7 @@ class JointSmoother:
     def _finite(self, values: np.ndarray, what: str, unit: str) -> np.ndarray:
         q = np.array(values, dtype=np.float64)
         if q.shape != self._limits.lower.shape:
-            raise InputError(f"{what} has shape {q.shape}, must be one number for each of {len(self._names)} joints")
+            raise InputError(f"{what} has shape {q.shape}, must be {self._limits.lower.shape}: one per joint")
         if not np.isfinite(q).all():
             j = int(np.flatnonzero(~np.isfinite(q))[0])
             raise InputError(f"{what} of {self._names[j]} is {q[j]} {unit}, must be finite")

@@ -61,19 +61,22 @@ def check_trajectory(
     r = rules or TrajectoryRules()
     order = _order(list(joint_names), expected_names)
     if present_position.shape != (len(order),) or not np.isfinite(present_position).all():
-        raise InputError(f"present position {present_position} must be {len(order)} finite numbers; check the driver")
+        raise InputError(f"present position {present_position} must be {len(order)} finite numbers")
     if not points:
         raise InputError("trajectory has no points")
     checked = [_reordered(k, p, order) for k, p in enumerate(points)]
     times = [p.time_from_start_ns for p in checked]
     for k, (a, b) in enumerate(zip(times, times[1:], strict=False)):
         if b <= a:
-            raise InputError(f"times must strictly increase: point {k} at {a * 1e-9:g} s, next at {b * 1e-9:g} s")
+            raise InputError(
+                f"times must strictly increase: point {k} at {a * 1e-9:g} s, next {b * 1e-9:g} s"
+            )
     if times[0] < 0:
         raise InputError(f"first point at {times[0] * 1e-9:g} s, before the start")
     start = stamp_ns or now_ns
     if start + times[-1] < now_ns:
-        raise InputError(f"trajectory ended {(now_ns - start - times[-1]) * 1e-9:.3f} s ago; send it with a later stamp")
+        ago = (now_ns - start - times[-1]) * 1e-9
+        raise InputError(f"trajectory ended {ago:.3f} s ago; send it with a later stamp")
     _check_end(checked[-1], r, expected_names)
     for k, point in enumerate(checked):
         _check_limits(k, point, limits, r.joint_limit_margin, expected_names)
@@ -83,8 +86,8 @@ def check_trajectory(
     if jump.max() > r.start_jump_rad:
         j = int(np.argmax(jump))
         raise LimitError(
-            f"first point is {jump[j]:.3f} rad from where {expected_names[j]} is, limit {r.start_jump_rad} rad; "
-            "start the trajectory at the present position"
+            f"first point is {jump[j]:.3f} rad from where {expected_names[j]} is, limit {r.start_jump_rad} rad"
+            "; start the trajectory at the present position"
         )
     return checked
 
@@ -96,7 +99,7 @@ def _order(given: list[str], expected: tuple[str, ...]) -> list[int]:
     unknown = sorted(set(given) - set(expected))
     missing = sorted(set(expected) - set(given))
     if doubled or unknown or missing:
-        raise InputError(f"joint names do not fit: unknown {unknown}, missing {missing}, given twice {doubled}")
+        raise InputError(f"joint names do not fit: unknown {unknown}, missing {missing}, twice {doubled}")
     return [given.index(n) for n in expected]
 
 
@@ -134,8 +137,8 @@ def _check_limits(
     if outside.max() > 0:
         j = int(np.argmax(outside))
         raise LimitError(
-            f"point {k}: {names[j]} at {point.position[j]:.4f} rad, allowed {low[j]:.4f} to {high[j]:.4f} rad; "
-            "move the point inside"
+            f"point {k}: {names[j]} at {point.position[j]:.4f} rad, allowed {low[j]:.4f} to {high[j]:.4f} rad"
+            "; move the point inside"
         )
     for what, values, bound, unit in (
         ("velocity", point.velocity, limits.velocity, "rad/s"),
@@ -144,7 +147,8 @@ def _check_limits(
         if values.size and (np.abs(values) > bound).any():
             j = int(np.argmax(np.abs(values) / bound))
             raise LimitError(
-                f"point {k}: {names[j]} {what} {values[j]:.3f} {unit}, limit {bound[j]:.3f} {unit}; give it more time"
+                f"point {k}: {names[j]} {what} {values[j]:.3f} {unit}, limit {bound[j]:.3f} {unit}; "
+                "give it more time"
             )
 
 

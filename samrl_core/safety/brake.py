@@ -35,4 +35,5 @@ def braked(present: ArmCommand, now_ns: int, limits: JointLimits, fraction: floa
     # Joints that start beyond a limit may stay there but not go farther.
     low, high = np.minimum(limits.lower, present.position), np.maximum(limits.upper, present.position)
     acceleration = np.where(slower > 0.0, -way * deceleration, 0.0)
-    return ArmCommand(now_ns, np.clip(position, low, high), way * slower, acceleration, np.zeros(len(position)))
+    position = np.clip(position, low, high)
+    return ArmCommand(now_ns, position, way * slower, acceleration, np.zeros(len(position)))

@@ -55,7 +55,8 @@ class CommandCurve:
         b = knots[1]
         if self._stale:
             self._segment = np.stack(
-                [a.position, a.velocity, b.position, b.velocity, a.acceleration, b.acceleration, a.effort, b.effort]
+                [a.position, a.velocity, b.position, b.velocity]
+                + [a.acceleration, b.acceleration, a.effort, b.effort]
             )
             self._stale = False
         h = (b.stamp_ns - a.stamp_ns) * 1e-9

@@ -150,10 +150,8 @@ class CommandGuard:
         now_ns = round(robot_s * 1e9)
         present = self._present(measured, now_ns)
         if now_ns < present.stamp_ns:
-            self.fault(
-                f"robot time went back from {present.stamp_ns * 1e-9:.3f} to {robot_s:.3f} s; restart the guard "
-                "when time is set"
-            )
+            back = f"robot time went back from {present.stamp_ns * 1e-9:.3f} to {robot_s:.3f} s"
+            self.fault(f"{back}; restart the guard when time is set")
             present = replace(present, stamp_ns=now_ns)
         self._robot_s = robot_s
         if self._state is GuardState.TRACKING:

@@ -22,11 +22,16 @@ class Join:
     are within `join_fraction` of the limits, which is why commands are held to the rest meanwhile.
 
     Raises:
-        LimitError: the set point is too far from the curve, or too different in velocity, to join in `join_s`.
+        LimitError: the set point is too far from the curve, or too different in velocity.
     """
 
     def __init__(
-        self, present: ArmCommand, curve: ArmCommand, limits: JointLimits, names: tuple[str, ...], s: GuardSettings
+        self,
+        present: ArmCommand,
+        curve: ArmCommand,
+        limits: JointLimits,
+        names: tuple[str, ...],
+        s: GuardSettings,
     ) -> None:
         self._d = present.position - curve.position
         self._v = present.velocity - curve.velocity
@@ -42,8 +47,8 @@ class Join:
         j = int(np.argmax(needed))
         if needed[j] > s.join_s:
             raise LimitError(
-                f"command: {names[j]} is {d[j]:.4f} rad and {v[j]:.3f} rad/s from the set point, which cannot join it "
-                f"within {s.join_s} s; start at rest from the measured position"
+                f"command: {names[j]} is {d[j]:.4f} rad and {v[j]:.3f} rad/s from the set point, too much to "
+                f"join it within {s.join_s} s; start at rest from the measured position"
             )
         self.end_ns = self.start_ns + math.ceil(float(needed[j]) * 1e9)
 

@@ -11,7 +11,11 @@ from samrl_core.types.observation import ArmCommand, ArmReading
 
 
 def check_values(
-    command: ArmCommand, limits: JointLimits, names: tuple[str, ...], settings: GuardSettings, share: float = 1.0
+    command: ArmCommand,
+    limits: JointLimits,
+    names: tuple[str, ...],
+    settings: GuardSettings,
+    share: float = 1.0,
 ) -> None:
     """Sizes, finiteness, and the arm's limits; `share` of those on velocity and acceleration.
 
@@ -36,8 +40,8 @@ def check_values(
         if outside.max() > slack:
             j = int(np.argmax(outside))
             raise LimitError(
-                f"command: {names[j]}{what or ' to'} {values[j]:.4f} rad, allowed {low[j]:.4f} to {high[j]:.4f} "
-                "rad; keep the motion inside"
+                f"command: {names[j]}{what or ' to'} {values[j]:.4f} rad, allowed {low[j]:.4f} to "
+                f"{high[j]:.4f} rad; keep the motion inside"
             )
     moving = share * settings.slack
     for what, values, bound, unit in (
@@ -50,8 +54,8 @@ def check_values(
             j = int(np.argmax(over))
             joining = f" ({share:.0%} while the set point joins the commands)" if share < 1.0 else ""
             raise LimitError(
-                f"command: {what} of {names[j]} is {values[j]:.3f} {unit}, limit {bound[j]:.3f} {unit}{joining}; "
-                "scale the motion down"
+                f"command: {what} of {names[j]} is {values[j]:.3f} {unit}, limit {bound[j]:.3f} {unit}{joining}"
+                "; scale the motion down"
             )
 
 
@@ -72,12 +76,17 @@ def check_jump(
     if jump.max() > bound:
         j = int(np.argmax(jump))
         raise LimitError(
-            f"command: {names[j]} is {jump[j]:.3f} rad from its measured position, limit {bound} rad; {remedy}"
+            f"command: {names[j]} is {jump[j]:.3f} rad from its measured position, limit {bound} rad; "
+            f"{remedy}"
         )
 
 
 def check_step(
-    before: ArmCommand, command: ArmCommand, limits: JointLimits, names: tuple[str, ...], settings: GuardSettings
+    before: ArmCommand,
+    command: ArmCommand,
+    limits: JointLimits,
+    names: tuple[str, ...],
+    settings: GuardSettings,
 ) -> None:
     """Whether an arm within its limits can get from one command to the next, whatever their fields say.
 
@@ -99,7 +108,7 @@ def check_step(
     for what, over, remedy in (
         ("position step", peak, "its velocity limit; smooth the trajectory"),
         ("velocity step", change, "its acceleration limit; smooth the trajectory"),
-        ("position step", bend, "what its velocities and acceleration limit allow; make the fields consistent"),
+        ("position step", bend, "what its velocities allow; make the fields consistent"),
     ):
         if over.max() > 1.0:
             j = int(np.argmax(over))

@@ -86,8 +86,8 @@ def check_trajectory(
     if jump.max() > r.start_jump_rad:
         j = int(np.argmax(jump))
         raise LimitError(
-            f"first point is {jump[j]:.3f} rad from where {expected_names[j]} is, limit {r.start_jump_rad} rad"
-            "; start the trajectory at the present position"
+            f"first point is {jump[j]:.3f} rad from where {expected_names[j]} is, "
+            f"limit {r.start_jump_rad} rad; start the trajectory at the present position"
         )
     return checked
 
@@ -104,7 +104,7 @@ def _order(given: list[str], expected: tuple[str, ...]) -> list[int]:
 
 
 def _reordered(k: int, point: TrajectoryPoint, order: list[int]) -> TrajectoryPoint:
-    columns = []
+    columns: list[np.ndarray] = []
     for name in ("position", "velocity", "acceleration"):
         values = np.asarray(getattr(point, name), dtype=np.float64)
         if values.size == 0 and name != "position":
@@ -115,7 +115,8 @@ def _reordered(k: int, point: TrajectoryPoint, order: list[int]) -> TrajectoryPo
         if not np.isfinite(values).all():
             raise InputError(f"point {k}: {name} is not finite: {values}")
         columns.append(values[order])
-    return TrajectoryPoint(*columns, point.time_from_start_ns)
+    position, velocity, acceleration = columns
+    return TrajectoryPoint(position, velocity, acceleration, point.time_from_start_ns)
 
 
 def _check_end(last: TrajectoryPoint, rules: TrajectoryRules, names: tuple[str, ...]) -> None:

@@ -54,8 +54,8 @@ def check_values(
             j = int(np.argmax(over))
             joining = f" ({share:.0%} while the set point joins the commands)" if share < 1.0 else ""
             raise LimitError(
-                f"command: {what} of {names[j]} is {values[j]:.3f} {unit}, limit {bound[j]:.3f} {unit}{joining}"
-                "; scale the motion down"
+                f"command: {what} of {names[j]} is {values[j]:.3f} {unit}, limit {bound[j]:.3f} "
+                f"{unit}{joining}; scale the motion down"
             )
 
 

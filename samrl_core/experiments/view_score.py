@@ -129,11 +129,14 @@ def main(arguments: list[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--task", default="peg_insertion")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args(arguments)
-    if options.seeds < 1:
-        raise InputError(f"--seeds {options.seeds} must be at least 1")
+    if options.seeds < 1 or options.first_seed < 0:
+        raise InputError(
+            f"--seeds {options.seeds} must be at least 1, --first-seed {options.first_seed} at least 0"
+        )
     options.out.mkdir(parents=True, exist_ok=True)
 
     torch.set_num_threads(1)  # images are too small to share; waiting threads cost more than they save
@@ -144,11 +147,12 @@ def main(arguments: list[str] | None = None) -> int:
     world = PyBulletWorld(task, cell)
     driver = CellDriver(world, cell, task.scene(cell).tool)
     trials: list[Trial] = []
-    for seed in range(options.seeds):
+    for count in range(1, options.seeds + 1):
+        seed = options.first_seed + count - 1
         trials += run_seed(seed, driver, world, real2sim, planner, model)
         shown = "  ".join(f"{t.strategy} {1e3 * t.error:.2f}" for t in trials[-len(STRATEGIES) :])
         print(
-            f"seed {seed + 1}/{options.seeds}: first {1e3 * trials[-1].first_error:.2f}  {shown} mm",
+            f"{count}/{options.seeds} seed {seed}: first {1e3 * trials[-1].first_error:.2f}  {shown} mm",
             flush=True,
         )
     world.close()

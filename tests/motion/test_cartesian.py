@@ -7,6 +7,10 @@ import pytest
 
 from samrl_core.errors import InputError, LimitError
 from samrl_core.motion.cartesian import straight_line
+from samrl_core.motion.smoother import JointSmoother
+from samrl_core.robots.arm_model import ArmModel
+from samrl_core.robots.cell import default_cell
+from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.types.pose import Pose
 
 START = Pose(np.array([0.5, 0.0, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -56,3 +60,25 @@ def test_jump_of_the_solution_is_refused(step: float) -> None:
 def test_bad_numbers_are_refused(displacement: list[float], spacing: float) -> None:
     with pytest.raises(InputError):
         straight_line(joints_are_coordinates, START, np.array(displacement), SEED, spacing)
+
+
+def test_smoothed_line_of_the_tool_arm_bows_little_and_ends_where_asked() -> None:
+    cell, rng = default_cell(), np.random.default_rng(0)
+    spec = cell.tool_arm
+    arm = ArmModel(spec, cell.tool_base_in_world, None)
+    start = arm.flange_in_base(spec.home)
+    smoother = JointSmoother(spec.limits, 0.004, 0.4, 0.4, 0.2)
+    for _ in range(4):
+        way = rng.standard_normal(3)
+        way /= np.linalg.norm(way)
+        smoother.reset(spec.home)
+        smoother.set_waypoints(
+            straight_line(lambda p, q: solve_ik(arm, p, q), start, 0.018 * way, spec.home, 0.005)
+        )
+        travelled = []
+        while not smoother.done:
+            travelled.append(arm.flange_in_base(smoother.step()[0]).position - start.position)
+            assert len(travelled) < 500
+        off_line = np.array(travelled) - np.outer(np.array(travelled) @ way, way)
+        assert np.linalg.norm(off_line, axis=1).max() < 1.2e-3
+        np.testing.assert_allclose(travelled[-1], 0.018 * way, atol=1e-4)

@@ -103,7 +103,7 @@ def test_no_blend_stops_at_each_waypoint() -> None:
 
 def test_blend_runs_through_closely_spaced_waypoints() -> None:
     points = [PANDA.home + 0.005 * k for k in range(1, 41)]
-    blended, stopping = at_home(), at_home(blend_rad=0.0)
+    blended, stopping = at_home(blend_rad=0.02), at_home(blend_rad=0.0)
     blended.set_waypoints(points)
     stopping.set_waypoints(points)
     assert len(run(blended)) < 0.5 * len(run(stopping))

@@ -21,7 +21,7 @@ def brake_to_rest(start: ArmCommand, tick_ns: int, fraction: float) -> list[ArmC
 @pytest.mark.parametrize("fraction", [0.3, 0.5, 1.0])
 def test_random_brakes_stay_within_limits_and_end_at_rest(fraction: float) -> None:
     rng = np.random.default_rng(8)
-    for _ in range(30):
+    for _ in range(12):
         velocity = rng.uniform(-1, 1, 7) * LIMITS.velocity * (rng.random(7) < 0.8)
         room = 0.5 * velocity**2 / LIMITS.acceleration  # shortest stop; some start just there
         low = LIMITS.lower + np.where(velocity < 0, room, 0.0)

@@ -186,7 +186,7 @@ class ViewPlanner:
             return renderer.image(values, estimate.colors)
 
         step = s.jacobian_step * scale * self._scale
-        return view_information(image, estimate.values, step, s.noise, 1.0 / scale)
+        return view_information(image, estimate.values, step, s.noise, 1.0 / scale, central=scale == 1)
 
     def _choice(
         self,

@@ -91,3 +91,12 @@ def test_erosion_takes_one_pixel_and_keeps_the_border() -> None:
     mask[2:7, 2:7] = True
     assert eroded(mask).sum() == 9
     assert eroded(np.ones((4, 4), dtype=bool)).all()
+
+
+def test_forward_differences_agree_with_central_ones() -> None:
+    """Within a fifth: enough to rank views."""
+    both = [
+        view_information(blob, np.zeros(2), np.full(2, 0.3), QUIET, central=side).matrix
+        for side in (True, False)
+    ]
+    np.testing.assert_allclose(np.diag(both[1]), np.diag(both[0]), rtol=0.2)

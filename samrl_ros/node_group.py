@@ -11,13 +11,20 @@ import time
 from pathlib import Path
 from typing import Any
 
+from samrl_ros.threads import one_thread_per_library
+
 STOP_TIMEOUT_S = 15.0
+SWITCH_INTERVAL_S = 2e-4
 
 
 class ThreadGroup:
     """Every node with its own executor thread in this process."""
 
     def __init__(self) -> None:
+        # The world's thread gives up the interpreter in every NumPy call; with the default of 5 ms it would
+        # wait that long each time for a thread that computes.
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        one_thread_per_library()
         self._threads: list[Any] = []
 
     def start(self, name: str) -> None:

@@ -12,6 +12,7 @@ from samrl_core.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.exit_codes import OK
 from samrl_ros.require_ros import require_ros
+from samrl_ros.threads import one_thread_per_library
 from samrl_ros.topics import cell_topic
 
 DEFAULT_NODES = ("model_updater", "view_planner", "manipulator", "residual_trainer", "supervisor")
@@ -23,6 +24,7 @@ COMPARED = frozenset(
 def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: bool, rate: float) -> int:
     """Replay in process, or publish over DDS; returns the exit code."""
     require_ros()
+    one_thread_per_library()
     console = Console()
     if publish:
         from samrl_ros.bags.play import publish as play

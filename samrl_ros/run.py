@@ -6,6 +6,7 @@ import sys
 
 from samrl_ros.exit_codes import USAGE
 from samrl_ros.require_ros import require_ros
+from samrl_ros.threads import one_thread_per_library
 
 
 def main() -> int:
@@ -21,6 +22,7 @@ def main() -> int:
 
         return cell_main(arguments)
     require_ros()
+    one_thread_per_library()
     from samrl_ros.node_kit import run_node
     from samrl_ros.node_kit.host import run_one
 

@@ -116,7 +116,7 @@ def _ages(history: list[tuple[float, str, dict[str, str]]], bag: Path) -> dict[s
 
 def _command_delay(bag: Path) -> list[float]:
     """From a reading's stamp to the recorder's receipt of the command that answers it, in simulated time."""
-    horizon = 0.02
+    horizon = 0.04  # the manipulator's default
     topic = arm_topic("tool_arm", "command")
     return [
         record.log_time * 1e-9 - (stamp_ns(message) * 1e-9 - horizon)

@@ -41,7 +41,7 @@ class ManipulatorSettings:
     max_jerk_scaling: float = setting(0.2, "fraction of the jerk limits", range=(0.01, 1.0))
     stopped_velocity_tolerance: float = setting(0.01, "at rest below this", "rad/s", (1e-4, 0.1))
     goal_timeout: float = setting(1.5, "longest wait for rest after the set point arrived", "s", (0.05, 60.0))
-    horizon: float = setting(0.02, "how far ahead of a reading its command is stamped", "s", (0.004, 0.1))
+    horizon: float = setting(0.04, "how far ahead of a reading its command is stamped", "s", (0.004, 0.1))
     leash: float = setting(0.01, "commanded tool position may lead the measured one by this", "m", (1e-3, 0.1))
     waypoint_spacing: float = setting(0.005, "of the straight line of an action", "m", (5e-4, 0.05))
     task_action_limit: float = setting(0.02, "longest displacement accepted", "m", (1e-3, 0.2))

@@ -28,9 +28,9 @@ class JointSmoother:
         acceleration_scaling: fraction of the acceleration limits, 0..1.
         jerk_scaling: fraction of the jerk limits, 0..1.
         position_margin_rad: kept from position limits by every target [rad].
-        blend_rad: an intermediate waypoint counts as passed within this of it [rad]. Smaller is straighter and
-            slower: a tool line of 18 mm with waypoints 5 mm apart bows by 2.9 mm in 0.22 s at 0.02 rad, and by
-            1.0 mm in 0.32 s at 0.0025 rad (Panda at home, 0.4 of velocity and acceleration, 0.2 of jerk).
+        blend_rad: an intermediate waypoint counts as passed within this of it [rad]. Smaller is straighter
+            and slower: a tool line of 18 mm with waypoints 5 mm apart bows by 2.9 mm in 0.22 s at 0.02 rad,
+            by 1.0 mm in 0.32 s at 0.0025 rad (Panda at home, 0.4 of velocity and acceleration, 0.2 of jerk).
         joint_names: for messages; by default joint 1, joint 2, ...
 
     Raises:

@@ -90,6 +90,9 @@ def test_start_from_a_set_point_off_the_command_joins_within_limits() -> None:
     rig.follow(800)
     speed, acceleration = rig.worst()
     assert speed < 0.6 and acceleration < 0.5
+    dq, ddq = (np.array([getattr(p, n) for p in rig.points[30:90]]) for n in ("velocity", "acceleration"))
+    assert np.abs(ddq).max() > 0.5  # joining, while the sender still rests
+    np.testing.assert_allclose(np.diff(dq, axis=0) / 1e-3, 0.5 * (ddq[1:] + ddq[:-1]), atol=1e-6)
     np.testing.assert_allclose(rig.points[-1].position, wave(rig.robot_ms - 1).position, atol=1e-9)
 
 

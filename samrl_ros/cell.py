@@ -69,14 +69,19 @@ def _watch_run(
 ) -> tuple[Any, str]:
     """Start everything, wait for the end, stop everything; returns what was seen and what went wrong."""
     from samrl_ros.monitor import Monitor
-    from samrl_ros.node_group import ProcessGroup, ThreadGroup
+    from samrl_ros.node_group import MixedGroup, ProcessGroup, ThreadGroup
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task("starting nodes", total=options.episodes)
         monitor = Monitor(on_event=lambda text: progress.console.print(text, highlight=False, soft_wrap=True))
         view = _start_view(options)
-        group = ProcessGroup(arguments, options.out / "logs") if options.processes else ThreadGroup()
+        logs = options.out / "logs"
+        group = {
+            "split": lambda: MixedGroup(arguments, logs),
+            "processes": lambda: ProcessGroup(arguments, logs),
+            "threads": ThreadGroup,
+        }[options.layout]()
         trouble = ""
         try:
             trouble = _bring_up(group, monitor, stop)

@@ -24,6 +24,9 @@ NODE_ORDER = (
 )
 
 
+LAYOUTS = ("split", "processes", "threads")
+
+
 @dataclass(frozen=True)
 class CellOptions:
     """Options of `samrl cell`."""
@@ -32,7 +35,7 @@ class CellOptions:
     episodes: int
     seed: int
     out: Path
-    processes: bool = False  # every node in its own process
+    layout: str = "split"  # split: computing nodes in own processes; processes: every node; threads: none
     view: bool = False  # Foxglove WebSocket server
     update: bool = True  # Real2Sim on
     strategy: str = "best"  # of the view planner
@@ -58,6 +61,8 @@ def prepare(options: CellOptions) -> Path:
         InputError: unknown task, an out folder in use or not writable, a parameter file that is missing.
     """
     task_named(options.task)
+    if options.layout not in LAYOUTS:
+        raise InputError(f"--layout is {options.layout!r}, must be one of {', '.join(LAYOUTS)}")
     if options.episodes < 1:
         raise InputError(f"--episodes is {options.episodes}, must be at least 1")
     overlay: dict[str, Any] = {}

@@ -31,7 +31,10 @@ def cell(
         "out/cell"
     ),
     view: Annotated[bool, typer.Option("--view", help="Serve the topics to Foxglove on port 8765.")] = False,
-    processes: Annotated[bool, typer.Option("--processes", help="Every node in its own process.")] = False,
+    layout: Annotated[
+        str,
+        typer.Option(help="split: computing nodes in own processes; processes: every node; threads: none."),
+    ] = "split",
     update: Annotated[bool, typer.Option(help="Real2Sim update of the model; off for ablations.")] = True,
     strategy: Annotated[str, typer.Option(help="View planner: best, fixed or random.")] = "best",
     real_time_factor: Annotated[
@@ -49,7 +52,7 @@ def cell(
         episodes=episodes,
         seed=seed,
         out=out,
-        processes=processes,
+        layout=layout,
         view=view,
         update=update,
         strategy=strategy,

@@ -54,7 +54,7 @@ def bench_cell(out: Path, seed: int, episodes: int, real_time_factor: float) -> 
     console = Console()
     sampler = CpuSampler()
     options = CellOptions(
-        "peg_insertion", episodes, seed, out, processes=True, real_time_factor=real_time_factor
+        "peg_insertion", episodes, seed, out, layout="processes", real_time_factor=real_time_factor
     )
     seen: dict[str, Any] = {}
     code = run_cell(options, console, on_tick=sampler.sample, keep=seen)
@@ -119,7 +119,7 @@ def _command_delay(bag: Path) -> list[float]:
     horizon = 0.04  # the manipulator's default
     topic = arm_topic("tool_arm", "command")
     return [
-        record.log_time * 1e-9 - (stamp_ns(message) * 1e-9 - horizon)
+        record.log_time_ns * 1e-9 - (stamp_ns(message) * 1e-9 - horizon)
         for record, message in open_bag(bag).decoded((topic,))
     ]
 
@@ -130,7 +130,7 @@ def _stages(bag: Path) -> dict[str, Any]:
     spans: dict[str, list[float]] = defaultdict(list)
     answers = {STATE: "update", TARGET: "view", ACTION: "act"}
     for record, message in open_bag(bag).decoded((REQUEST, *answers, EXECUTED, CAMERA_STATUS)):
-        now = record.log_time * 1e-9
+        now = record.log_time_ns * 1e-9
         key = (int(message.episode), int(message.step))
         if record.topic == REQUEST:
             asked[(*key, message.stage)] = now

@@ -38,6 +38,7 @@ class SupervisorSettings:
     max_actions: int = setting(0, "actions per episode, 0 for the task's own limit", range=(0, 100_000))
     view_period: int = setting(1, "actions between two looks for a better view", range=(1, 1000))
     max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
+    retry_period: float = setting(3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0))
     stage_timeout: float = setting(30.0, "longest wait for one answer", "s of robot time", (1.0, 3600.0))
 
 
@@ -64,7 +65,7 @@ class Supervisor(Behaviour):
         self._episode = -1
         self._step = 0
         self._waiting_for = "start"
-        self._asked_ns = 0
+        self._asked_ns = self._published_ns = 0
         self._now_ns = 0
         self._tip = np.zeros(3)
         self._viewed_step = -1
@@ -87,7 +88,8 @@ class Supervisor(Behaviour):
         elif topic == READY:
             self._on_ready(message)
         elif topic == STATE and self._due("update", message):
-            self._on_state(message)
+            if from_message.stamp_ns(message) >= self._asked_ns:  # not a late answer to the request before
+                self._on_state(message)
         elif topic == TARGET and self._due("view", message):
             self._on_view(message)
         elif topic in STATUS:
@@ -115,6 +117,10 @@ class Supervisor(Behaviour):
         timeout_ns = int(self._settings.stage_timeout * 1e9)
         if self._waiting_for not in ("start", "ready", "end") and self._now_ns - self._asked_ns > timeout_ns:
             self._end(False, f"error: no answer to {self._waiting_for!r} within {self._settings.stage_timeout:g} s")
+        elif self._waiting_for in ("update", "view"):
+            # A request can be lost while the middleware still connects; asking twice for these is harmless.
+            if self._now_ns - self._published_ns > int(self._settings.retry_period * 1e9):
+                self._publish_request(self._waiting_for)
 
     def _on_safety(self, message: Any) -> None:
         if message.level >= b"\x02" and self._waiting_for not in ("start", "ready", "end"):
@@ -173,8 +179,12 @@ class Supervisor(Behaviour):
         self._waiting_for = stage
         self._asked_ns = self._now_ns
         self._mark(stage)
+        self._publish_request(stage)
+
+    def _publish_request(self, stage: str) -> None:
+        self._published_ns = self._now_ns
         request = StepRequest(
-            header=to_message.header(self._now_ns), episode=self._episode, step=self._step, stage=stage
+            header=to_message.header(self._asked_ns), episode=self._episode, step=self._step, stage=stage
         )
         self._outbox.publish(REQUEST, request)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -63,6 +64,8 @@ def prepare(options: CellOptions) -> Path:
     task_named(options.task)
     if options.layout not in LAYOUTS:
         raise InputError(f"--layout is {options.layout!r}, must be one of {', '.join(LAYOUTS)}")
+    if options.view and importlib.util.find_spec("foxglove") is None:
+        raise InputError("--view needs the extra `viz`: pip install -e '.[viz]'")
     if options.episodes < 1:
         raise InputError(f"--episodes is {options.episodes}, must be at least 1")
     overlay: dict[str, Any] = {}

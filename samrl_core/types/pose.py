@@ -109,8 +109,9 @@ class Pose:
 
     def angle_to(self, other: Pose) -> float:
         """Angle of the rotation between two poses [rad]."""
-        dot = abs(float(np.dot(self.quat_xyzw, other.quat_xyzw)))
-        return 2.0 * float(np.arccos(min(1.0, dot)))
+        between = (self.inverse() @ other).quat_xyzw
+        # Not by arccos: near zero it would turn rounding of 1e-7 into an angle of 1e-3.
+        return 2.0 * float(np.arctan2(np.linalg.norm(between[:3]), abs(between[3])))
 
 
 def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:

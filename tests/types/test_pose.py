@@ -68,3 +68,8 @@ def test_unproject_inverts_project() -> None:
     projected = camera.project(points)
     u, v = np.meshgrid(np.arange(8) + 0.5, np.arange(6) + 0.5)
     np.testing.assert_allclose(projected, np.stack([u, v, depth], axis=-1), atol=1e-9)
+
+
+def test_small_angles_are_exact() -> None:
+    turned = Pose.from_rpy(np.zeros(3), (0.0, 0.0, 1e-7))
+    assert Pose.identity().angle_to(turned) == pytest.approx(1e-7, rel=1e-6)

@@ -147,6 +147,12 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     console.print(f"{summary['successes']} of {n} episodes succeeded by evaluation truth (95 %: {low:.2f}-{high:.2f})")
     for episode in summary["episodes"]:
         console.print(_line(episode), highlight=False, soft_wrap=True)
+    timing = summary["timing"]
+    console.print(
+        f"real-time factor {timing['real_time_factor_median']:.2f}, longest wall gap "
+        f"{1e3 * timing['longest_wall_gap_s']:.0f} ms, joint states at {timing['joint_state_hz_median']:.0f} Hz",
+        highlight=False,
+    )
     console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)
     picture = out / "contact_sheet.png"
     try:

@@ -17,6 +17,7 @@ import numpy as np
 from samrl_core.tasks.task import Task
 from samrl_core.world.evaluation import read_truth
 from samrl_ros.bags.reader import open_bag
+from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.conversions.from_message import stamp_ns
 from samrl_core.robots.robot import ROLES
 from samrl_ros.topics import arm_topic, cell_topic
@@ -75,6 +76,7 @@ def summarise(
         "successes": successes,
         "success_rate_wilson95": wilson(successes, len(episodes)),
         "detector": _detector(episodes),
+        "timing": _timing(folder / "bag"),
         "median_hole_error_before_contact_m": _median([e["estimate_error_before_contact_m"] for e in episodes]),
         "episodes": episodes,
     }
@@ -108,6 +110,29 @@ def _by_episode(bag_path: Path) -> dict[int, dict[str, list[Any]]]:
     for record, message in open_bag(bag_path).decoded(topics):
         episodes[int(message.episode)][record.topic].append(message)
     return episodes
+
+
+def _timing(bag_path: Path) -> dict[str, float]:
+    """Pace of the simulation as its bridge reported it, and the rate of joint states in simulated time."""
+    factors, gaps, stamps = [], [0.0], []
+    joints = arm_topic(ROLES[0], "joint_states")
+    bag = open_bag(bag_path)
+    for _, message in bag.decoded(("/diagnostics",)):
+        for status in message.status:
+            if status.name.endswith("/sim_bridge"):
+                figures = {v.key: v.value for v in status.values}
+                factors.append(float(figures.get("real_time_factor", "nan")))
+                gaps.append(float(figures.get("longest_gap_s", "nan")))
+    for record in bag.messages((joints,)):
+        stamps.append(header_stamp_ns(record.type, record.data) or 0)  # the header alone: there are many
+    periods = np.diff(np.array(sorted(stamps))) * 1e-9
+    moving = [f for f in factors if math.isfinite(f) and f > 0]
+    return {
+        "real_time_factor_median": float(np.median(moving)) if moving else float("nan"),
+        "longest_wall_gap_s": max(g for g in gaps if math.isfinite(g)),
+        "joint_state_hz_median": float(1.0 / np.median(periods)) if periods.size else float("nan"),
+        "joint_state_period_p99_s": float(np.quantile(periods, 0.99)) if periods.size else float("nan"),
+    }
 
 
 def _episode(

@@ -36,7 +36,7 @@ class SupervisorSettings:
     episodes: int = setting(1, "episodes to run", range=(1, 1_000_000))
     seed: int = setting(0, "seed of the first episode; each next one adds 1", range=(0, 2**31 - 1))
     max_actions: int = setting(0, "actions per episode, 0 for the task's own limit", range=(0, 100_000))
-    view_period: int = setting(1, "actions between two looks for a better view", range=(1, 1000))
+    view_period: int = setting(3, "actions from one search for a better view to the next", range=(1, 1000))
     max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
     retry_period: float = setting(3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0))
     stage_timeout: float = setting(30.0, "longest wait for one answer", "s of robot time", (1.0, 3600.0))

@@ -93,7 +93,7 @@ class Assembler:
         best = min(readings, key=lambda r: abs(r.stamp_ns - stamp))
         if abs(best.stamp_ns - stamp) > self._slop_ns:
             raise InputError(
-                f"no joint state of {role} within {self._slop_ns / 1e6:.0f} ms of the image at {stamp / 1e9:.3f} s; "
-                "check that camera and arm share a clock"
+                f"no joint state of {role} within {self._slop_ns / 1e6:.0f} ms of the image "
+                f"at {stamp / 1e9:.3f} s; check that camera and arm share a clock"
             )
         return best

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -144,13 +143,15 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     write_json(out / "summary.json", summary)
     n = len(summary["episodes"])
     low, high = summary["success_rate_wilson95"]
-    console.print(f"{summary['successes']} of {n} episodes succeeded by evaluation truth (95 %: {low:.2f}-{high:.2f})")
+    interval = f"95 %: {low:.2f}-{high:.2f}"
+    console.print(f"{summary['successes']} of {n} episodes succeeded by evaluation truth ({interval})")
     for episode in summary["episodes"]:
         console.print(_line(episode), highlight=False, soft_wrap=True)
     timing = summary["timing"]
     console.print(
         f"real-time factor {timing['real_time_factor_median']:.2f}, longest wall gap "
-        f"{1e3 * timing['longest_wall_gap_s']:.0f} ms, joint states at {timing['joint_state_hz_median']:.0f} Hz",
+        f"{1e3 * timing['longest_wall_gap_s']:.0f} ms, "
+        f"joint states at {timing['joint_state_hz_median']:.0f} Hz",
         highlight=False,
     )
     console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)

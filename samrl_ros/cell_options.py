@@ -73,7 +73,7 @@ def prepare(options: CellOptions) -> Path:
         overlay = _load(options.params)
     out = options.out
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out} exists and is not an empty folder; choose another --out, nothing was touched")
+        raise InputError(f"{out} is there already and not an empty folder; choose another --out")
     try:
         out.mkdir(parents=True, exist_ok=True)
         (out / "evaluation").mkdir()

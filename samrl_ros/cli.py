@@ -14,7 +14,8 @@ from samrl_core.errors import InputError, SamrlError
 from samrl_ros.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
 
 app = typer.Typer(
-    help="A two-arm cell that learns manipulation with few real trials, and says why simulation and cell differ.",
+    help="A two-arm cell that learns manipulation with few real trials,"
+    " and says why simulation and cell differ.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
@@ -27,7 +28,7 @@ def cell(
     task: Annotated[str, typer.Option(help="Task to run.")] = "peg_insertion",
     episodes: Annotated[int, typer.Option(help="Episodes to run.", min=1)] = 1,
     seed: Annotated[int, typer.Option(help="Seed of the first episode; each next one adds 1.", min=0)] = 0,
-    out: Annotated[Path, typer.Option(help="Folder for bag, summary and picture; must not be in use.")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder for bag, summary and picture; must be unused.")] = Path(
         "out/cell"
     ),
     view: Annotated[bool, typer.Option("--view", help="Serve the topics to Foxglove on port 8765.")] = False,

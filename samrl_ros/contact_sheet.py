@@ -9,12 +9,12 @@ import matplotlib
 import numpy as np
 
 matplotlib.use("Agg")
-from matplotlib import pyplot as plt  # noqa: E402 (the backend must be chosen first)
+from matplotlib import pyplot as plt
 
-from samrl_core.errors import InputError  # noqa: E402
-from samrl_ros.bags.reader import open_bag  # noqa: E402
-from samrl_ros.conversions.from_message import image, stamp_ns  # noqa: E402
-from samrl_ros.topics import camera_topic, cell_topic  # noqa: E402
+from samrl_core.errors import InputError
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.conversions.from_message import image, stamp_ns
+from samrl_ros.topics import camera_topic, cell_topic
 
 COLOR, MODEL = camera_topic("color/image_raw"), cell_topic("model_updater/image")
 STATE = cell_topic("model_updater/state")
@@ -41,7 +41,9 @@ def draw_contact_sheet(bag_path: Path, picture: Path, episode: int = 0, columns:
         elif record.topic == MODEL:
             model[stamp] = image(message)
     real = {
-        stamp_ns(m): image(m) for _, m in bag.decoded((COLOR,)) if stamp_ns(m) in wanted and stamp_ns(m) in model
+        stamp_ns(m): image(m)
+        for _, m in bag.decoded((COLOR,))
+        if stamp_ns(m) in wanted and stamp_ns(m) in model
     }
     stamps = sorted(real)
     if not stamps:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from samrl_core.robots.cell import default_cell
+from samrl_core.robots.robot import ROLES
 from samrl_core.tasks import task_named
 from samrl_core.world import make_world
 from samrl_core.world.evaluation import TruthLog
@@ -19,7 +20,6 @@ from samrl_ros.behaviour import Behaviour
 from samrl_ros.node_registry import behaviour_nodes
 from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
 from samrl_ros.nodes.supervisor import START_EPISODE, Supervisor
-from samrl_core.robots.robot import ROLES
 from samrl_ros.topics import LATCHED, STATIC_TF, TOPICS, arm_topic, cell_topic
 
 

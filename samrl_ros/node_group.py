@@ -134,7 +134,7 @@ class ProcessGroup:
     def stop(self) -> str:
         """SIGINT in reverse order, then SIGKILL for what hangs; returns what had to be killed."""
         hanging = []
-        for name, child in reversed(self._children.items()):
+        for child in reversed(self._children.values()):
             if child.poll() is None:
                 child.send_signal(signal.SIGINT)
         deadline = time.monotonic() + STOP_TIMEOUT_S

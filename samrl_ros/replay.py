@@ -183,11 +183,11 @@ def _report(
 
 
 def _difference(a: Any, b: Any) -> float:
-    """Largest absolute difference of the numbers in two messages; infinite when their sizes differ."""
+    """Largest absolute difference of the numbers in two messages; infinite if one lacks what the other has."""
     x, y = _numbers(a), _numbers(b)
-    if x.size != y.size:
+    if x.size != y.size or not np.array_equal(np.isfinite(x), np.isfinite(y)):
         return float("inf")
-    return float(np.nanmax(np.abs(x - y), initial=0.0))
+    return float(np.max(np.abs(x - y), where=np.isfinite(x), initial=0.0))
 
 
 def _numbers(message: Any) -> np.ndarray:
@@ -200,9 +200,11 @@ def _numbers(message: Any) -> np.ndarray:
                     walk(getattr(value, name))
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
             found.append(float(value))
-        elif isinstance(value, (list, tuple, np.ndarray)) or type(value).__name__ == "array":
+        elif isinstance(value, (list, tuple)):
             for item in value:
                 walk(item)
+        elif isinstance(value, np.ndarray) or type(value).__name__ == "array":
+            found.extend(np.asarray(value, dtype=np.float64).ravel().tolist())
 
     walk(message)
     return np.array(found)

@@ -41,7 +41,7 @@ def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: boo
     for name in nodes or DEFAULT_NODES:
         node = entry(name)
 
-        def factory(outbox: RecordingOutbox, node=node, name=name):  # noqa: ANN202
+        def factory(outbox: RecordingOutbox, node=node, name=name):
             return node.behaviour(node.settings(**settings.get(name, {})), outbox)
 
         make[name] = factory
@@ -65,7 +65,7 @@ def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: boo
 
 
 def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
-    """The settings that the nodes ran with, from `params.yaml` beside the bag; defaults where there is none."""
+    """The settings that the nodes ran with, from `params.yaml` beside the bag; defaults without one."""
     import dataclasses
 
     import yaml

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
 from samrl_core.world.evaluation import read_truth
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.conversions.from_message import stamp_ns
-from samrl_core.robots.robot import ROLES
 from samrl_ros.topics import arm_topic, cell_topic
 
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
@@ -77,7 +77,9 @@ def summarise(
         "success_rate_wilson95": wilson(successes, len(episodes)),
         "detector": _detector(episodes),
         "timing": _timing(folder / "bag"),
-        "median_hole_error_before_contact_m": _median([e["estimate_error_before_contact_m"] for e in episodes]),
+        "median_hole_error_before_contact_m": _median(
+            [e["estimate_error_before_contact_m"] for e in episodes]
+        ),
         "episodes": episodes,
     }
 
@@ -125,7 +127,7 @@ def _timing(bag_path: Path) -> dict[str, float]:
                 gaps.append(float(figures.get("longest_gap_s", "nan")))
     for record in bag.messages((joints,)):
         stamps.append(header_stamp_ns(record.type, record.data) or 0)  # the header alone: there are many
-    periods = np.diff(np.array(sorted(stamps))) * 1e-9
+    periods = np.diff(np.array(sorted(stamps), dtype=np.int64)) * 1e-9
     moving = [f for f in factors if math.isfinite(f) and f > 0]
     return {
         "real_time_factor_median": float(np.median(moving)) if moving else float("nan"),
@@ -153,7 +155,9 @@ def _episode(
         "estimate_sigma_m": float(outcome.estimate_error_bound),
         "updates": [_update(s) for s in states],
         "views": [_view(v) for v in topics[TARGET]],
-        "tracking_error_rad": max((m.tracking_error for t in STATUS for m in topics[t]), default=float("nan")),
+        "tracking_error_rad": max(
+            (m.tracking_error for t in STATUS for m in topics[t]), default=float("nan")
+        ),
     }
     summary.update(_judged(truth, states, task))
     return summary

@@ -131,7 +131,9 @@ def _camera(name: str, type_: str, rate: str, content: str, qos: str = SENSOR) -
     return Topic(f"{NAMESPACE}/camera/{name}", type_, qos, "sim_bridge", rate, frame, content)
 
 
-def _own(name: str, type_: str, publisher: str, content: str, qos: str = STATE, rate: str = "per step") -> Topic:
+def _own(
+    name: str, type_: str, publisher: str, content: str, qos: str = STATE, rate: str = "per step"
+) -> Topic:
     return Topic(f"{NAMESPACE}/{name}", type_, qos, publisher, rate, "-", content)
 
 
@@ -149,7 +151,7 @@ _ALL: list[Topic] = [
         "mask/image_raw",
         "sensor_msgs/msg/Image",
         "10 Hz",
-        "mono8 segmentation as a sensor gives it: 0 background, 1.. labels; boundary errors and dropouts included",
+        "mono8 segmentation as a sensor gives it: 0 background, 1.. labels; with border errors and dropouts",
     ),
     _camera(
         "calibration",
@@ -169,7 +171,14 @@ _ALL: list[Topic] = [
         "on change",
     ),
     _own("supervisor/request", "samrl_msgs/msg/StepRequest", "supervisor", "asks a stage of the loop"),
-    _own("supervisor/outcome", "samrl_msgs/msg/Outcome", "supervisor", "how an episode ended", STATE, "per episode"),
+    _own(
+        "supervisor/outcome",
+        "samrl_msgs/msg/Outcome",
+        "supervisor",
+        "how an episode ended",
+        STATE,
+        "per episode",
+    ),
     _own("model_updater/state", "samrl_msgs/msg/ModelState", "model_updater", "the updated model"),
     _own(
         "model_updater/image",
@@ -189,7 +198,15 @@ _ALL: list[Topic] = [
         "on update",
     ),
     Topic("/clock", "rosgraph_msgs/msg/Clock", CLOCK, "sim_bridge", "250 Hz", "-", "simulated time"),
-    Topic("/tf", "tf2_msgs/msg/TFMessage", STATE, "sim_bridge", "20 Hz", "world", "links from measured joints"),
+    Topic(
+        "/tf",
+        "tf2_msgs/msg/TFMessage",
+        STATE,
+        "sim_bridge",
+        "20 Hz",
+        "world",
+        "links from measured joints",
+    ),
     Topic(
         "/tf_static",
         "tf2_msgs/msg/TFMessage",
@@ -220,7 +237,12 @@ SERVICES: tuple[Service, ...] = (
         "sim_bridge",
         "lay the scene anew; answers when the arms are at rest",
     ),
-    Service(f"{NAMESPACE}/estop", "std_srvs/srv/Trigger", "sim_bridge", "emergency stop of both arms, latched"),
+    Service(
+        f"{NAMESPACE}/estop",
+        "std_srvs/srv/Trigger",
+        "sim_bridge",
+        "emergency stop of both arms, latched",
+    ),
     Service(
         f"{NAMESPACE}/estop_reset",
         "std_srvs/srv/Trigger",

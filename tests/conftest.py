@@ -1,4 +1,8 @@
-"""Every test process has a ROS domain of its own, on loopback, without shared-memory leftovers."""
+"""Every test process has a ROS domain of its own, on loopback, without shared-memory leftovers.
+
+Numerical libraries get one thread, as in the cell's own processes (`samrl_ros.threads`): set here, before
+any test module imports torch.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,9 @@ from pathlib import Path
 from typing import IO
 
 import pytest
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 LAST_DOMAIN = 101  # above it, DDS ports meet Linux's ephemeral ports
 

@@ -40,7 +40,7 @@ def arm_reading(message: Any, joint_names: tuple[str, ...]) -> ArmReading:
 
 def _order(names: list[str], joint_names: tuple[str, ...]) -> list[int]:
     if sorted(names) != sorted(joint_names):
-        raise InputError(f"joint names {names} are not {list(joint_names)}; check which driver publishes here")
+        raise InputError(f"joint names {names} are not {list(joint_names)}; check who publishes here")
     return [names.index(n) for n in joint_names]
 
 
@@ -51,7 +51,7 @@ def arm_command(message: Any, joint_names: tuple[str, ...]) -> ArmCommand:
         InputError: not exactly one point, wrong names, or wrong sizes.
     """
     if len(message.points) != 1:
-        raise InputError(f"command has {len(message.points)} points, must be one; use joint_trajectory for more")
+        raise InputError(f"command has {len(message.points)} points, not one; use joint_trajectory for more")
     order = _order(list(message.joint_names), joint_names)
     point = message.points[0]
     columns = []
@@ -71,7 +71,12 @@ def image(message: Any) -> np.ndarray:
     Raises:
         InputError: empty, an encoding that is not listed, or data that do not fill the image.
     """
-    formats = {"rgb8": (np.uint8, 3), "mono8": (np.uint8, 1), "32FC1": (np.float32, 1), "16UC1": (np.uint16, 1)}
+    formats = {
+        "rgb8": (np.uint8, 3),
+        "mono8": (np.uint8, 1),
+        "32FC1": (np.float32, 1),
+        "16UC1": (np.uint16, 1),
+    }
     if message.encoding not in formats:
         raise InputError(f"image encoding {message.encoding!r} is not one of {sorted(formats)}")
     dtype, channels = formats[message.encoding]
@@ -81,7 +86,7 @@ def image(message: Any) -> np.ndarray:
     row = width * channels * np.dtype(dtype).itemsize
     data = np.frombuffer(bytes(message.data), dtype=np.uint8)
     if step < row or data.size != step * height:
-        raise InputError(f"image of {width}x{height} {message.encoding} has {data.size} bytes and step {step}")
+        raise InputError(f"image {width}x{height} {message.encoding} has {data.size} bytes and step {step}")
     if message.is_bigendian and np.dtype(dtype).itemsize > 1:
         raise InputError("image is big endian; publish little endian")
     pixels = np.ascontiguousarray(data.reshape(height, step)[:, :row]).view(dtype)
@@ -128,7 +133,7 @@ def calibration(text: str) -> dict[str, Pose]:
             "camera_arm": _pose(data["base_in_world"]["camera_arm"]),
         }
     except (json.JSONDecodeError, KeyError, TypeError) as error:
-        raise InputError(f"calibration message cannot be read ({error!r}); see msgs_docs/topics.md") from error
+        raise InputError(f"cannot read the calibration ({error!r}); see msgs_docs/topics.md") from error
 
 
 def _pose(data: dict[str, list[float]]) -> Pose:

@@ -40,7 +40,9 @@ class MotionEnd:
 class ArmMotion:
     """Ticks on joint readings, one command per reading, stamped `horizon_ns` ahead."""
 
-    def __init__(self, spec: RobotSpec, base: Pose, payload: Payload | None, settings: MotionSettings) -> None:
+    def __init__(
+        self, spec: RobotSpec, base: Pose, payload: Payload | None, settings: MotionSettings
+    ) -> None:
         self.spec = spec
         self.model = ArmModel(spec, base, payload)
         self._settings = settings

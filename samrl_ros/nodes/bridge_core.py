@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
+from samrl_msgs.msg import EpisodeReady
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
@@ -21,7 +22,6 @@ from samrl_core.safety.guard import CommandGuard, GuardState
 from samrl_core.tasks.task import Task
 from samrl_core.world.evaluation import TruthLog
 from samrl_core.world.world import SimulatedWorld
-from samrl_msgs.msg import EpisodeReady
 from samrl_ros.behaviour import Outbox
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.transforms import dynamic_transforms, static_transforms
@@ -121,7 +121,7 @@ class BridgeCore:
             self._outbox.log("error", f"{role}: command refused, arm brakes: {error}")
 
     def waits_for_commands(self, within_s: float) -> bool:
-        """Whether simulated time should stand still: an arm's next commands are due and still on their way."""
+        """Whether simulated time should stand still: an arm's next commands are due and still under way."""
         steady, robot = self._steady_s(), self._world.time_ns * 1e-9
         return any(guard.waits_for_command(steady, robot, within_s) for guard in self._guards.values())
 
@@ -153,7 +153,8 @@ class BridgeCore:
         self._episode, self._seed = episode, seed
         if self._truth_log is not None:
             self._truth_log.record(episode, seed, "start")
-        ready = EpisodeReady(header=to_message.header(self._world.time_ns), episode=episode, task=self._task.name)
+        header = to_message.header(self._world.time_ns)
+        ready = EpisodeReady(header=header, episode=episode, task=self._task.name)
         self._outbox.publish(cell_topic("sim_bridge/ready"), ready)
         self._publish_due()
 

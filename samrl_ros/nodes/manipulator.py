@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from samrl_msgs.msg import MotionStatus, ToolAction
 
 from samrl_core.errors import InputError, LimitError, ReachError
 from samrl_core.motion.cartesian import straight_line
@@ -18,7 +19,6 @@ from samrl_core.robots.robot import ROLES
 from samrl_core.safety.guard import CommandGuard
 from samrl_core.tasks import task_named
 from samrl_core.types.pose import Pose
-from samrl_msgs.msg import MotionStatus, ToolAction
 from samrl_ros.behaviour import Behaviour, Outbox
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.arm_motion import ArmMotion, MotionEnd, MotionSettings
@@ -42,7 +42,7 @@ class ManipulatorSettings:
     stopped_velocity_tolerance: float = setting(0.01, "at rest below this", "rad/s", (1e-4, 0.1))
     goal_timeout: float = setting(1.5, "longest wait for rest after the set point arrived", "s", (0.05, 60.0))
     horizon: float = setting(0.04, "how far ahead of a reading its command is stamped", "s", (0.004, 0.1))
-    leash: float = setting(0.01, "commanded tool position may lead the measured one by this", "m", (1e-3, 0.1))
+    leash: float = setting(0.01, "commanded tool position may lead the measured one by", "m", (1e-3, 0.1))
     waypoint_spacing: float = setting(0.005, "of the straight line of an action", "m", (5e-4, 0.05))
     task_action_limit: float = setting(0.02, "longest displacement accepted", "m", (1e-3, 0.2))
 
@@ -129,7 +129,8 @@ class Manipulator(Behaviour):
             self._report(role, MotionStatus.REACHED, "reached", end)
         else:
             limit = self._settings.goal_timeout
-            self._report(role, MotionStatus.TIMEOUT, f"not at rest {limit:g} s after the set point arrived", end)
+            text = f"not at rest {limit:g} s after the set point arrived"
+            self._report(role, MotionStatus.TIMEOUT, text, end)
         if role == "tool_arm" and self._action is not None:
             request, tip_before = self._action
             self._action = None
@@ -149,7 +150,7 @@ class Manipulator(Behaviour):
         displacement = from_message.vector(message.nominal) + from_message.vector(message.residual)
         length, limit = float(np.linalg.norm(displacement)), self._settings.task_action_limit
         if not np.isfinite(length) or length > limit:
-            raise LimitError(f"tool displacement of {length:.4f} m, limit {limit:.4f} m; ask for a shorter one")
+            raise LimitError(f"tool displacement {length:.4f} m, limit {limit:.4f} m; ask for a shorter one")
         tip = self._tip()
         start = self._leashed(tip)
         arm.move(
@@ -188,7 +189,7 @@ class Manipulator(Behaviour):
     def _on_weights(self, message: Any) -> None:
         version = int(json.loads(message.data)["version"])
         if version != 0:
-            raise InputError(f"residual version {version} cannot be applied here; only version 0 (zero) is known")
+            raise InputError(f"residual version {version} cannot be applied here; only 0 (zero) is known")
         self._residual_version = version
 
     def _ready(self, role: str) -> ArmMotion:
@@ -216,7 +217,8 @@ class Manipulator(Behaviour):
 
     def _report(self, role: str, status: int, text: str, end: MotionEnd | None) -> None:
         episode, step = self._ids[role]
-        message = MotionStatus(header=to_message.header(self._now_ns(role)), arm=role, episode=episode, step=step)
+        header = to_message.header(self._now_ns(role))
+        message = MotionStatus(header=header, arm=role, episode=episode, step=step)
         message.status, message.message = status, text
         if end is not None:
             message.duration, message.tracking_error = end.duration_s, end.tracking_error

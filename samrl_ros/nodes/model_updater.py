@@ -16,9 +16,8 @@ from samrl_core.tasks import task_named
 from samrl_core.types.observation import Observation
 from samrl_ros import assembly
 from samrl_ros.behaviour import Behaviour, Outbox
-from samrl_ros.conversions import from_message
+from samrl_ros.conversions import from_message, to_message
 from samrl_ros.conversions import model_state as model_state_message
-from samrl_ros.conversions import to_message
 from samrl_ros.settings import setting
 from samrl_ros.topics import cell_topic
 

@@ -35,11 +35,15 @@ class SimBridgeSettings:
 
     task: str = setting("peg_insertion", "task whose scene is laid out")
     world: str = setting("pybullet", "simulator behind the border", choices=("pybullet", "mock"))
-    real_time_factor: float = setting(1.0, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0))
+    real_time_factor: float = setting(
+        1.0, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0)
+    )
     joint_state_hz: int = setting(250, "simulated rate of joint states and clock", "Hz", (10, 1000))
     camera_hz: int = setting(10, "simulated rate of images", "Hz", (1, 60))
     tf_hz: int = setting(20, "simulated rate of tf", "Hz", (1, 250))
-    command_timeout: float = setting(0.1, "age of a command, by reception, at which the arm brakes", "s", (0.01, 5.0))
+    command_timeout: float = setting(
+        0.1, "age of a command, by reception, at which the arm brakes", "s", (0.01, 5.0)
+    )
     evaluation_file: str = setting("", "where evaluation truth is written, empty for nowhere")
 
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from samrl_msgs.msg import MotionStatus, Outcome, StepRequest
+from samrl_msgs.srv import StartEpisode
 from std_msgs.msg import String
 
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks import task_named
-from samrl_msgs.msg import MotionStatus, Outcome, StepRequest
-from samrl_msgs.srv import StartEpisode
 from samrl_ros.behaviour import Behaviour, Outbox
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.settings import setting
@@ -38,7 +38,9 @@ class SupervisorSettings:
     max_actions: int = setting(0, "actions per episode, 0 for the task's own limit", range=(0, 100_000))
     view_period: int = setting(3, "actions from one search for a better view to the next", range=(1, 1000))
     max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
-    retry_period: float = setting(3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0))
+    retry_period: float = setting(
+        3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0)
+    )
     stage_timeout: float = setting(30.0, "longest wait for one answer", "s of robot time", (1.0, 3600.0))
 
 
@@ -116,7 +118,8 @@ class Supervisor(Behaviour):
         self._tip = (self._arm.flange_in_base(reading.position) @ self._tip_in_flange).position
         timeout_ns = int(self._settings.stage_timeout * 1e9)
         if self._waiting_for not in ("start", "ready", "end") and self._now_ns - self._asked_ns > timeout_ns:
-            self._end(False, f"error: no answer to {self._waiting_for!r} within {self._settings.stage_timeout:g} s")
+            waited = f"within {self._settings.stage_timeout:g} s"
+            self._end(False, f"error: no answer to {self._waiting_for!r} {waited}")
         elif self._waiting_for in ("update", "view"):
             # A request can be lost while the middleware still connects; asking twice for these is harmless.
             if self._now_ns - self._published_ns > int(self._settings.retry_period * 1e9):
@@ -194,7 +197,8 @@ class Supervisor(Behaviour):
     def _end(self, detected: bool, reason: str) -> None:
         self._waiting_for = "end"
         self._successes += int(detected)
-        self._outbox.log("error" if reason.startswith("error") else "info", f"episode {self._episode}: {reason}")
+        level = "error" if reason.startswith("error") else "info"
+        self._outbox.log(level, f"episode {self._episode}: {reason}")
         outcome = Outcome(header=to_message.header(self._now_ns), episode=self._episode)
         outcome.detected_success, outcome.actions, outcome.reason = detected, self._step, reason
         outcome.estimate_error_bound = self._sigma

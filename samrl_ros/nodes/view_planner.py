@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from samrl_msgs.msg import ToolAction, ViewTarget
 
 from samrl_core.errors import InputError
 from samrl_core.model.model import Model
@@ -19,7 +20,6 @@ from samrl_core.tasks import task_named
 from samrl_core.trajectory import optimise
 from samrl_core.types.observation import ArmReading
 from samrl_core.view_planning import ViewChoice, ViewPlanner
-from samrl_msgs.msg import ToolAction, ViewTarget
 from samrl_ros.behaviour import Behaviour, Outbox
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.conversions.model_state import from_state

@@ -54,7 +54,8 @@ def test_refusals() -> None:
 
 
 def test_a_look_at_camera_sees_its_target_in_the_middle_and_up_is_up() -> None:
-    camera = Camera(Intrinsics.from_fov(128, 128, 0.7), look_at(np.array([0.4, -0.3, 0.5]), np.array([0.1, 0, 0.05])))
+    camera_in_world = look_at(np.array([0.4, -0.3, 0.5]), np.array([0.1, 0, 0.05]))
+    camera = Camera(Intrinsics.from_fov(128, 128, 0.7), camera_in_world)
     u, v, depth = camera.project(np.array([0.1, 0, 0.05]))
     assert (u, v) == (pytest.approx(64), pytest.approx(64))
     assert depth == pytest.approx(np.linalg.norm([0.3, -0.3, 0.45]))

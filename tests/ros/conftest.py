@@ -1,0 +1,50 @@
+"""A short run of the whole cell in one thread, made once and looked at by several tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@dataclass(frozen=True)
+class LocalRun:
+    """What a run said, in order, and where evaluation wrote the truth."""
+
+    messages: list[tuple[int, str, Any]]  # simulated time [ns], topic, message
+    truth_file: Path
+    logs: list[tuple[str, str, str]]
+
+    def on(self, topic: str) -> list[Any]:
+        """Messages of one topic."""
+        return [message for _, name, message in self.messages if name == topic]
+
+
+def run_local_graph(folder: Path, supervisor: dict[str, Any]) -> LocalRun:
+    """One episode of peg insertion on a `LocalGraph`."""
+    from samrl_ros.local_graph import LocalGraph
+
+    messages: list[tuple[int, str, Any]] = []
+    truth_file = folder / "evaluation" / "truth.jsonl"
+    graph = LocalGraph("peg_insertion", {"supervisor": supervisor}, truth_file)
+    graph.listener = lambda topic, message: messages.append((graph.bridge.time_ns, topic, message))
+    try:
+        graph.run()
+    finally:
+        graph.close()
+    return LocalRun(messages, truth_file, graph.logs)
+
+
+@pytest.fixture(scope="session")
+def three_actions(tmp_path_factory: pytest.TempPathFactory) -> LocalRun:
+    """Three actions, with one search for a view at the start."""
+    settings = {"seed": 1, "max_actions": 3, "view_period": 100}
+    return run_local_graph(tmp_path_factory.mktemp("three_actions"), settings)
+
+
+@pytest.fixture(scope="session")
+def whole_episode(tmp_path_factory: pytest.TempPathFactory) -> LocalRun:
+    """An episode as the cell runs it; minutes of simulated time."""
+    return run_local_graph(tmp_path_factory.mktemp("whole_episode"), {"seed": 1})

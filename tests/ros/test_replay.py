@@ -1,0 +1,122 @@
+"""Handlers over a recorded bag: twice gives the same digests, and the same numbers as in the recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from samrl_core.errors import InputError
+from samrl_ros.bags.qos import topic_qos
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.bags.writer import BagWriter
+from samrl_ros.topics import TOPICS, cell_topic
+
+pytestmark = pytest.mark.ros
+STATE, ACTION = cell_topic("model_updater/state"), cell_topic("view_planner/nominal_action")
+SUPERVISOR = {"seed": 1, "max_actions": 3, "view_period": 100}  # as the run was made
+
+
+def record(folder: Path, messages: list[tuple[int, str, Any]]) -> Path:
+    """Messages of a run as a bag."""
+    from rclpy.serialization import serialize_message
+
+    with BagWriter(folder) as bag:
+        for time_ns, topic, message in messages:
+            bag.add_topic(topic, TOPICS[topic].type, topic_qos(topic))
+            bag.write(topic, time_ns, serialize_message(message))
+    return folder
+
+
+def makers(*names: str) -> dict[str, Any]:
+    """Factories of the nodes, with the settings of the run."""
+    from samrl_ros.node_registry import entry
+
+    def factory(name: str) -> Any:
+        node = entry(name)
+        return lambda outbox: node.behaviour(node.settings(**settings.get(name, {})), outbox)
+
+    settings = {"supervisor": SUPERVISOR}
+    return {name: factory(name) for name in names}
+
+
+@pytest.fixture(scope="module")
+def bag(three_actions: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(tmp_path_factory.mktemp("replay") / "bag", three_actions.messages)
+
+
+@pytest.fixture(scope="module")
+def report(bag: Path) -> Any:
+    from samrl_ros.replay import replay
+    from samrl_ros.replay_command import COMPARED, DEFAULT_NODES
+
+    return replay(bag, makers(*DEFAULT_NODES), COMPARED)
+
+
+def test_the_bag_holds_the_run(bag: Path, three_actions: Any) -> None:
+    opened = open_bag(bag)
+    assert opened.message_count == len(three_actions.messages)
+    assert [m.topic for m in opened.messages()] == [topic for _, topic, _ in three_actions.messages]
+
+
+def test_every_output_is_said_again(report: Any) -> None:
+    for topic, row in report.outputs.items():
+        assert row["replayed"] == row["recorded"], topic
+
+
+def test_numbers_are_those_of_the_recording(report: Any) -> None:
+    assert report.outputs[STATE]["replayed"] == 5
+    for topic in (STATE, ACTION, cell_topic("view_planner/target")):
+        assert report.outputs[topic]["largest_difference"] < 1e-9, topic
+
+
+def test_twice_gives_the_same_digests(bag: Path, report: Any) -> None:
+    from samrl_ros.replay import replay
+    from samrl_ros.replay_command import COMPARED, DEFAULT_NODES
+
+    again = replay(bag, makers(*DEFAULT_NODES), COMPARED)
+    assert again.outputs == report.outputs
+    assert again.digest == report.digest
+    assert again.logs == report.logs
+
+
+def test_another_image_gives_another_digest(three_actions: Any, tmp_path: Path) -> None:
+    """The digest covers content: brighter images move the colours that are fitted."""
+    from copy import copy
+
+    from samrl_ros.replay import replay
+
+    def brighter(topic: str, message: Any) -> Any:
+        if topic != "/cell/camera/color/image_raw":
+            return message
+        changed = copy(message)
+        changed.data = bytes(min(255, value + 20) for value in message.data)
+        return changed
+
+    first = next(i for i, (_, topic, m) in enumerate(three_actions.messages) if topic == STATE)
+    head = three_actions.messages[: first + 1]
+    plain = replay(record(tmp_path / "plain", head), makers("model_updater"))
+    changed = [(time_ns, topic, brighter(topic, m)) for time_ns, topic, m in head]
+    bright = replay(record(tmp_path / "bright", changed), makers("model_updater"))
+    assert plain.outputs[STATE]["replayed"] == bright.outputs[STATE]["replayed"] == 1
+    assert plain.digest != bright.digest
+
+
+def test_a_bag_without_the_needed_topics_is_refused(three_actions: Any, tmp_path: Path) -> None:
+    from samrl_ros.replay import replay
+
+    clock_only = [entry for entry in three_actions.messages[:500] if entry[1] in ("/clock", "/tf")]
+    assert clock_only
+    bag = record(tmp_path / "bag", clock_only)
+    with pytest.raises(InputError, match="none of the topics that model_updater hears"):
+        replay(bag, makers("model_updater"))
+
+
+def test_report_is_written_whole(report: Any, tmp_path: Path) -> None:
+    import json
+
+    report.write(tmp_path / "report.json")
+    data = json.loads((tmp_path / "report.json").read_text())
+    assert data["schema"] == 1
+    assert data["digest"] == report.digest

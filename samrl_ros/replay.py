@@ -183,7 +183,7 @@ def _report(
 
 
 def _difference(a: Any, b: Any) -> float:
-    """Largest absolute difference of the numbers in two messages; infinite if one lacks what the other has."""
+    """Largest absolute difference of the numbers in two messages; infinite if one lacks some of them."""
     x, y = _numbers(a), _numbers(b)
     if x.size != y.size or not np.array_equal(np.isfinite(x), np.isfinite(y)):
         return float("inf")

@@ -119,11 +119,32 @@ def vector(message: Any) -> np.ndarray:
     return np.array([message.x, message.y, message.z], dtype=np.float64)
 
 
+def model_values(message: Any, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """ModelState to values (P,) and covariance (P, P), in its units.
+
+    Raises:
+        InputError: other parameters than `names`, sizes that do not fit, or a value that is not finite.
+    """
+    if tuple(message.names) != names:
+        raise InputError(
+            f"model state holds {list(message.names)}, not {list(names)}; check that all nodes run one task"
+        )
+    values = np.array(message.values, dtype=np.float64)
+    covariance = np.array(message.covariance, dtype=np.float64)
+    if values.size != len(names) or covariance.size != len(names) ** 2:
+        raise InputError(
+            f"model state has {values.size} values and {covariance.size} covariances for {len(names)} names"
+        )
+    if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
+        raise InputError(f"model state is not finite: values {values}; check the model_updater's log")
+    return values, covariance.reshape(len(names), len(names))
+
+
 def calibration(text: str) -> dict[str, Pose]:
     """`/cell/camera/calibration` to `camera_in_flange`, `tool_arm` and `camera_arm` base in world.
 
     Raises:
-        InputError: not JSON, or a key missing.
+        InputError: not JSON, a key missing, or no pose under it.
     """
     try:
         data = json.loads(text)
@@ -132,7 +153,7 @@ def calibration(text: str) -> dict[str, Pose]:
             "tool_arm": _pose(data["base_in_world"]["tool_arm"]),
             "camera_arm": _pose(data["base_in_world"]["camera_arm"]),
         }
-    except (json.JSONDecodeError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:  # JSONDecodeError is a ValueError
         raise InputError(f"cannot read the calibration ({error!r}); see msgs_docs/topics.md") from error
 
 

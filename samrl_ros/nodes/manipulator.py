@@ -187,7 +187,10 @@ class Manipulator(Behaviour):
         arm.move([p.position for p in accepted])
 
     def _on_weights(self, message: Any) -> None:
-        version = int(json.loads(message.data)["version"])
+        try:
+            version = int(json.loads(message.data)["version"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"cannot read {WEIGHTS} ({error!r}); see msgs_docs/topics.md") from error
         if version != 0:
             raise InputError(f"residual version {version} cannot be applied here; only 0 (zero) is known")
         self._residual_version = version

@@ -61,6 +61,7 @@ class Supervisor(Behaviour):
         cell = default_cell()
         tool = self._task.scene(cell).tool
         self._names = cell.tool_arm.joint_names
+        self._parameters = tuple(spec.name for spec in self._task.parameters())
         self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._tip_in_flange = tool.tip_in_flange
         self._max_actions = settings.max_actions or self._task.max_actions
@@ -142,9 +143,8 @@ class Supervisor(Behaviour):
 
     def _on_state(self, message: Any) -> None:
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
-        values = np.array(message.values)
-        variance = np.diag(np.array(message.covariance).reshape(values.size, values.size))
-        self._sigma = float(np.sqrt(variance.max()))
+        values, covariance = from_message.model_values(message, self._parameters)
+        self._sigma = float(np.sqrt(np.diag(covariance).max()))
         self._lost_updates = self._lost_updates + 1 if message.why_stopped == "no_target" else 0
         if self._lost_updates > self._settings.max_lost_updates:
             self._end(False, f"error: target not seen in {self._lost_updates} updates in a row")

@@ -54,6 +54,7 @@ class ViewPlannerNode(Behaviour):
         self._task = task_named(settings.task)
         cell = default_cell()
         self._cell = cell
+        self._parameters = tuple(spec.name for spec in self._task.parameters())
         self._model = Model(self._task, cell)
         self._planner = ViewPlanner(self._model, cell, self._task)
         self._rng = np.random.default_rng(settings.seed)
@@ -74,6 +75,7 @@ class ViewPlannerNode(Behaviour):
         elif topic == READY:
             self._state = self._request = None
         elif topic == STATE:
+            from_message.model_values(message, self._parameters)  # refused on arrival, not when it is used
             self._state = message
         elif message.stage in ("view", "act"):
             self._request = message

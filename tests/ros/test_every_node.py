@@ -17,6 +17,7 @@ from samrl_core.robots.robot import ROLES
 from samrl_core.tasks import task_named
 from samrl_ros.topics import TOPICS, arm_topic, cell_topic
 
+pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 NODES = ("manipulator", "view_planner", "model_updater", "residual_trainer", "supervisor")
 READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")

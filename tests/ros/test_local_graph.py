@@ -13,6 +13,7 @@ from samrl_core.tasks import task_named
 from samrl_core.world.evaluation import read_truth
 from samrl_ros.topics import TOPICS, cell_topic
 
+pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 TASK, BODY = task_named("peg_insertion"), "hole_board"
 STATE, OUTCOME = cell_topic("model_updater/state"), cell_topic("supervisor/outcome")

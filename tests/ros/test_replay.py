@@ -13,6 +13,7 @@ from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.writer import BagWriter
 from samrl_ros.topics import TOPICS, cell_topic
 
+pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 STATE, ACTION = cell_topic("model_updater/state"), cell_topic("view_planner/nominal_action")
 SUPERVISOR = {"seed": 1, "max_actions": 3, "view_period": 100}  # as the run was made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,7 +47,8 @@ def info(
     if as_json:
         typer.echo(json.dumps(described, indent=2))
     else:
-        Console().print(render(described))
+        width = None if sys.stdout.isatty() else 160  # a pipe has no width to respect
+        Console(width=width).print(render(described))
 
 
 @bag_app.command("repair")

@@ -49,7 +49,13 @@ def render(described: dict[str, Any]) -> Group:
         f"log time {described['start_s']:.3f} s to {described['end_s']:.3f} s",
         *(f"{key}: {value}" for key, value in described["custom_data"].items()),
     ]
-    table = Table("topic", "type", "count", "Hz", "QoS", "hash")
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("topic", no_wrap=True, overflow="fold")  # names are what people look for
+    table.add_column("type", no_wrap=True, overflow="ellipsis")
+    for name in ("count", "Hz"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("QoS", no_wrap=True, overflow="ellipsis")
+    table.add_column("hash", no_wrap=True, overflow="ellipsis")
     for topic in described["topics"]:
         rate = topic["rate_hz"]
         qos = f"{topic['reliability']}, {topic['durability']}" if topic["reliability"] else "not recorded"

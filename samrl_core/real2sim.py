@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +64,16 @@ class Real2SimSettings:
     )
 
 
+# Losses of an estimate that no image has been fitted to.
+_NO_FIT: dict[str, Any] = {
+    **dict.fromkeys(
+        ("loss_before", "loss_after", "color_loss_before", "color_loss_after", "emd_before", "emd_after"),
+        float("nan"),
+    ),
+    "iterations": 0,
+}
+
+
 def initial_estimate(model: Model) -> Estimate:
     """The declared nominal values, with the declared scales as standard deviations."""
     specs = model.task.parameters()
@@ -75,13 +86,7 @@ def initial_estimate(model: Model) -> Estimate:
         colors=colors,
         color_variance=np.full(colors.shape, Real2SimSettings.initial_color_deviation**2),
         stamp_ns=0,
-        loss_before=float("nan"),
-        loss_after=float("nan"),
-        color_loss_before=float("nan"),
-        color_loss_after=float("nan"),
-        emd_before=float("nan"),
-        emd_after=float("nan"),
-        iterations=0,
+        **_NO_FIT,
         why_stopped="initial",
         converged=False,
     )
@@ -115,13 +120,7 @@ class Real2Sim:
             return replace(
                 estimate,
                 stamp_ns=observation.stamp_ns,
-                loss_before=float("nan"),
-                loss_after=float("nan"),
-                color_loss_before=float("nan"),
-                color_loss_after=float("nan"),
-                emd_before=float("nan"),
-                emd_after=float("nan"),
-                iterations=0,
+                **_NO_FIT,
                 why_stopped="no_target",
                 converged=False,
             )

@@ -218,9 +218,9 @@ class BridgeCore:
             return
         self._safety = states
         bad = [s for s in states if s[1] in (GuardState.FAULT, GuardState.ESTOP)]
-        braking = [s for s in states if s[1] is GuardState.BRAKING]
-        level = 2 if bad else 1 if braking else 0
-        text = "; ".join(f"{role}: {reason}" for role, _, reason in bad or braking) or "ok"
+        warned = [s for s in states if s[2]]  # braking, or holding because commands stopped coming
+        level = 2 if bad else 1 if warned else 0
+        text = "; ".join(f"{role}: {reason}" for role, _, reason in bad or warned) or "ok"
         values = {role: state.name for role, state, _ in states}
         self._outbox.publish(
             cell_topic("safety_state"), to_message.diagnostic("cell: command guard", level, text, values)

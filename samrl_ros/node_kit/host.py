@@ -79,7 +79,8 @@ class NodeThread:
     def failure(self) -> str:
         """Why the node does not work, empty while it does."""
         if self.crash is not None:
-            return f"{self.node.get_name()}: {type(self.crash).__name__}: {self.crash}"
+            # The thread's own name: the node is destroyed after a crash and cannot be asked for its.
+            return f"{self._thread.name}: {type(self.crash).__name__}: {self.crash}"
         return self.node.failure
 
     def request_stop(self) -> None:

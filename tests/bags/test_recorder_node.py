@@ -259,8 +259,11 @@ def test_play_refuses_bad_rates_and_unknown_types(node, tmp_path: Path, small_ba
         publish_from(node, bag, topics=["/nope"])
 
 
+# All imports come before "up": an interrupt in the middle of one may be swallowed by it.
 PLAY = """
 import sys
+import rclpy, rich.console, rich.progress, rosgraph_msgs.msg
+import samrl_ros.node_kit.host
 from samrl_ros.bags.play import publish
 from samrl_ros.bags.reader import open_bag
 print("up", flush=True)

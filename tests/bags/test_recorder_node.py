@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from copy import deepcopy
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -204,7 +204,7 @@ def test_play_over_dds(node, tmp_path: Path, string_cdr, joints_cdr) -> None:  #
 
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic(TOOL, STRING, QoS(durability="transient_local", depth=1))
-        writer.add_topic(STATES, JOINTS, QoS(depth=100))  # none may be lost while this process is kept waiting
+        writer.add_topic(STATES, JOINTS, QoS(depth=100))  # a busy computer loses none
         writer.add_topic("/clock", "rosgraph_msgs/msg/Clock", QoS(reliability="best_effort", depth=1))
         for i in range(50):
             now = 10_000_000_000 + i * 20_000_000
@@ -216,7 +216,7 @@ def test_play_over_dds(node, tmp_path: Path, string_cdr, joints_cdr) -> None:  #
     for name in (TOOL, STATES, "/clock"):
         kind = message_class(TOPICS[name].type)
         take = lambda data, name=name: heard.append((name, data))  # noqa: E731
-        qos = deepcopy(qos_named(TOPICS[name].qos))
+        qos = copy(qos_named(TOPICS[name].qos))
         qos.depth = 100
         listener.create_subscription(kind, name, take, qos, raw=True)
     executor = SingleThreadedExecutor()

@@ -12,6 +12,8 @@ import yaml
 
 from samrl_core.errors import InputError
 from samrl_core.tasks import task_named
+from samrl_core.world import WORLDS
+from samrl_ros.parameter_file import load_parameters
 
 # The recorder first, so that nothing is missed; the supervisor last, when all others answer.
 NODE_ORDER = (
@@ -25,6 +27,7 @@ NODE_ORDER = (
 )
 
 
+STRATEGIES = ("best", "fixed", "random")  # as samrl_core.view_planning, which takes seconds to import
 LAYOUTS = ("split", "processes", "threads")
 
 
@@ -59,7 +62,8 @@ def prepare(options: CellOptions) -> Path:
         The parameter file.
 
     Raises:
-        InputError: unknown task, an out folder in use or not writable, a parameter file that is missing.
+        InputError: unknown task, an out folder in use or not writable, a parameter file that does not
+            fit. Nothing is written then.
     """
     task_named(options.task)
     if options.layout not in LAYOUTS:
@@ -68,9 +72,14 @@ def prepare(options: CellOptions) -> Path:
         raise InputError("--view needs the extra `viz`: pip install -e '.[viz]'")
     if options.episodes < 1:
         raise InputError(f"--episodes is {options.episodes}, must be at least 1")
-    overlay: dict[str, Any] = {}
+    if options.strategy not in STRATEGIES:
+        raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")
+    if options.world not in WORLDS:
+        raise InputError(f"--world is {options.world!r}, must be one of {', '.join(WORLDS)}")
+    overlay: dict[str, dict[str, Any]] = {}
     if options.params is not None:
-        overlay = _load(options.params)
+        overlay = load_parameters(options.params, NODE_ORDER)
+    parameters = _parameters(options, overlay)
     out = options.out
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out} is there already and not an empty folder; choose another --out")
@@ -82,57 +91,62 @@ def prepare(options: CellOptions) -> Path:
     if not os.access(out, os.W_OK):
         raise InputError(f"{out} is not writable; choose another --out")
     file = out / "params.yaml"
-    file.write_text(yaml.safe_dump(_parameters(options, overlay), sort_keys=False))
+    file.write_text(yaml.safe_dump(parameters, sort_keys=False))
     return file
 
 
-def _load(path: Path) -> dict[str, Any]:
-    if not path.is_file():
-        raise InputError(f"no parameter file at {path}")
-    try:
-        data = yaml.safe_load(path.read_text())
-    except yaml.YAMLError as error:
-        raise InputError(f"{path} is not YAML: {error}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path} is not a ROS parameter file: the top level must name nodes")
-    for node, body in data.items():
-        if not isinstance(body, dict) or set(body) != {"ros__parameters"}:
-            raise InputError(f"{path}: {node!r} must hold ros__parameters and nothing else")
-    return data
+def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Contents of the run's parameter file: what the options say, laid over what the user's file says.
 
-
-def _parameters(options: CellOptions, overlay: dict[str, Any]) -> dict[str, Any]:
+    Raises:
+        InputError: the two contradict each other.
+    """
     out = options.out.resolve()
-    ours: dict[str, dict[str, Any]] = {
+    ours: dict[str, dict[str, tuple[str, Any]]] = {  # by node and parameter: option and value
         "sim_bridge": {
-            "task": options.task,
-            "world": options.world,
-            "real_time_factor": options.real_time_factor,
-            "evaluation_file": str(out / "evaluation" / "truth.jsonl"),
+            "task": ("--task", options.task),
+            "world": ("--world", options.world),
+            "real_time_factor": ("--real-time-factor", options.real_time_factor),
+            "evaluation_file": ("--out", str(out / "evaluation" / "truth.jsonl")),
         },
-        "manipulator": {"task": options.task},
-        "view_planner": {"task": options.task, "strategy": options.strategy, "seed": options.seed},
-        "model_updater": {"task": options.task, "enabled": options.update},
-        "residual_trainer": {"task": options.task},
-        "recorder": {"out": str(out / "bag"), "task": options.task},
+        "manipulator": {"task": ("--task", options.task)},
+        "view_planner": {
+            "task": ("--task", options.task),
+            "strategy": ("--strategy", options.strategy),
+            "seed": ("--seed", options.seed),
+        },
+        "model_updater": {"task": ("--task", options.task), "enabled": ("--update", options.update)},
+        "residual_trainer": {"task": ("--task", options.task)},
+        "recorder": {"out": ("--out", str(out / "bag")), "task": ("--task", options.task)},
         "supervisor": {
-            "task": options.task,
-            "episodes": options.episodes,
-            "seed": options.seed,
-            "max_actions": options.max_actions,
+            "task": ("--task", options.task),
+            "episodes": ("--episodes", options.episodes),
+            "seed": ("--seed", options.seed),
+            "max_actions": ("--max-actions", options.max_actions),
         },
     }
     merged: dict[str, Any] = {}
-    for node, values in ours.items():
-        key = f"/cell/{node}"
-        given = overlay.pop(key, overlay.pop(node, {"ros__parameters": {}}))
-        merged[key] = {"ros__parameters": {"use_sim_time": True, **values, **given["ros__parameters"]}}
+    for node, owned in ours.items():
+        given = overlay.get(node, {})
+        if given:
+            _refuse_contradiction(node, owned, given)
+        values = {name: value for name, (_, value) in owned.items()}
+        merged[f"/cell/{node}"] = {"ros__parameters": {"use_sim_time": True, **given, **values}}
     merged["/cell/sim_bridge"]["ros__parameters"]["use_sim_time"] = False  # it makes the clock
-    if overlay:
-        raise InputError(f"parameter file names unknown nodes {sorted(overlay)}; known: {list(ours)}")
     return merged
 
 
-def field_names() -> tuple[str, ...]:
-    """Names of all options."""
-    return tuple(f.name for f in fields(CellOptions))
+def _refuse_contradiction(node: str, owned: dict[str, tuple[str, Any]], given: dict[str, Any]) -> None:
+    """Options win over a file's defaults, so that a whole copy of the defaults can be laid over a run.
+
+    A file's own value is neither used, or a run's bag would go elsewhere, nor silently dropped.
+    """
+    from samrl_ros.node_registry import all_settings
+
+    defaults = {field.name: field.default for field in fields(all_settings()[node])}
+    for name, (option, value) in owned.items():
+        if name in given and given[name] not in (value, defaults[name]):
+            raise InputError(
+                f"the parameter file sets {name} of {node} to {given[name]!r}, {option} says {value!r}; "
+                f"give {option} and leave {name} out of the file"
+            )

@@ -35,6 +35,17 @@ def behaviour_nodes() -> dict[str, NodeEntry]:
     }
 
 
+def all_settings() -> dict[str, Any]:
+    """Settings types by node."""
+    from samrl_ros.nodes.recorder_node import RecorderSettings
+    from samrl_ros.nodes.sim_bridge import SimBridgeSettings
+
+    settings: dict[str, Any] = {"sim_bridge": SimBridgeSettings}
+    settings |= {name: node.settings for name, node in behaviour_nodes().items()}
+    settings["recorder"] = RecorderSettings
+    return settings
+
+
 def entry(name: str) -> NodeEntry:
     """One behaviour node.
 

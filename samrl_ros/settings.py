@@ -6,6 +6,8 @@ and range, and `msgs_docs/parameters.md` is generated from it.
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import field
 from typing import Any
 
@@ -30,3 +32,22 @@ def setting(
         default=default,
         metadata={"description": description, "unit": unit, "range": range, "choices": choices},
     )
+
+
+def why_refused(field: dataclasses.Field[Any], value: Any) -> str:
+    """Why a value does not fit a field, with the limit; empty when it fits."""
+    metadata = field.metadata
+    unit = f" {metadata['unit']}" if metadata.get("unit") else ""
+    items = value if isinstance(field.default, tuple) else (value,)
+    for number in items:
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            continue
+        if not math.isfinite(number):
+            return f"parameter {field.name} = {number} is not finite"
+        if metadata.get("range"):
+            low, high = metadata["range"]
+            if not low <= number <= high:
+                return f"parameter {field.name} = {number}{unit} is outside {low} .. {high}{unit}"
+    if metadata.get("choices") and value not in metadata["choices"]:
+        return f"parameter {field.name} = {value!r} is none of {', '.join(metadata['choices'])}"
+    return ""

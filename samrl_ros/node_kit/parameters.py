@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -11,6 +10,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 
 from samrl_core.errors import InputError
+from samrl_ros.settings import why_refused
 
 Settings = TypeVar("Settings")
 
@@ -45,25 +45,6 @@ def read(node: Node, settings_type: type[Settings]) -> Settings:
         value: Any = node.get_parameter(field.name).value
         values[field.name] = tuple(value) if isinstance(field.default, tuple) else value
     return settings_type(**values)
-
-
-def why_refused(field: dataclasses.Field[Any], value: Any) -> str:
-    """Why a value does not fit a field, with the limit; empty when it fits."""
-    metadata = field.metadata
-    unit = f" {metadata['unit']}" if metadata.get("unit") else ""
-    items = value if isinstance(field.default, tuple) else (value,)
-    for number in items:
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            continue
-        if not math.isfinite(number):
-            return f"parameter {field.name} = {number} is not finite"
-        if metadata.get("range"):
-            low, high = metadata["range"]
-            if not low <= number <= high:
-                return f"parameter {field.name} = {number}{unit} is outside {low} .. {high}{unit}"
-    if metadata.get("choices") and value not in metadata["choices"]:
-        return f"parameter {field.name} = {value!r} is none of {', '.join(metadata['choices'])}"
-    return ""
 
 
 def _descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:

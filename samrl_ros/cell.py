@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from samrl_core.errors import InputError, SamrlError
@@ -18,6 +19,8 @@ from samrl_ros.require_ros import require_ros
 
 __all__ = ["CellOptions", "run_cell", "main"]
 
+SETTLING_S = 0.5  # wall time in which the last messages reach the recorder
+BRAKING_S = 2.0  # wall time in which the bridge brakes arms whose commands ceased, and the recorder sees it
 START_TIMEOUT_S = 180.0  # wall time until all nodes are active; the first compiles the renderer's kernels
 
 
@@ -40,9 +43,10 @@ def run_cell(
     """
     console = console or Console()
     require_ros()
-    params = prepare(options)
-    from samrl_ros.node_kit.host import start_ros, stop_ros, stop_signals
+    from samrl_ros.node_kit.host import check_ros_arguments, start_ros, stop_ros, stop_signals
 
+    check_ros_arguments(options.node_args)
+    params = prepare(options)
     arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
@@ -50,12 +54,16 @@ def run_cell(
             watch, trouble = _watch_run(options, arguments, stop, console, on_tick)
         finally:
             stop_ros()
-    if keep is not None:
-        keep["watch"] = watch
-    code = INTERRUPTED if stop.is_set() and not trouble else FAILED if trouble else OK
-    if trouble:
-        console.print(f"[bold red]the cell stopped:[/] {trouble}", highlight=False, soft_wrap=True)
-    _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, console)
+        if keep is not None:
+            keep["watch"] = watch
+        code = INTERRUPTED if stop.is_set() and not trouble else FAILED if trouble else OK
+        if trouble:
+            text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
+            console.print(text, highlight=False, soft_wrap=True)
+        elif code == INTERRUPTED:
+            console.print("interrupted; the bag is closed", highlight=False)
+        # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
+        _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, console)
     return code
 
 
@@ -73,7 +81,9 @@ def _watch_run(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task("starting nodes", total=options.episodes)
-        monitor = Monitor(on_event=lambda text: progress.console.print(text, highlight=False, soft_wrap=True))
+        monitor = Monitor(
+            on_event=lambda text: progress.console.print(escape(text), highlight=False, soft_wrap=True)
+        )
         view = _start_view(options)
         logs = options.out / "logs"
         group = {
@@ -90,9 +100,10 @@ def _watch_run(
                 trouble = group.trouble() or monitor.trouble()
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
                 progress.update(bar, completed=len(monitor.watch.outcomes), description=description)
-            deadline = time.monotonic() + 0.5  # last messages reach the recorder
-            while not trouble and time.monotonic() < deadline:
+            deadline = time.monotonic() + (BRAKING_S if trouble else SETTLING_S)
+            while not stop.is_set() and time.monotonic() < deadline:
                 monitor.spin()
+            trouble = trouble or monitor.arms_stopped()
         except SamrlError as error:
             trouble = str(error)
         finally:
@@ -138,7 +149,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     try:
         summary = summarise(out, task, options.as_dict(), watch.wall_time_s, trouble)
     except InputError as error:
-        console.print(f"[yellow]no summary: {error}", highlight=False, soft_wrap=True)
+        console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return
     write_json(out / "summary.json", summary)
     n = len(summary["episodes"])
@@ -159,7 +170,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     try:
         draw_contact_sheet(out / "bag", picture, episode=summary["episodes"][0]["episode"] if n else 0)
     except InputError as error:
-        console.print(f"[yellow]no picture: {error}", highlight=False, soft_wrap=True)
+        console.print(f"[yellow]no picture:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return
     console.print(f"picture: {picture}", highlight=False)
 

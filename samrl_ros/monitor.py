@@ -39,6 +39,7 @@ class Watch:
     phase: str = ""
     phases: int = 0
     safety: str = ""
+    safety_level: int = 0
     nodes: dict[str, NodeFigures] = field(default_factory=dict)
     history: list[tuple[float, str, dict[str, str]]] = field(default_factory=list)
     last_joints: float = 0.0
@@ -86,6 +87,10 @@ class Monitor:
             return f"no progress for {PROGRESS_SILENCE_S:.0f} s in phase {watch.phase!r}"
         return ""
 
+    def arms_stopped(self) -> str:
+        """Why the arms stand in a fault or emergency stop that nobody has reset, empty when they do not."""
+        return f"the arms are stopped: {self.watch.safety}" if self.watch.safety_level >= 2 else ""
+
     def close(self) -> None:
         """Leave the graph."""
         self._executor.remove_node(self._node)
@@ -109,6 +114,7 @@ class Monitor:
         self._on_event(f"episode {message.episode}: {message.reason}, {message.actions} actions")
 
     def _on_safety(self, message: Any) -> None:
+        self.watch.safety_level = message.level[0]
         if message.message != self.watch.safety:
             self.watch.safety = message.message
             if message.level != b"\x00":

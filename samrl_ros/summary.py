@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.errors import InputError
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
 from samrl_core.world.evaluation import read_truth
@@ -57,8 +58,17 @@ def summarise(
         settings: what was asked for, recorded as it is.
         wall_time_s: wall time per finished episode [s].
         error: why the run ended early, empty when it did not.
+
+    Raises:
+        InputError: a run that did not end early has no readable bag.
     """
-    messages = _by_episode(folder / "bag")
+    try:
+        messages, timing = _by_episode(folder / "bag"), _timing(folder / "bag")
+    except InputError as unreadable:
+        if not error:
+            raise
+        # A run that never came to record still says why.
+        error, messages, timing = f"{error}; no figures: {unreadable}", {}, _timing_of([], [], [])
     truth_file = folder / "evaluation" / "truth.jsonl"
     truth = read_truth(truth_file) if truth_file.is_file() else {}
     episodes = [
@@ -76,7 +86,7 @@ def summarise(
         "successes": successes,
         "success_rate_wilson95": wilson(successes, len(episodes)),
         "detector": _detector(episodes),
-        "timing": _timing(folder / "bag"),
+        "timing": timing,
         "median_hole_error_before_contact_m": _median(
             [e["estimate_error_before_contact_m"] for e in episodes]
         ),
@@ -116,7 +126,7 @@ def _by_episode(bag_path: Path) -> dict[int, dict[str, list[Any]]]:
 
 def _timing(bag_path: Path) -> dict[str, float]:
     """Pace of the simulation as its bridge reported it, and the rate of joint states in simulated time."""
-    factors, gaps, stamps = [], [0.0], []
+    factors, gaps, stamps = [], [], []
     joints = arm_topic(ROLES[0], "joint_states")
     bag = open_bag(bag_path)
     for _, message in bag.decoded(("/diagnostics",)):
@@ -127,11 +137,15 @@ def _timing(bag_path: Path) -> dict[str, float]:
                 gaps.append(float(figures.get("longest_gap_s", "nan")))
     for record in bag.messages((joints,)):
         stamps.append(header_stamp_ns(record.type, record.data) or 0)  # the header alone: there are many
+    return _timing_of(factors, gaps, stamps)
+
+
+def _timing_of(factors: list[float], gaps: list[float], stamps: list[int]) -> dict[str, float]:
     periods = np.diff(np.array(sorted(stamps), dtype=np.int64)) * 1e-9
     moving = [f for f in factors if math.isfinite(f) and f > 0]
     return {
         "real_time_factor_median": float(np.median(moving)) if moving else float("nan"),
-        "longest_wall_gap_s": max(g for g in gaps if math.isfinite(g)),
+        "longest_wall_gap_s": max((g for g in gaps if math.isfinite(g)), default=float("nan")),
         "joint_state_hz_median": float(1.0 / np.median(periods)) if periods.size else float("nan"),
         "joint_state_period_p99_s": float(np.quantile(periods, 0.99)) if periods.size else float("nan"),
     }

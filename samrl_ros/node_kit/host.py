@@ -13,7 +13,9 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 import rclpy
+from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy_pybind11
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
@@ -24,17 +26,40 @@ from samrl_ros.node_kit.behaviour_node import BehaviourNode, MakeBehaviour
 from samrl_ros.node_kit.cell_node import ACTIVE, FINALIZED, CellNode
 
 Result = TypeVar("Result")
+# Two unrelated types, RuntimeErrors both, which rclpy does not export by a public name.
+_BAD_ARGUMENTS = (_rclpy_pybind11.RCLError, _rclpy_pybind11.UnknownROSArgsError)
 WAKE_S = 0.05  # a bound for every wait: EventsExecutor without a timeout spins at full load and runs nothing
 JOIN_S = 10.0  # ASSUMPTION: a node that needs longer to stop hangs
 
 
 def start_ros(arguments: Sequence[str] | None = None) -> None:
-    """Initialise ROS with the cell's middleware defaults, leaving SIGINT and SIGTERM to us."""
+    """Initialise ROS with the cell's middleware defaults, leaving SIGINT and SIGTERM to us.
+
+    Raises:
+        InputError: what follows `--ros-args` cannot be understood.
+    """
     configure_dds()
-    rclpy.init(
-        args=list(arguments) if arguments is not None else None,
-        signal_handler_options=SignalHandlerOptions.NO,
-    )
+    try:
+        rclpy.init(
+            args=list(arguments) if arguments is not None else None,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+    except _BAD_ARGUMENTS as error:
+        raise InputError(f"ROS arguments refused: {' '.join(str(error).split())}") from error
+
+
+def check_ros_arguments(arguments: Sequence[str]) -> None:
+    """Parse what would follow `--ros-args`, starting nothing that stays.
+
+    Raises:
+        InputError: it cannot be understood.
+    """
+    context = Context()
+    try:
+        context.init(["check", "--ros-args", *arguments])
+    except _BAD_ARGUMENTS as error:
+        raise InputError(f"ROS arguments refused: {' '.join(str(error).split())}") from error
+    context.try_shutdown()
 
 
 def stop_ros() -> None:

@@ -15,7 +15,7 @@ from samrl_msgs.msg import EpisodeReady
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from samrl_core.errors import SamrlError
+from samrl_core.errors import InputError, SamrlError
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.robot import ROLES, CellSpec
 from samrl_core.safety.guard import CommandGuard, GuardState
@@ -136,7 +136,15 @@ class BridgeCore:
         self._publish_due()
 
     def start_episode(self, episode: int, seed: int) -> None:
-        """Lay the scene anew and announce it when the arms have been at rest for a while."""
+        """Lay the scene anew and announce it when the arms have been at rest for a while.
+
+        A fault ends with the episode, for the arms are placed anew; an emergency stop is somebody's word.
+
+        Raises:
+            InputError: an emergency stop has not been reset.
+        """
+        if any(guard.status.state is GuardState.ESTOP for guard in self._guards.values()):
+            raise InputError(f"an emergency stop is latched; call {cell_topic('estop_reset')} first")
         self._world.reset(seed)
         for role in ROLES:
             self._guards[role].restart()

@@ -10,6 +10,7 @@ from samrl_msgs.msg import MotionStatus, Outcome, StepRequest
 from samrl_msgs.srv import StartEpisode
 from std_msgs.msg import String
 
+from samrl_core.errors import InputError
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import ROLES
@@ -76,7 +77,6 @@ class Supervisor(Behaviour):
         self._sigma = float("nan")
         self._successes = 0
         self.finished = False
-        self.failure = ""
 
     def start(self) -> None:
         """See `Behaviour`."""
@@ -222,6 +222,6 @@ class Supervisor(Behaviour):
             self._waiting_for = "ready"
 
     def _fail(self, text: str) -> None:
-        self._outbox.log("error", text)
-        self.failure = text
+        """Give up: the host logs it, shows it on /diagnostics, and the cell ends with it."""
         self.finished = True
+        raise InputError(text)

@@ -161,7 +161,7 @@ def _print(console: Console, report: dict[str, Any]) -> None:
     for name, share in report["cpu_cores_per_node"].items():
         table.add_row(name, f"{share:.2f}")
     console.print(table)
-    table = Table(title="time [s], simulated unless it says wall")
+    table = Table(title=r"time \[s], simulated unless it says wall")
     for column in ("what", "n", "p50", "p99", "max"):
         table.add_column(column)
     rows = {**report["ages"], **{f"stage {k}": v for k, v in report["stages"].items()}}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from rich.console import Console
@@ -25,7 +26,7 @@ def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: boo
     """Replay in process, or publish over DDS; returns the exit code."""
     require_ros()
     one_thread_per_library()
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else 120)  # a pipe has no width to respect
     if publish:
         from samrl_ros.bags.play import publish as play
 
@@ -49,8 +50,9 @@ def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: boo
         bar = progress.add_task("replaying", total=None)
         report = replay(bag, make, COMPARED, lambda d, t: progress.update(bar, completed=d, total=t))
     table = Table(title=f"replay of {bag}: {report.messages} messages, outputs {report.digest[:16]}")
-    for column in ("topic", "recorded", "replayed", "largest difference", "sha256"):
-        table.add_column(column)
+    table.add_column("topic", no_wrap=True, overflow="fold")  # names are what people look for
+    for column in ("recorded", "replayed", "largest difference", "sha256"):
+        table.add_column(column, justify="right")
     for topic, row in report.outputs.items():
         difference = row.get("largest_difference")
         text = "-" if difference is None else f"{difference:.3g}"

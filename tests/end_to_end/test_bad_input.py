@@ -1,0 +1,125 @@
+"""What the command line refuses: one line with the value and the remedy, its exit code, nothing written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from samrl_ros.cli import run
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.ros
+
+
+def refused(capfd: pytest.CaptureFixture[str], arguments: list[str], code: int = 3) -> str:
+    """Run a command line that must be refused; returns the last line it printed."""
+    assert run(arguments) == code
+    said = capfd.readouterr().err
+    assert "Traceback" not in said
+    return " ".join(said.split())
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--task", "nope"], 3, ("'nope'", "peg_insertion")),
+        (["--strategy", "nope"], 3, ("'nope'", "best, fixed, random")),
+        (["--world", "nope"], 3, ("'nope'", "pybullet, mock")),
+        (["--layout", "nope"], 3, ("'nope'", "split, processes, threads")),
+        (["--episodes", "0"], 2, ("--episodes", "1")),
+        (["--seed", "-1"], 2, ("--seed", "0")),
+        (["--nope"], 2, ("--nope",)),
+        (["--ros-args", "--nope"], 3, ("--nope",)),
+        (["--ros-args", "-p", "no_value"], 3, ("no_value",)),
+    ],
+)
+def test_an_option_that_does_not_fit(
+    options: list[str], code: int, words: tuple[str, ...], tmp_path: Path, capfd: Any
+) -> None:
+    out = tmp_path / "out"
+    said = refused(capfd, ["cell", "--out", str(out), *options], code)
+    assert all(word in said for word in words), said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, ("no parameter file",)),
+        ("a: [b", ("is not YAML",)),
+        ("- 1", ("must name nodes",)),
+        ("manipulator: {horizon: 0.04}", ("ros__parameters",)),
+        ("manipulator: {ros__parameters: 3}", ("maps no names", "3")),
+        ("griper: {ros__parameters: {x: 1}}", ("unknown node 'griper'", "manipulator")),
+        ("/cell/manipulator: {ros__parameters: {horizzon: 0.04}}", ("'horizzon'", "leash")),
+        ("manipulator: {ros__parameters: {horizon: 5.0}}", ("horizon = 5.0", "0.004 .. 0.1")),
+        ("manipulator: {ros__parameters: {horizon: 1}}", ("horizon = 1", "must be a float")),
+        ("manipulator: {ros__parameters: {horizon: .nan}}", ("horizon = nan", "not finite")),
+        ("view_planner: {ros__parameters: {strategy: nope}}", ("'nope'", "best, fixed, random")),
+        ("recorder: {ros__parameters: {out: elsewhere}}", ("'elsewhere'", "--out")),
+        ("supervisor: {ros__parameters: {episodes: 7}}", ("episodes", "7", "--episodes")),
+    ],
+)
+def test_a_parameter_file_that_does_not_fit(
+    text: str | None, words: tuple[str, ...], tmp_path: Path, capfd: Any
+) -> None:
+    out, file = tmp_path / "out", tmp_path / "params.yaml"
+    if text is not None:
+        file.write_text(text)
+    said = refused(capfd, ["cell", "--out", str(out), "--params", str(file)])
+    assert all(word in said for word in words), said
+    assert not out.exists()
+
+
+def test_all_defaults_as_a_parameter_file_change_nothing(tmp_path: Path) -> None:
+    from samrl_ros.cell_options import CellOptions, prepare
+    from samrl_ros.docs import default_parameters
+
+    file = tmp_path / "params.yaml"
+    file.write_text(default_parameters())
+    runs = {}
+    for name, params in (("with", file), ("without", None)):
+        options = CellOptions(task="peg_insertion", episodes=3, seed=4, out=tmp_path / name, params=params)
+        runs[name] = yaml.safe_load(prepare(options).read_text())
+    assert runs["with"]["/cell/manipulator"]["ros__parameters"]["leash"] == 0.01
+    for node, body in runs["without"].items():
+        for key, value in body["ros__parameters"].items():
+            expected = str(value).replace("/without/", "/with/") if isinstance(value, str) else value
+            assert runs["with"][node]["ros__parameters"][key] == expected
+
+
+def test_an_out_folder_in_use_is_not_touched(tmp_path: Path, capfd: Any) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    said = refused(capfd, ["cell", "--out", str(tmp_path)])
+    assert str(tmp_path) in said and "another --out" in said
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.parametrize("place", ["under_a_file", "proc"])
+def test_an_out_folder_that_cannot_be_made(place: str, tmp_path: Path, capfd: Any) -> None:
+    (tmp_path / "file").write_text("")
+    out = {"under_a_file": tmp_path / "file" / "out", "proc": Path("/proc/samrl")}[place]
+    assert "another --out" in refused(capfd, ["cell", "--out", str(out)])
+
+
+@pytest.mark.parametrize("command", [["bag", "info"], ["bag", "repair"], ["replay"], ["replay", "--publish"]])
+@pytest.mark.parametrize("what", ["nothing", "empty file", "text file", "empty folder"])
+def test_what_is_no_bag(command: list[str], what: str, tmp_path: Path, capfd: Any) -> None:
+    path = tmp_path / "bag.mcap"
+    if what == "empty folder":
+        path.mkdir()
+    elif what != "nothing":
+        path.write_text("" if what == "empty file" else "no bag, but text of some length\n" * 9)
+    assert str(path) in refused(capfd, [*command, str(path)])
+    assert not list(tmp_path.glob("*repaired*"))
+
+
+def test_a_replay_report_is_not_overwritten(tmp_path: Path, capfd: Any) -> None:
+    report = tmp_path / "report.json"
+    report.write_text("mine")
+    said = refused(capfd, ["replay", str(tmp_path / "bag"), "--out", str(report)])
+    assert str(report) in said and "another --out" in said
+    assert report.read_text() == "mine"

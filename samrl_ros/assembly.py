@@ -18,7 +18,8 @@ COLOR, DEPTH = camera_topic("color/image_raw"), camera_topic("depth/image_rect_r
 MASK, INFO = camera_topic("mask/image_raw"), camera_topic("color/camera_info")
 CALIBRATION = camera_topic("calibration")
 JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
-INPUTS = (COLOR, DEPTH, MASK, INFO, CALIBRATION, *JOINTS)
+FRAME = (COLOR, DEPTH, MASK, INFO)
+INPUTS = (*FRAME, CALIBRATION, *JOINTS)
 
 _PENDING_FRAMES = 4  # stamps whose parts may be on their way at once
 _READINGS = 300  # joint readings kept per arm: 1.2 s at 250 Hz

@@ -62,9 +62,11 @@ class ModelUpdater(Behaviour):
         elif topic == REQUEST:
             if message.stage == "update":
                 self._request = message
-        else:
+        elif topic not in assembly.FRAME or self._wanted(from_message.stamp_ns(message)):
+            # Images taken during a fit wait in the queue, their joint states are no longer in theirs: what
+            # nobody asked for is not put together, or every fit would end with refusals.
             observation = self._assemble(topic, message)
-            if observation is not None and self._wanted(observation):
+            if observation is not None and self._wanted(observation.stamp_ns):
                 self._update(observation)
 
     def status(self) -> dict[str, str]:
@@ -88,8 +90,8 @@ class ModelUpdater(Behaviour):
             self._bad_frames = 0
         return observation
 
-    def _wanted(self, observation: Observation) -> bool:
-        return self._request is not None and observation.stamp_ns >= from_message.stamp_ns(self._request)
+    def _wanted(self, stamp_ns: int) -> bool:
+        return self._request is not None and stamp_ns >= from_message.stamp_ns(self._request)
 
     def _update(self, observation: Observation) -> None:
         request, self._request = self._request, None

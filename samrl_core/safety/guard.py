@@ -125,8 +125,8 @@ class CommandGuard:
         if self._state is not GuardState.ESTOP:
             self._enter(GuardState.ESTOP, reason)
 
-    def reset(self, measured: ArmReading) -> str:
-        """Leave a latched stop; returns why that is refused, empty when it is done."""
+    def why_no_reset(self, measured: ArmReading) -> str:
+        """Why `reset` would be refused now, empty when it would not."""
         if self._state not in _LATCHED:
             return ""
         speed, limit = float(np.abs(measured.velocity).max()), self._s.rest_velocity
@@ -134,10 +134,16 @@ class CommandGuard:
             return f"the arm still moves at {speed:.3f} rad/s, must be below {limit} rad/s"
         if self._setpoint is not None and self._setpoint.velocity.any():
             return "the set point still brakes; try again when it is at rest"
-        robot_s = self._robot_s
-        self.restart()
-        self._robot_s = self._since_s = robot_s
         return ""
+
+    def reset(self, measured: ArmReading) -> str:
+        """Leave a latched stop; returns why that is refused, empty when it is done."""
+        refusal = self.why_no_reset(measured)
+        if not refusal and self._state in _LATCHED:
+            robot_s = self._robot_s
+            self.restart()
+            self._robot_s = self._since_s = robot_s
+        return refusal
 
     def tick(self, measured: ArmReading, steady_s: float, robot_s: float) -> ArmCommand:
         """What the controller tracks now.

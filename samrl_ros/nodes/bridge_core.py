@@ -178,13 +178,14 @@ class BridgeCore:
         self._outbox.log("error", f"emergency stop: {reason}")
 
     def reset_safety(self) -> str:
-        """Explicit reset after a stop or fault; returns why it was refused, empty when done."""
-        refusals = []
+        """Explicit reset of both arms, or of neither; returns why it was refused, empty when done."""
+        readings = {role: self._world.read_arm(role) for role in ROLES}
+        reasons = {role: guard.why_no_reset(readings[role]) for role, guard in self._guards.items()}
+        if any(reasons.values()):
+            return "; ".join(f"{role}: {reason}" for role, reason in reasons.items() if reason)
         for role, guard in self._guards.items():
-            reason = guard.reset(self._world.read_arm(role))
-            if reason:
-                refusals.append(f"{role}: {reason}")
-        return "; ".join(refusals)
+            guard.reset(readings[role])
+        return ""
 
     def _publish_due(self) -> None:
         n = self._ticks_done

@@ -1,0 +1,109 @@
+"""The bridge without its host: an emergency stop of both arms, its reset, and what it forbids."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from samrl_core.errors import InputError
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+from samrl_core.types.observation import ArmCommand
+from samrl_core.world import make_world
+from samrl_ros.topics import cell_topic
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.ros
+ACCELERATION = 1.0  # [rad/s2] of the first joint
+
+
+class Rig:
+    """A bridge on the mock world, its steady clock the simulated one."""
+
+    def __init__(self) -> None:
+        from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
+
+        self.cell, task = default_cell(), task_named("peg_insertion")
+        self.world = make_world("mock", task, self.cell)
+        self.said: list[tuple[str, Any]] = []
+        self.logs: list[tuple[str, str]] = []
+        steady = lambda: self.world.time_ns * 1e-9  # noqa: E731
+        self.bridge = BridgeCore(self, self.world, self.cell, task, BridgeRates(), 0.1, None, steady)
+        self.bridge.start_episode(0, 0)
+
+    def publish(self, topic: str, message: Any) -> None:
+        self.said.append((topic, message))
+
+    def log(self, level: str, text: str) -> None:
+        self.logs.append((level, text))
+
+    def call(self, service: str, request: Any, on_response: Callable[[Any], None]) -> None:
+        raise AssertionError("a bridge calls no service")
+
+    def tick(self, seconds: float) -> None:
+        end = self.world.time_ns + round(seconds * 1e9)
+        while self.world.time_ns < end:
+            self.bridge.tick()
+
+    def speed_up(self, seconds: float) -> None:
+        """The tool arm's first joint under constant acceleration, commanded at 250 Hz."""
+        from samrl_ros.conversions import to_message
+
+        spec = self.cell.tool_arm
+        start, zeros = self.world.read_arm("tool_arm").position, np.zeros(len(spec.joint_names))
+        first = np.eye(len(zeros))[0]
+        for k in range(1, round(seconds / 0.004) + 1):
+            t = 0.004 * k
+            position, velocity = start + first * ACCELERATION * t * t / 2, first * ACCELERATION * t
+            command = ArmCommand(
+                self.world.time_ns + 4_000_000, position, velocity, first * ACCELERATION, zeros
+            )
+            self.bridge.on_command("tool_arm", to_message.command(command, spec.joint_names))
+            self.tick(0.004)
+
+    def safety(self) -> tuple[int, dict[str, str]]:
+        message = [m for topic, m in self.said if topic == cell_topic("safety_state")][-1]
+        return message.level[0], {v.key: v.value for v in message.values}
+
+
+def test_reset_frees_both_arms_or_neither() -> None:
+    rig = Rig()
+    rig.speed_up(0.2)
+    assert rig.world.read_arm("tool_arm").velocity[0] > 0.1
+    rig.bridge.estop("asked for")
+    refusal = rig.bridge.reset_safety()
+    assert "tool_arm: the arm still moves" in refusal
+    rig.tick(0.02)
+    assert rig.safety() == (2, {"tool_arm": "ESTOP", "camera_arm": "ESTOP"})
+    rig.tick(1.0)
+    assert not rig.world.read_arm("tool_arm").velocity.any()
+    assert rig.bridge.reset_safety() == ""
+    rig.tick(0.02)
+    assert rig.safety() == (0, {"tool_arm": "HOLD", "camera_arm": "HOLD"})
+
+
+def test_no_episode_starts_while_an_emergency_stop_is_latched() -> None:
+    rig = Rig()
+    rig.bridge.estop("asked for")
+    with pytest.raises(InputError, match="estop_reset"):
+        rig.bridge.start_episode(1, 1)
+    assert rig.bridge.reset_safety() == ""
+    rig.bridge.start_episode(1, 1)
+
+
+def test_a_refused_command_is_forgotten_with_its_episode() -> None:
+    from samrl_ros.conversions import to_message
+
+    rig = Rig()
+    names, here = rig.cell.tool_arm.joint_names, rig.world.read_arm("tool_arm").position
+    zeros = np.zeros(len(names))
+    bad = ArmCommand(rig.world.time_ns + 4_000_000, here + np.nan, zeros, zeros, zeros)
+    rig.bridge.on_command("tool_arm", to_message.command(bad, names))
+    rig.tick(0.02)
+    assert rig.safety() == (2, {"tool_arm": "FAULT", "camera_arm": "HOLD"})
+    assert np.array_equal(rig.world.read_arm("tool_arm").position, here)
+    rig.bridge.start_episode(1, 1)
+    assert rig.safety()[0] == 0

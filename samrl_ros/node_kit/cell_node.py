@@ -31,8 +31,9 @@ class CellNode(LifecycleNode):
 
     All callbacks run in the one thread that spins the node. Parameters are read when the node is configured,
     and refused while it is inactive or active, so that what `ros2 param get` shows is what is in force.
-    An exception in a hook or callback ends the node's work: it is logged with its trace, shown on
-    /diagnostics as ERROR, and the node falls back to unconfigured; `configure` starts it anew.
+    An exception in a hook or callback ends the node's work: it is logged (with its trace unless it is
+    one of ours), shown on /diagnostics as ERROR, and the node falls back to unconfigured; `configure` starts
+    it anew.
 
     Raises:
         InputError: a parameter from a file or the command line does not fit.
@@ -97,7 +98,8 @@ class CellNode(LifecycleNode):
         try:
             function(*arguments)
         except Exception as error:  # noqa: BLE001 (the border: whatever it is, it must be seen and must stop the node)
-            self.fail(_describe(what, error), traceback.format_exc())
+            # A refusal says what is wrong and how to mend it; only the unforeseen needs its trace.
+            self.fail(_describe(what, error), "" if isinstance(error, SamrlError) else traceback.format_exc())
             return False
         finally:
             self.health.count_handler(time.perf_counter() - start)

@@ -106,7 +106,7 @@ class NodeThread:
         if self.crash is not None:
             # The thread's own name: the node is destroyed after a crash and cannot be asked for its.
             return f"{self._thread.name}: {type(self.crash).__name__}: {self.crash}"
-        return self.node.failure
+        return f"{self.node.get_name()}: {self.node.failure}" if self.node.failure else ""
 
     def request_stop(self) -> None:
         """Ask the thread to end, without waiting; safe in a signal handler."""

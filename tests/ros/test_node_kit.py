@@ -328,7 +328,7 @@ def test_a_failed_process_ends_with_one_and_says_why(spawn: Any, probe: Probe) -
     assert probe.heard("started")
     probe.say("boom")
     _, errors = process.communicate(timeout=10)
-    assert process.returncode == 1 and "error: handling /cell/phase: ValueError: boom" in errors
+    assert process.returncode == 1 and "error: echo: handling /cell/phase: ValueError: boom" in errors
     assert "echo_node.py" in errors  # the trace is in the log
 
 

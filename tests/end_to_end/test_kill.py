@@ -154,7 +154,7 @@ def test_a_killed_node_ends_the_cell_with_its_name(
 
 def _assert_that_the_arms_braked(bag: Path) -> None:
     last = _values(bag, cell_topic("safety_state"))[-1]
-    assert last.level == b"\x01", last.message
+    assert last.level == 1, last.message
     for role, topic in JOINTS.items():
         assert f"{role}: no command for" in last.message
         # A slow arm is at rest within one period, so that what is seen may be the hold after it.

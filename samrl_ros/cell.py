@@ -41,7 +41,7 @@ def run_cell(
     Raises:
         InputError: the options cannot be met; nothing was started.
     """
-    console = console or Console()
+    screen = console or Console()
     require_ros()
     from samrl_ros.node_kit.host import check_ros_arguments, start_ros, stop_ros, stop_signals
 
@@ -51,7 +51,7 @@ def run_cell(
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
         try:
-            watch, trouble = _watch_run(options, arguments, stop, console, on_tick)
+            watch, trouble = _watch_run(options, arguments, stop, screen, on_tick)
         finally:
             stop_ros()
         if keep is not None:
@@ -59,11 +59,11 @@ def run_cell(
         code = INTERRUPTED if stop.is_set() and not trouble else FAILED if trouble else OK
         if trouble:
             text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
-            console.print(text, highlight=False, soft_wrap=True)
+            screen.print(text, highlight=False, soft_wrap=True)
         elif code == INTERRUPTED:
-            console.print("interrupted; the bag is closed", highlight=False)
+            screen.print("interrupted; the bag is closed", highlight=False)
         # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
-        _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, console)
+        _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, screen)
     return code
 
 

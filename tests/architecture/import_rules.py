@@ -9,10 +9,12 @@ from pathlib import Path
 
 # Distribution roots that only the named places may import. Paths are relative to the repository.
 ALLOWED: dict[str, tuple[str, ...]] = {
-    "pybullet": ("samrl_core/world/",),
+    "pybullet": ("samrl_core/world/", "samrl_core/forge/"),
     "pybullet_data": (),
-    "warp": ("samrl_core/model/",),
-    "pinocchio": ("samrl_core/robots/",),
+    "warp": ("samrl_core/model/", "samrl_core/dynamics/"),
+    "mujoco": ("samrl_core/forge/", "samrl_core/scoring/"),  # second engine of sealed worlds, and a baseline
+    "pinocchio": ("samrl_core/robots/", "samrl_core/dynamics/"),
+    "plotly": ("samrl_core/report/",),
     "rclpy": ("samrl_ros/",),
     "rcl_interfaces": ("samrl_ros/",),
     "lifecycle_msgs": ("samrl_ros/",),
@@ -40,10 +42,12 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"errors"}),
     frozenset({"types"}),
     frozenset({"robots", "tasks", "motion", "safety"}),
-    frozenset({"model", "world"}),
-    frozenset({"inverse"}),
-    frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "gap", "residual"}),
-    frozenset({"experiments"}),
+    frozenset({"excitation"}),
+    frozenset({"model", "world", "dynamics"}),
+    frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
+    frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}),
+    frozenset({"report"}),
+    frozenset({"scoring", "experiments"}),
 )
 
 

@@ -1,0 +1,177 @@
+"""What a diagnosis says: plain data, written as report.json (contract, schema 1) and drawn as report.html."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+VERDICTS = ("no_gap", "effect", "ambiguous", "none_of_mine", "not_testable")
+PHASES = ("rest", "reversal", "slow", "fast")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter with its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect at a place, as named or as a runner-up."""
+
+    family: str
+    place: str  # contract: joint:<name>, link:<name>, arm:<role>
+    probability: float  # that this family at this place is the cause, among all that were tried
+    parameters: dict[str, Estimate]
+    gain: float = 0.0  # drop of chi2 against nominal [nat], uncertainty of the nominal model counted
+    form: str = ""  # which form of the effect fitted, where it has several
+    role: str = "primary"  # primary, secondary, or runner_up
+
+    @property
+    def name(self) -> str:
+        """`family@place`."""
+        return f"{self.family}@{self.place}"
+
+
+@dataclass(frozen=True)
+class WhereItem:
+    """A part of the recordings in which the gap is significant; strongest first."""
+
+    place: str
+    channel: str  # controller, drive, link, dynamics or tracking
+    phase: str  # one of PHASES
+    t0: float  # in the recording [s]
+    t1: float
+    share: float  # of the whole excess energy
+    recording: str = ""
+    onset: float | None = None  # when it began, if it was not there from the start [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Heatmap:
+    """Excess over what the tolerances explain, in standard deviations; NaN where nothing was observed."""
+
+    places: tuple[str, ...]  # rows
+    columns: tuple[tuple[str, str], ...]  # (channel, phase)
+    values: np.ndarray  # (rows, columns), root mean square of the whitened residual
+    threshold: float  # above it a cell is significant after false-discovery control
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Whitened residual energy of one recording in windows."""
+
+    recording: str
+    time: np.ndarray  # (W,) window centres [s]
+    energy: dict[str, np.ndarray]  # place -> (W,) root mean square over channels
+    threshold: float
+    onset: float | None = None  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """The named effect over the data: residual torque against the quantity that drives it, and the fit."""
+
+    effect: str  # family@place
+    x_label: str  # with unit
+    y_label: str  # with unit
+    x: np.ndarray  # (N,) data
+    y: np.ndarray  # (N,)
+    fit_x: np.ndarray  # (K,) sorted
+    fit_y: np.ndarray  # (K,)
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """A held-out signal: measured, re-simulated with the nominal model, and with the named effect."""
+
+    recording: str
+    joint: str
+    quantity: str  # position, velocity, effort, commanded_effort, or residual
+    unit: str
+    time: np.ndarray  # (N,) [s]
+    measured: np.ndarray  # (N,)
+    nominal: np.ndarray  # (N,)
+    with_effect: np.ndarray | None  # (N,)
+    runner_up: np.ndarray | None = None  # (N,)
+
+
+@dataclass(frozen=True)
+class HeldOutGap:
+    """How far the gap shrinks on recordings never fitted."""
+
+    metric: str
+    unit: str
+    nominal: float
+    with_effect: float | None
+    runner_up: float | None
+    runner_up_effect: str | None
+    shrink: float | None  # 1 - with_effect / nominal
+    ci95: tuple[float, float] | None  # block bootstrap
+    margin: float | None  # shrink minus the runner-up's
+    channels: tuple[tuple[str, str, float, float | None], ...] = ()  # (quantity, unit, nominal, with effect)
+    recordings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """The recording that would split the ambiguity set, as a file that `samrl excite` plays."""
+
+    file: str  # next.yaml, relative to the report
+    why: str
+    separates: float  # probability that the best pair is told apart by it
+    programme: dict  # its content
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What the unexplained rest looks like; hints, not a cause."""
+
+    place: str
+    channel: str
+    hints: tuple[tuple[str, float], ...]  # (description such as "odd in velocity", correlation -1..1)
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A recording that was used."""
+
+    bag: str
+    sha256: str
+    role: str  # fit or held_out
+    duration: float = 0.0  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The whole answer."""
+
+    verdict: str
+    reasons: tuple[str, ...]  # why this verdict and no other, one sentence each
+    where: tuple[WhereItem, ...]
+    effects: tuple[NamedEffect, ...]
+    runner_ups: tuple[NamedEffect, ...]
+    ambiguity_set: tuple[tuple[str, ...], ...]
+    next_experiment: NextExperiment | None
+    gap: HeldOutGap | None
+    unexplained_fraction: float  # of the excess energy on fitted recordings, after the named effects
+    not_testable: dict[str, str]  # family -> reason
+    inputs: tuple[InputFile, ...]
+    seed: int
+    version: str
+    arm: str  # role
+    alarms: tuple[str, ...] = ()  # parameters that were not invariant, fits that disagree
+    notes: tuple[str, ...] = ()  # about the input
+    nearest: NamedEffect | None = None  # with none_of_mine: what fitted best, and would be wrong
+    signatures: tuple[Signature, ...] = ()
+    couplings: tuple[tuple[str, str, str, float], ...] = ()  # (joint, driven by joint, quantity, correlation)
+    heatmap: Heatmap | None = None
+    timelines: tuple[Timeline, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    overlays: tuple[Overlay, ...] = ()
+    timings: dict[str, float] = field(default_factory=dict)  # stage -> [s]
+    settings: dict[str, object] = field(default_factory=dict)

@@ -1,0 +1,176 @@
+"""A recording brought to one clock: uniform samples, and the same zero-phase band for every channel.
+
+All channels pass the same low-pass before they are compared, so that filtering adds no misfit
+(parallel filtering of inverse-dynamics identification; Gautier 1997, "Dynamic identification of robots
+with power model", and every later work on the subject).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import signal
+
+from samrl_core.dynamics.rigid_arm import RigidArm
+from samrl_core.types.arm_recording import ArmRecording, JointSignal
+
+BAND_HZ = 25.0  # what is compared; above it sensor noise in accelerations outweighs what arms do
+SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
+MAX_RATE_HZ = 1000.0
+TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """White noise of the raw channels at full rate, from their content above the moving band; each (J,)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    commanded_effort: np.ndarray
+
+
+class Motion:
+    """Signals of one recording: `full` rate (F, J) and, with a bar in the formulas, band-limited (N, J).
+
+    Attributes that the recording cannot give are None. Times are seconds since its start.
+    """
+
+    def __init__(self, recording: ArmRecording, arm: RigidArm | None, start_s: float = 0.0) -> None:
+        """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
+        self.recording, self.arm, self.start_s = recording, arm, start_s
+        states = recording.states
+        rate = min(1.0 / float(np.median(np.diff(states.time))), MAX_RATE_HZ)
+        self.rate = rate
+        self.joints = len(recording.arm.joints)
+        self.time = np.arange(states.time[0], states.time[-1] + 0.5 / rate, 1.0 / rate)
+        self.time = self.time[self.time <= states.time[-1] + 1e-9]
+        self.band = min(BAND_HZ, rate / 5.0)
+        self.dynamic = rate > TRACKING_RATE_HZ
+        self.step = max(1, round(rate / (4.0 * self.band))) if self.dynamic else 1
+        self._band_filter = signal.butter(3, self.band, fs=rate, output="sos") if self.dynamic else None
+        smooth = min(SMOOTH_HZ, rate / 3.0)
+        self._smooth_filter = signal.butter(3, smooth, fs=rate, output="sos")
+        self.edge = int(np.ceil(1.0 * rate / self.band)) if self.dynamic else 1  # samples lost to the filter
+
+        self.raw_position = self._onto(states.time, states.position, self.time)
+        self.raw_velocity = self._onto(states.time, states.velocity, self.time)
+        self.raw_effort = self._onto(states.time, states.effort, self.time)
+        self.raw_commanded = self._commanded(recording.commanded_effort)
+        position = self.raw_position
+        if position is None:
+            raise ValueError(f"{recording.name} has no positions")
+        self.full_position = self.smooth(position)
+        if self.raw_velocity is not None:
+            self.full_velocity = self.smooth(self.raw_velocity)
+        else:
+            self.full_velocity = np.gradient(self.full_position, 1.0 / rate, axis=0)
+        self.full_acceleration = np.gradient(self.full_velocity, 1.0 / rate, axis=0)
+
+        self.t = self._pick(self.time)  # (N,)
+        self.q = self.reduce(position)
+        velocity = self.raw_velocity if self.raw_velocity is not None else self.full_velocity
+        self.dq = self.reduce(velocity)
+        self.ddq = self._pick(np.gradient(self._filtered(velocity), 1.0 / rate, axis=0))
+        self.tau = None if self.raw_effort is None else self.reduce(self.raw_effort)
+        self.u = None if self.raw_commanded is None else self.reduce(self.raw_commanded)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def dt(self) -> float:
+        """Spacing of the band-limited samples [s]."""
+        return self.step / self.rate
+
+    def smooth(self, x: np.ndarray) -> np.ndarray:
+        """Full-rate signal without the noise above the smoothing band; (F, ...) to (F, ...)."""
+        return np.asarray(signal.sosfiltfilt(self._smooth_filter, x, axis=0)) if self.dynamic else x
+
+    def reduce(self, x: np.ndarray) -> np.ndarray:
+        """Band-limit and decimate a full-rate signal, (F, ...) to (N, ...)."""
+        return self._pick(self._filtered(x))
+
+    def _filtered(self, x: np.ndarray) -> np.ndarray:
+        if self._band_filter is None:
+            return np.asarray(x, dtype=float)
+        return np.asarray(signal.sosfiltfilt(self._band_filter, x, axis=0))
+
+    def _pick(self, x: np.ndarray) -> np.ndarray:
+        return x[self.edge : len(x) - self.edge : self.step]
+
+    def derivative(self, x: np.ndarray) -> np.ndarray:
+        """Time derivative of a band-limited signal (N, ...)."""
+        return np.gradient(x, self.dt, axis=0)
+
+    def delayed(self, x: np.ndarray, delay: float) -> np.ndarray:
+        """A full-rate signal later by a fraction of samples (linear); the start is held."""
+        source = np.arange(len(x)) - delay * self.rate
+        low = np.clip(np.floor(source).astype(int), 0, len(x) - 1)
+        high = np.minimum(low + 1, len(x) - 1)
+        part = np.clip(source - low, 0.0, 1.0)
+        part = part.reshape((-1,) + (1,) * (x.ndim - 1))
+        return x[low] * (1.0 - part) + x[high] * part
+
+    @cached_property
+    def command(self) -> JointSignal | None:
+        """What the controller tracked, on the full-rate grid; None where no command was recorded."""
+        command = self.recording.command
+        if command is None or command.position is None or len(command) < 2:
+            return None
+        slow = float(np.median(np.diff(command.time))) > 1.5 / self.rate
+        onto = self._onto if slow else self._held
+        position = onto(command.time, command.position, self.time)
+        velocity = onto(command.time, command.velocity, self.time)
+        effort = onto(command.time, command.effort, self.time)
+        zero = np.zeros_like(self.raw_position)
+        return JointSignal(
+            self.time, position, zero if velocity is None else velocity, None, zero if effort is None else effort
+        )
+
+    @cached_property
+    def noise(self) -> Noise:
+        """White noise levels of the raw channels."""
+        return Noise(
+            *(
+                np.zeros(self.joints) if x is None else white_noise(x, self.rate)
+                for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
+            )
+        )
+
+    @property
+    def band_share(self) -> float:
+        """Part of a white noise's variance that passes the band."""
+        return 2.0 * self.band / self.rate if self.dynamic else 1.0
+
+    def _commanded(self, commanded: JointSignal | None) -> np.ndarray | None:
+        if commanded is None or commanded.effort is None:
+            return None
+        return self._onto(commanded.time, commanded.effort, self.time)
+
+    @staticmethod
+    def _onto(time: np.ndarray, values: np.ndarray | None, grid: np.ndarray) -> np.ndarray | None:
+        if values is None:
+            return None
+        return np.stack([np.interp(grid, time, column) for column in values.T], axis=1)
+
+    @staticmethod
+    def _held(time: np.ndarray, values: np.ndarray | None, grid: np.ndarray) -> np.ndarray | None:
+        """Nearest sample: command and state grids of one rate, whose stamps jitter."""
+        if values is None:
+            return None
+        index = np.searchsorted(time, grid)
+        index = np.clip(index, 1, len(time) - 1)
+        index -= (grid - time[index - 1]) < (time[index] - grid)
+        return values[index]
+
+
+def white_noise(x: np.ndarray, rate: float) -> np.ndarray:
+    """Standard deviation (J,) of the white part of (F, J), from the spectrum's median in its upper half."""
+    length = min(len(x), 512)
+    frequency, power = signal.welch(x, fs=rate, nperseg=length, axis=0, detrend="linear")
+    upper = frequency > 0.25 * rate
+    # The median of a chi-square with 2 degrees of freedom per average is below its mean: 0.69 at worst.
+    return np.sqrt(np.median(power[upper], axis=0) * rate / 2.0)

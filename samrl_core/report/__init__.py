@@ -1,0 +1,1 @@
+"""A diagnosis as report.json, ten lines, one HTML page and one picture."""

@@ -43,7 +43,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"types"}),
     frozenset({"robots", "tasks", "motion", "safety"}),
     frozenset({"excitation"}),
-    frozenset({"model", "world", "dynamics"}),
+    frozenset({"model", "world", "dynamics", "recordings"}),
     frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
     frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}),
     frozenset({"report"}),

@@ -1,0 +1,255 @@
+"""The contract's JSON texts of controller and tool, and tolerance files: to and from the core's types.
+
+Reading is lenient about what it does not know (a note says so) and strict about what it does know.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from samrl_core.errors import InputError
+from samrl_core.types.arm_description import (
+    STANDARD_GRAVITY,
+    ArmController,
+    ArmDescription,
+    Tolerances,
+    Tool,
+)
+
+LAW = "joint_impedance"
+UNDESCRIBED = "unknown"  # `type` of a text that only carries joints and tolerances, of a log without a law
+_CONTROLLER_KEYS = (
+    "type", "joints", "stiffness", "damping", "gravity_compensation", "period_s", "gravity", "effort_limit",
+    "armature", "tolerances",
+)  # fmt: skip
+_CENTER = ("center_of_mass", "centre_of_mass", "com")
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+TOLERANCE_FILE = """\
+# How far the real arm may be from its nominal model and still count as nominal: half widths, all optional.
+# The diagnosis takes each as the standard deviation of a Gaussian. Values below are the defaults.
+# A value is one number for all joints, or (last group) a list with one per joint.
+mass: 0.02              # of each link, fraction
+center_of_mass: 0.002   # of each link, per axis [m]
+inertia: 0.03           # of each link's moments, fraction
+tool_mass: 0.02         # of the payload at the flange, fraction
+base_tilt: 0.0005       # per horizontal axis [rad]
+armature: 0.02          # rotor inertia, fraction
+stamp: 0.0002           # of a channel against another, constant in a recording [s]
+torque_offset: 0.004    # of drive and sensor, fraction of the joint's effort limit
+coulomb_friction: 0.001 # fraction of the joint's effort limit
+viscous_friction: 0.001 # fraction of effort limit over velocity limit
+"""
+
+
+@dataclass(frozen=True)
+class ControllerText:
+    """What a controller text says."""
+
+    joints: tuple[str, ...]  # empty if it names none
+    controller: ArmController | None  # None if its law is not the contract's
+    tolerances: Tolerances | None  # None if it states none
+    notes: tuple[str, ...] = ()
+
+
+def controller_text(arm: ArmDescription) -> str:
+    """The contract's JSON; without a controller, joints and tolerances alone."""
+    controller, tolerances = arm.controller, asdict(arm.tolerances)
+    if controller is None:
+        return json.dumps({"type": UNDESCRIBED, "joints": list(arm.joints), "tolerances": tolerances})
+    about: dict[str, Any] = {
+        "type": LAW,
+        "joints": list(controller.joints),
+        "stiffness": np.asarray(controller.stiffness).tolist(),
+        "damping": np.asarray(controller.damping).tolist(),
+        "gravity_compensation": bool(controller.gravity_compensation),
+        "period_s": controller.period_s,
+        "gravity": list(controller.gravity),
+        "tolerances": tolerances,
+    }
+    for name in ("effort_limit", "armature"):
+        if getattr(controller, name) is not None:
+            about[name] = np.asarray(getattr(controller, name)).tolist()
+    return json.dumps(about)
+
+
+def tool_text(tool: Tool) -> str:
+    """The contract's JSON."""
+    return json.dumps(
+        {
+            "mass": tool.mass,
+            "center_of_mass": np.asarray(tool.center_of_mass).tolist(),
+            "inertia": np.asarray(tool.inertia).tolist(),
+        }
+    )
+
+
+def parse_controller(text: str, where: str) -> ControllerText:
+    """The controller and what comes with it.
+
+    Raises:
+        InputError: no JSON object, a missing key, or figures that do not fit the joints.
+    """
+    about = _object(text, where)
+    notes = _unknown(about, _CONTROLLER_KEYS, where)
+    tolerances = None
+    if about.get("tolerances") is not None:
+        tolerances, more = lenient_tolerances(about["tolerances"], f"{where}: tolerances")
+        notes += more
+    law = about.get("type", LAW)
+    joints = _joints(about.get("joints", []), where)
+    if law != LAW:
+        if law != UNDESCRIBED:
+            notes += (f"{where}: the law {law!r} is not {LAW!r}; the controller is taken as not described",)
+        return ControllerText(joints, None, tolerances, notes)
+    if missing := [key for key in ("joints", "stiffness", "damping") if key not in about]:
+        raise InputError(f"{where} lacks {', '.join(missing)}; it has {sorted(about)}")
+    count = len(joints)
+    period = _numbers(about.get("period_s", 0.001), (), f"{where}: period_s")
+    if not period > 0:
+        raise InputError(f"{where}: period_s is {period}, must be above zero [s]")
+    gravity = tuple(
+        _numbers(about.get("gravity", list(STANDARD_GRAVITY)), (3,), f"{where}: gravity").tolist()
+    )
+    optional = {
+        name: None if about.get(name) is None else _not_negative(about[name], count, f"{where}: {name}")
+        for name in ("effort_limit", "armature")
+    }
+    controller = ArmController(
+        joints=joints,
+        stiffness=_not_negative(about["stiffness"], count, f"{where}: stiffness"),
+        damping=_not_negative(about["damping"], count, f"{where}: damping"),
+        period_s=float(period),
+        gravity_compensation=bool(about.get("gravity_compensation", True)),
+        gravity=(gravity[0], gravity[1], gravity[2]),
+        effort_limit=optional["effort_limit"],
+        armature=optional["armature"],
+        tolerances=tolerances or Tolerances(),
+    )
+    return ControllerText(joints, controller, tolerances, notes)
+
+
+def parse_tool(text: str, where: str) -> tuple[Tool | None, tuple[str, ...]]:
+    """Tool, None for an empty text or object, and notes.
+
+    The inertia may be 3x3, nine or six numbers (ixx ixy ixz iyy iyz izz), or an object with these names.
+
+    Raises:
+        InputError: no JSON object, a missing key, or figures that no body has.
+    """
+    about = _object(text, where) if text.strip() else {}
+    if not about:
+        return None, ()
+    center = next((key for key in _CENTER if key in about), None)
+    if missing := [key for key, there in (("mass", "mass" in about), (_CENTER[0], center)) if not there]:
+        raise InputError(f"{where} lacks {', '.join(missing)}; it has {sorted(about)}")
+    notes = _unknown(about, ("mass", "inertia", *_CENTER), where)
+    mass = float(_not_negative(about["mass"], None, f"{where}: mass"))
+    position = _numbers(about[center or _CENTER[0]], (3,), f"{where}: {center}")
+    inertia = _inertia(about.get("inertia", [0.0] * 9), f"{where}: inertia")
+    if np.linalg.eigvalsh(inertia).min() < -1e-9 * max(1.0, np.abs(inertia).max()):
+        raise InputError(f"{where}: inertia {inertia.tolist()} has a negative principal moment")
+    return Tool(mass, position, inertia), notes
+
+
+def lenient_tolerances(values: Any, where: str) -> tuple[Tolerances, tuple[str, ...]]:
+    """Tolerances of the known names; unknown ones become notes. Raises `InputError` for bad values."""
+    if not isinstance(values, dict):
+        raise InputError(f"{where} is {type(values).__name__}, must be a mapping of names to numbers")
+    known = {f.name for f in fields(Tolerances)}
+    notes = _unknown(values, known, where)
+    try:
+        return Tolerances.from_mapping({str(k): v for k, v in values.items() if k in known}), notes
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def read_tolerances(path: Path | str) -> Tolerances:
+    """Tolerances from a YAML (or JSON) file, see `TOLERANCE_FILE`; names left out keep their defaults.
+
+    Raises:
+        InputError: no file, no mapping, an unknown name (a misspelt tolerance must not pass in silence),
+            or a value that is no number.
+    """
+    path = Path(path)
+    try:
+        values = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise InputError(f"cannot read the tolerances {path}: {error.strerror or error}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    if values is None:
+        values = {}
+    if not isinstance(values, dict):
+        raise InputError(f"{path} holds {type(values).__name__}, must be a mapping of names to numbers")
+    try:
+        return Tolerances.from_mapping(values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _object(text: str, where: str) -> dict[str, Any]:
+    try:
+        about = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{where} is no JSON: {error}") from error
+    if not isinstance(about, dict):
+        raise InputError(f"{where} is a JSON {type(about).__name__}, must be an object")
+    return about
+
+
+def _joints(value: Any, where: str) -> tuple[str, ...]:
+    if not (isinstance(value, list) and all(isinstance(joint, str) for joint in value)):
+        raise InputError(f"{where}: joints is {value!r}, must be a list of names")
+    if len(set(value)) != len(value):
+        raise InputError(f"{where}: joints {value} holds a name twice")
+    return tuple(value)
+
+
+def _unknown(about: dict[str, Any], known: Any, where: str) -> tuple[str, ...]:
+    unknown = sorted(str(key) for key in set(about) - set(known))
+    return (f"{where}: unknown keys {', '.join(unknown)} are ignored",) if unknown else ()
+
+
+def _numbers(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where} is {value!r}, must be numbers") from error
+    if array.shape != shape or not np.isfinite(array).all():
+        what = f"{shape[0]} finite numbers" if shape else "one finite number"
+        raise InputError(f"{where} is {value!r}, must be {what}")
+    return array
+
+
+def _not_negative(value: Any, count: int | None, where: str) -> np.ndarray:
+    array = _numbers(value, () if count is None else (count,), where)
+    if (array < 0).any():
+        raise InputError(f"{where} is {value!r}, must not be negative")
+    return array
+
+
+def _inertia(value: Any, where: str) -> np.ndarray:
+    if isinstance(value, dict):
+        value = [value.get(key, 0.0) for key in _MOMENTS]
+    flat = np.ravel(_ragged(value, where))
+    if len(flat) == 6:
+        xx, xy, xz, yy, yz, zz = flat.tolist()
+        flat = np.array([xx, xy, xz, xy, yy, yz, xz, yz, zz])
+    matrix = _numbers(flat, (9,), where).reshape(3, 3)
+    if not np.allclose(matrix, matrix.T, atol=1e-6 * max(1e-6, np.abs(matrix).max())):
+        raise InputError(f"{where} {matrix.tolist()} is not symmetric")
+    return matrix
+
+
+def _ragged(value: Any, where: str) -> np.ndarray:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where} is {value!r}, must be 3x3, nine or six numbers") from error

@@ -1,0 +1,121 @@
+"""One recording as the effects see it: residual equations, and what several formulas share, made once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from samrl_core.diagnosis.equations import Columns, Equations, armature, form_equations, scale_limits
+from samrl_core.diagnosis.motion import Motion
+from samrl_core.dynamics.rigid_arm import RigidArm
+from samrl_core.types.arm_recording import ArmRecording
+
+
+class Trial:
+    """A recording with its residuals, and the places where effects put their columns."""
+
+    def __init__(self, recording: ArmRecording, rigid: RigidArm | None, start_s: float = 0.0) -> None:
+        """Bring the recording to one clock and form the equations."""
+        self.recording, self.rigid = recording, rigid
+        self.motion = Motion(recording, rigid, start_s)
+        self.equations: Equations = form_equations(self.motion)
+        self.scale = scale_limits(recording.arm, rigid, self.motion)
+        self.channels = self.equations.channels
+        self.joints = self.motion.joints
+
+    def __len__(self) -> int:
+        return len(self.motion)
+
+    # -- where columns go ------------------------------------------------------------------------------
+
+    def drive(self, joint: int, full: np.ndarray) -> Columns:
+        """Columns (p, F) at full rate that act between commanded effort and torque sensor of a joint."""
+        channel = "drive" if "drive" in self.channels else "dynamics"
+        if channel not in self.channels:
+            return {}
+        return {(channel, joint): self.motion.reduce(full.T).T}
+
+    def controller(self, joint: int, full: np.ndarray) -> Columns:
+        """Columns (p, F) at full rate that act between command and commanded effort of a joint."""
+        if "controller" not in self.channels:
+            return {}
+        return {("controller", joint): self.motion.reduce(full.T).T}
+
+    def link(self, columns: np.ndarray) -> Columns:
+        """Band-limited columns (p, N, J) that act behind the torque sensors."""
+        channel = "link" if "link" in self.channels else "dynamics"
+        if channel not in self.channels:
+            return {}
+        return {(channel, j): columns[:, :, j] for j in range(self.joints) if np.any(columns[:, :, j])}
+
+    def tracking(self, joint: int, columns: np.ndarray) -> Columns:
+        """Columns (p, N) of command minus position."""
+        return {("tracking", joint): columns} if "tracking" in self.channels else {}
+
+    def sensor(self, joint: int, full: np.ndarray) -> Columns:
+        """Columns (p, F) added to the effort reading of a joint: lost in the drive, found at the link."""
+        reduced = self.motion.reduce(full.T).T
+        out: Columns = {}
+        if "drive" in self.channels:
+            out["drive", joint] = -reduced
+        if "link" in self.channels:
+            out["link", joint] = reduced
+        return out
+
+    # -- shared quantities -----------------------------------------------------------------------------
+
+    @cached_property
+    def mass(self) -> np.ndarray:
+        """Joint-space inertia (N, J, J)."""
+        assert self.rigid is not None
+        return self.rigid.mass_matrix(self.motion.q)
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """Derivative of inverse dynamics with respect to position (N, J, J)."""
+        assert self.rigid is not None
+        return self.rigid.position_derivative(self.motion.q, self.motion.dq, self.motion.ddq)
+
+    @cached_property
+    def regressor(self) -> np.ndarray:
+        """Inertial regressor (N, J, J links, 10)."""
+        assert self.rigid is not None
+        return self.rigid.regressor(self.motion.q, self.motion.dq, self.motion.ddq)
+
+    @cached_property
+    def tilt(self) -> np.ndarray:
+        """Inverse dynamics (2, N, J) per radian of base tilt about the base's x and y axes."""
+        assert self.rigid is not None
+        g = self.rigid.gravity_vector
+        q, zero = self.motion.q, np.zeros_like(self.motion.q)
+        axes = np.eye(3)[:2]
+        # Gravity seen from a base rotated by a small angle about an axis: g - angle * axis x g. Gravity
+        # torques are linear in gravity, so a unit angle is evaluated exactly.
+        return np.stack([self.rigid.inverse_dynamics(q, zero, zero, -np.cross(axis, g)) for axis in axes])
+
+    @cached_property
+    def rotor(self) -> np.ndarray:
+        """Nominal rotor inertia (J,)."""
+        return armature(self.recording.arm)
+
+    def deflection(self, joint: int, delta: np.ndarray) -> np.ndarray:
+        """Change (p, N, J) of the link residual when a joint's link trails its reading by delta (p, N).
+
+        link = tau - RNEA(q): with the true link at q - delta, tau = RNEA(q - delta), so the residual is
+        -(d RNEA/dq delta + M d2 delta/dt2) to first order.
+        """
+        second = np.stack([self.motion.derivative(self.motion.derivative(d)) for d in delta])
+        return -(
+            np.einsum("nj,pn->pnj", self.stiffness[:, :, joint], delta)
+            + np.einsum("nj,pn->pnj", self.mass[:, :, joint], second)
+        )
+
+
+def add(*parts: Columns) -> Columns:
+    """Sum of columns that share their parameters."""
+    out: Columns = {}
+    for part in parts:
+        for key, value in part.items():
+            out[key] = out[key] + value if key in out else value
+    return out

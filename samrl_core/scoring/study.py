@@ -1,0 +1,151 @@
+"""A blind test on disk: observations, sealed labels, their published hash, and what was diagnosed."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import tarfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError
+
+SETS = ("A", "B", "C")  # C is held out
+
+
+@dataclass(frozen=True)
+class Study:
+    """Paths below one folder.
+
+    obs/<id>/{A,B,C}.mcap is all that a diagnosis may see; sealed/ and sealed.tar hold labels and oracles;
+    forge.json carries the hash of sealed.tar and is written before anything is diagnosed.
+    """
+
+    root: Path
+
+    @property
+    def forge_file(self) -> Path:
+        """What was made, with the hash of the labels."""
+        return self.root / "forge.json"
+
+    @property
+    def tar(self) -> Path:
+        """Labels and oracles, sealed."""
+        return self.root / "sealed.tar"
+
+    def observations(self, world: str) -> Path:
+        """Folder of one world's bags."""
+        return self.root / "obs" / world
+
+    def label(self, world: str) -> Path:
+        """The label before it is sealed."""
+        return self.root / "sealed" / f"{world}.json"
+
+    def oracle(self, world: str) -> Path:
+        """Re-simulation of the held-out recording with the true effect."""
+        return self.root / "sealed" / f"{world}.npz"
+
+    def run_folder(self, stage: str, world: str) -> Path:
+        """Result of one world: stage `diagnosis`, `left_out`, or a baseline's name."""
+        return self.root / stage / world
+
+    def made(self, world: str) -> bool:
+        """Whether a world is whole: its observations are moved into place last."""
+        return self.label(world).exists() and self.observations(world).is_dir()
+
+    def published(self) -> dict[str, Any]:
+        """Content of forge.json.
+
+        Raises:
+            InputError: not there, so nothing was sealed yet.
+        """
+        if not self.forge_file.exists():
+            raise InputError(f"{self.forge_file} does not exist: the labels are not sealed; run samrl forge first")
+        return json.loads(self.forge_file.read_text())
+
+    def seal(self, worlds: list[str], facts: Mapping[str, Any]) -> dict[str, Any]:
+        """Pack the labels of `worlds` (byte for byte the same each time) and publish their hash."""
+        buffer = io.BytesIO()
+        with tarfile.open(fileobj=buffer, mode="w") as tar:
+            for world in sorted(worlds):
+                for path in (self.label(world), self.oracle(world)):
+                    if path.exists():
+                        content = path.read_bytes()
+                        entry = tarfile.TarInfo(path.name)  # owner and time stay zero: the hash is reproducible
+                        entry.size = len(content)
+                        tar.addfile(entry, io.BytesIO(content))
+        write_atomically(self.tar, buffer.getvalue())
+        content = {**facts, "worlds": worlds, "sealed_sha256": sha256(self.tar)}
+        write_atomically(self.forge_file, (json.dumps(content, indent=1) + "\n").encode())
+        return content
+
+    def open_seal(self) -> Sealed:
+        """Labels and oracles out of sealed.tar, after its hash was compared with the published one.
+
+        Raises:
+            InputError: hash mismatch, or no tar. Loose files in sealed/ are never read.
+        """
+        stated = self.published()["sealed_sha256"]
+        if not self.tar.exists():
+            raise InputError(f"{self.tar} does not exist; nothing can be scored without it")
+        if (found := sha256(self.tar)) != stated:
+            raise InputError(f"{self.tar} has sha256 {found}, but {stated} was published: labels were changed")
+        return Sealed(self.tar)
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """Reader of a verified sealed.tar."""
+
+    path: Path
+
+    def labels(self) -> dict[str, dict[str, Any]]:
+        """World to label."""
+        with tarfile.open(self.path) as tar:
+            files = [m for m in tar.getmembers() if m.name.endswith(".json")]
+            return {m.name.removesuffix(".json"): json.loads(_content(tar, m)) for m in files}
+
+    def oracle(self, world: str) -> dict[str, np.ndarray] | None:
+        """Arrays of one world's oracle; None where the forge made none."""
+        with tarfile.open(self.path) as tar:
+            name = f"{world}.npz"
+            if name not in tar.getnames():
+                return None
+            with np.load(io.BytesIO(_content(tar, tar.getmember(name)))) as file:
+                return {k: np.asarray(file[k], float) for k in file.files}
+
+
+def _content(tar: tarfile.TarFile, member: tarfile.TarInfo) -> bytes:
+    stream = tar.extractfile(member)
+    if stream is None:
+        raise InputError(f"{member.name} in the sealed labels is not a file")
+    return stream.read()
+
+
+def sha256(path: Path) -> str:
+    """Of a file's content."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Whole or not at all, also when killed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_bytes(content)
+    temporary.replace(path)
+
+
+def move_folder(source: Path, target: Path) -> None:
+    """Put a finished folder in place; what a killed run left there goes first."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if target.exists():
+        shutil.rmtree(target)
+    source.rename(target)

@@ -1,0 +1,72 @@
+"""1: Coulomb friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, smooth_sign
+from samrl_core.diagnosis.equations import Columns
+from samrl_core.diagnosis.trial import Trial
+
+
+class CoulombFriction(DriveTorque):
+    """Dry friction of constant level."""
+
+    family, number, title = "coulomb_friction", 1, "Coulomb friction"
+    formula = "tau_f = Fc tanh(dq / v)"
+    source = "Olsson et al. 1998, Friction models and friction compensation; ranges: Gaz et al. 2019 (Panda)"
+    excitation = "slow sweeps in both directions, reversals"
+    confounded_with = ("viscous_friction", "stribeck_friction", "backlash", "command_delay")
+    parameters = (Parameter("Fc", "N m", 0.14, 1.5, "friction level"),)
+
+    def unobservable(self, trial: Trial) -> str | None:
+        """Also visible as a tracking error."""
+        return None if "tracking" in trial.channels else super().unobservable(trial)
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        """Width of the transition is searched."""
+        return single(("Fc",), tuple({"v": v} for v in SIGN_SPEEDS), v=(5e-4, 0.1))
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        """Smooth sign of the velocity."""
+        return smooth_sign(trial.motion.full_velocity[:, joint], shape["v"])[None]
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        """In the drive; without torques, a stiff position loop parks short by Fc / K."""
+        if "tracking" in trial.channels:
+            (joint,) = self.joints_at(trial, place)
+            velocity = trial.motion.derivative(_command(trial)[:, joint])
+            return trial.tracking(joint, smooth_sign(velocity, 10 * shape["v"])[None])
+        return super().columns(trial, place, form, shape)
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        """A tenth of the effort scale."""
+        return np.array([0.02 if "tracking" in trial.channels else 0.1 * trial.scale[joint]])
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        """Friction opposes motion."""
+        return bool(amplitudes[0] > 0)
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        """Level."""
+        return {"Fc": float(amplitudes[0])}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        """Smooth Coulomb friction."""
+        joints = self.joints_at(trial, place)
+        return {
+            "coulomb": at_joint(trial, joints, amplitudes[0]),
+            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
+        }
+
+
+def _command(trial: Trial) -> np.ndarray:
+    command = trial.motion.command
+    assert command is not None and command.position is not None
+    return trial.motion.reduce(command.position)

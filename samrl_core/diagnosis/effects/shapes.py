@@ -1,0 +1,62 @@
+"""Functions of time that several effects share: smooth sign, bristle, play, limits, filters."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+SIGN_SPEEDS = (0.002, 0.006, 0.02)  # [rad/s] width of the smooth sign; simulators and real bearings differ
+
+
+def smooth_sign(velocity: np.ndarray, width: float) -> np.ndarray:
+    """tanh(velocity / width)."""
+    return np.tanh(velocity / width)
+
+
+def bristle(position: np.ndarray, distance: float) -> np.ndarray:
+    """Normalised Dahl bristle (F,) in -1..1 along a position, relaxing over `distance` [same unit].
+
+    dz = dq / distance (1 - z sgn dq), solved exactly for each step (Dahl 1968).
+    """
+    steps = np.diff(position, prepend=position[:1])
+    decay = np.exp(-np.abs(steps) / distance).tolist()
+    target = np.sign(steps).tolist()
+    out, z = [], 0.0
+    for d, s in zip(decay, target, strict=True):
+        z = s + (z - s) * d
+        out.append(z)
+    return np.array(out)
+
+
+def play(position: np.ndarray, half_width: float) -> np.ndarray:
+    """Output (F,) of a play (backlash) operator of half width `half_width`, started in its middle."""
+    out, y = [], float(position[0])
+    for x in position.tolist():
+        y = min(max(y, x - half_width), x + half_width)
+        out.append(y)
+    return np.array(out)
+
+
+def rate_limited(x: np.ndarray, most: float) -> np.ndarray:
+    """Signal (F,) that follows x by at most `most` per sample."""
+    out, y = [], float(x[0])
+    for value in x.tolist():
+        y += min(max(value - y, -most), most)
+        out.append(y)
+    return np.array(out)
+
+
+def low_passed(x: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
+    """First-order causal low-pass (F, ...) by exact discretisation, started at rest on the first sample."""
+    a = np.exp(-2 * np.pi * cutoff / rate)
+    start = np.expand_dims(a * x[0], 0)
+    out, _ = signal.lfilter([1 - a], [1, -a], x, axis=0, zi=start)
+    return np.asarray(out)
+
+
+def resonant(x: np.ndarray, frequency: float, damping: float, dt: float) -> np.ndarray:
+    """Response (N, ...) of a unit-gain second-order system, started in equilibrium with the first sample."""
+    w = 2 * np.pi * frequency
+    system = signal.cont2discrete(([w * w], [1.0, 2 * damping * w, w * w]), dt, method="bilinear")
+    b, a = np.ravel(system[0]), np.ravel(system[1])
+    return x[:1] + np.asarray(signal.lfilter(b, a, x - x[:1], axis=0))

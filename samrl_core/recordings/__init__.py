@@ -1,0 +1,7 @@
+"""Arm recordings before the diagnosis: fit to be diagnosed, units plausible, held-out data unseen."""
+
+from samrl_core.recordings.check import check_recording
+from samrl_core.recordings.held_out import block, check_held_out, split
+from samrl_core.recordings.motion import no_motion, still_joints
+
+__all__ = ["block", "check_held_out", "check_recording", "no_motion", "split", "still_joints"]

@@ -136,7 +136,9 @@ def decode_topic(kind: str, topic: str, messages: Sequence[bytes]) -> JointMessa
     sizes = np.array([len(m) for m in messages], dtype=np.int64)
     for size in np.unique(sizes):
         where = np.flatnonzero(sizes == size)
-        rows = np.frombuffer(b"".join(messages[i] for i in where), dtype=np.uint8).reshape(len(where), size)
+        rows = np.frombuffer(b"".join(messages[i] for i in where.tolist()), dtype=np.uint8).reshape(
+            len(where), size
+        )
         done = 0
         while len(where):
             try:

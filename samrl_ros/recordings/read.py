@@ -12,7 +12,7 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.types.arm_description import ArmDescription, Tolerances
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.types.arm_recording import ArmRecording
 from samrl_ros.bags.reader import Bag, RawMessage, open_bag
 from samrl_ros.recordings.joint_messages import (
     JOINT_STATE,

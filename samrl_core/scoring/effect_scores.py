@@ -80,7 +80,8 @@ def comparable(stated: Any, true: Any) -> list[tuple[str, Any, float]]:
         known = true.get(name)
         if not isinstance(known, dict) or known.get("unit") != estimate.get("unit"):
             continue
-        if isinstance(known.get("value"), int | float) and estimate.get("ci95") is not None:
+        bounds = estimate.get("ci95") or (None, None)
+        if isinstance(known.get("value"), int | float) and None not in bounds:
             pairs.append((name, estimate, float(known["value"])))
     return pairs
 

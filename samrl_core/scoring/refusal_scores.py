@@ -69,4 +69,4 @@ def calibration(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def _probability(o: Outcome) -> float:
-    return float(o.primary.get("probability", 0.0)) if o.primary is not None else 0.0
+    return float(o.primary.get("probability") or 0.0) if o.primary is not None else 0.0

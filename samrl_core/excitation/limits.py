@@ -21,7 +21,7 @@ def check_programme(spec: RobotSpec, payload: Payload | None, command: JointSign
     """Whether a commanded motion is safe to play.
 
     Raises:
-        InputError: a quantity is missing, of the wrong shape or not finite, or it does not start or end at rest.
+        InputError: a quantity is missing, of the wrong shape or not finite, or the ends are not at rest.
         LimitError: position, velocity, acceleration or predicted torque of a joint beyond its share of the
             limit, or too near the table or the arm itself.
     """

@@ -61,7 +61,7 @@ def multisine(
             velocity[:, j] += chirp_velocity(
                 time,
                 (0.5 * duration_s, duration_s - _REST_S),
-                chirp_hz if up else chirp_hz[::-1],
+                chirp_hz if up else (chirp_hz[1], chirp_hz[0]),
                 _CHIRP_SHARE * limits.acceleration[j],
                 rng.uniform(0.0, 2.0 * np.pi),
             )

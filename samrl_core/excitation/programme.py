@@ -63,7 +63,9 @@ def programme(
         InputError: no such kind, or a length that is refused.
         LimitError: nothing inside the arm's limits was found.
     """
-    rng = np.random.default_rng(seed)
+    # A stream of its own for each kind: the held-out poses are not those of set A.
+    number = sum(kind.encode())
+    rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng([number, seed])
     box = work_box(spec, payload)
     model = ArmLine(spec, payload).model
     makers: dict[str, Callable[[WorkBox, float], JointSignal]] = {

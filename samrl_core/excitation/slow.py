@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from samrl_core.errors import InputError
 from samrl_core.excitation.signal import from_velocity, rounded, sample_times
 from samrl_core.excitation.workspace import WorkBox
 from samrl_core.robots.arm_model import ArmModel
@@ -45,14 +46,23 @@ def slow(
 
     Reversals of different joints fall at different times, so that what happens at one is not mixed up
     with another's. `joints` (J,) bool moves only those.
+
+    Raises:
+        InputError: too many holds for the time.
     """
     time = sample_times(duration_s, period_s)
     move = np.ones(len(spec.joint_names), bool) if joints is None else joints
     least = LEAST_HOLDS if duration_s >= 8.0 else 3
     count = int(np.clip(round(duration_s / 3.0), least, _MOST_HOLDS)) if holds is None else holds
     window = float(np.clip(duration_s / 50.0, 0.05, 0.3))
-    rest = float(np.clip(0.03 * duration_s, 0.1, 0.6)) + window  # the rounding takes half a window either side
+    # Rounding takes half a window at either side of a rest.
+    rest = float(np.clip(0.03 * duration_s, 0.1, 0.6)) + window
     length = (duration_s - count * rest) / (count - 1)
+    if length < 4.0 * window:
+        raise InputError(
+            f"{count} holds of {rest:.2f} s in {duration_s} s leave {length:.2f} s for the strokes between, "
+            f"need {4.0 * window:.2f} s; lengthen the programme or name fewer poses"
+        )
     targets = varied_loads(box, model, rng, count)
     # A reversal at speed v is a corner of 2 v.
     top = 0.15 * spec.limits.acceleration * window

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 
 from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
 from samrl_core.report import words
@@ -10,6 +11,7 @@ from samrl_core.report.families import FAMILIES
 
 LINES = 10
 WIDTH = 110
+INDENT = 15
 
 
 def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
@@ -38,14 +40,14 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines.append(_line("could be", " or ".join(words.effect(n) for n in d.ambiguity_set[0])))
     if d.next_experiment is not None:
         n = d.next_experiment
-        lines.append(_line("next", f"samrl excite {n.file} (splits them with {words.percent(n.separates)}): {n.why}"))
+        lines.append(_line("next", f"samrl excite {n.file} ({words.percent(n.separates)} sure to split them): {n.why}"))
     if d.alarms:
         lines.append(_line("alarm", _first_of(d.alarms)))
     if d.not_testable:
         names = ", ".join(FAMILIES[f].title if f in FAMILIES else f for f in d.not_testable)
         lines.append(_line("not testable", f"{len(d.not_testable)}: {names}"))
     tail = [_line("files", "  ".join(files))] if files else []
-    return [_cut(line) for line in lines[: LINES - len(tail)] + tail]
+    return _fit(lines[: LINES - len(tail)] + tail)
 
 
 def _where(d: Diagnosis) -> list[str]:
@@ -73,7 +75,7 @@ def _how_far(gap: HeldOutGap) -> str:
     interval = f" {ci}" if (ci := words.percent_interval(gap.ci95)) else ""
     margin = f"; {words.points(gap.margin)} on the runner-up" if gap.margin is not None else ""
     value = f"{words.number(gap.nominal)} -> {words.number(gap.with_effect)} {gap.unit}".rstrip()
-    return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({value}, {gap.metric})"
+    return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({gap.metric} {value})"
 
 
 def _first_of(items: Sequence[str]) -> str:
@@ -81,10 +83,25 @@ def _first_of(items: Sequence[str]) -> str:
 
 
 def _line(label: str, text: str) -> str:
-    return f"  {label:<13}{text}"
+    return f"  {label:<{INDENT - 2}}{text}"
 
 
-def _cut(line: str) -> str:
-    """One line without control characters, within the width."""
-    line = "".join(c if c.isprintable() else " " for c in line)
-    return line if len(line) <= WIDTH else line[: WIDTH - 3].rstrip() + "..."
+def _fit(lines: list[str]) -> list[str]:
+    """Long lines are continued while lines are left, first things first, and cut after that."""
+    spare = LINES - len(lines)
+    result = []
+    for line in lines:
+        clean = "".join(c if c.isprintable() else " " for c in line)
+        parts = wrap(clean, WIDTH, subsequent_indent=" " * INDENT, drop_whitespace=True, break_on_hyphens=False)
+        used = min(spare, len(parts) - 1)
+        spare -= used
+        result += parts[:used]
+        rest = parts[used] if used == len(parts) - 1 else _continued(parts[used:])
+        result.append(rest)
+    return result
+
+
+def _continued(parts: list[str]) -> str:
+    """What is left of a line, cut to the width."""
+    text = f"{parts[0]} {' '.join(part.strip() for part in parts[1:])}"
+    return text[: WIDTH - 3].rstrip() + "..."

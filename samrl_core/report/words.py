@@ -23,7 +23,7 @@ def headline(d: Diagnosis) -> str:
     """The verdict as one sentence."""
     match d.verdict:
         case "no_gap":
-            return "No gap: model and machine agree within the stated tolerances"
+            return "Model and machine agree within the stated tolerances"
         case "effect":
             causes = [f"{family(e.family).title} at {place(e.place)}" for e in d.effects]
             return f"{_join(_lower_tail(causes), 'and')} {'causes' if len(causes) == 1 else 'cause'} the gap"

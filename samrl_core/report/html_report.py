@@ -1,0 +1,269 @@
+"""report.html: one file without any outside part, to be shown in a meeting; verdict first."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+from functools import cache
+
+import yaml
+from plotly.offline import get_plotlyjs
+
+from samrl_core.diagnosis.result import Diagnosis, NamedEffect
+from samrl_core.report import words
+from samrl_core.report.families import FAMILIES
+from samrl_core.report.figures import curve_figure, figure_json
+from samrl_core.report.html_how_far import how_far_section
+from samrl_core.report.html_parts import (
+    Markup,
+    bar,
+    box,
+    bullets,
+    data_script,
+    element,
+    figure,
+    join,
+    key_figure,
+    section,
+    table,
+)
+from samrl_core.report.html_where import where_section
+from samrl_core.report.page_script import SCRIPT
+from samrl_core.report.page_style import STYLE
+
+# What the browser may do with the page: run what stands in it, and fetch nothing.
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:"
+)
+
+
+def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
+    """The page; `picture` is a PNG that readers see where scripts do not run (mail, previews)."""
+    d = diagnosis
+    sections = {
+        "alarms": _alarms(d),
+        "open": _ambiguity(d),
+        "unknown": _unknown(d),
+        "which": _which(d),
+        "where": where_section(d),
+        "far": how_far_section(d),
+        "untested": _not_testable(d),
+        "from": _provenance(d),
+    }
+    order = ["alarms", "open", "unknown", "where", "which", "far", "untested", "from"]
+    if d.verdict == "not_testable":
+        order.remove("untested")
+        order.insert(0, "untested")
+    fallback = ""
+    if picture is not None:
+        source = f"data:image/png;base64,{base64.b64encode(picture).decode()}"
+        fallback = element("noscript", Markup(f'<img alt="{words.headline(d)}" src="{source}">'.replace("&", "&amp;")))
+    head = join(
+        (
+            Markup('<meta charset="utf-8">'),
+            element("title", f"{words.headline(d)} ({d.arm})"),
+            Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+            Markup(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'),
+            Markup('<meta name="referrer" content="no-referrer"><link rel="icon" href="data:,">'),
+            Markup(f"<style>{STYLE}</style>"),
+        )
+    )
+    body = join(
+        (
+            _header(d),
+            element("main", _key_figures(d), fallback, *(sections[name] for name in order)),
+            element("footer", element("div", f"samrl {d.version}, seed {d.seed}. The same facts for programs: report.json.")),
+            Markup(f'<script type="text/plain" id="library">{_library()}</script>'),
+            Markup(f"<script>{SCRIPT}</script>"),
+        )
+    )
+    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body class="{words_class(d)}">{body}</body></html>\n'
+
+
+def words_class(d: Diagnosis) -> str:
+    """The class of the page's body, by verdict."""
+    return d.verdict if d.verdict in words.VERDICT_LABEL else ""
+
+
+@cache
+def _library() -> str:
+    """plotly.js, packed: 2 MB in place of 5; the browser unpacks it by itself (DecompressionStream)."""
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
+
+
+def _header(d: Diagnosis) -> Markup:
+    durations = sum(i.duration for i in d.inputs)
+    recordings = f"{words.count(len(d.inputs), 'recording')}, {durations:.0f} s" if durations else ""
+    top = element(
+        "p",
+        element("span", words.VERDICT_LABEL[d.verdict], css="chip"),
+        ", ".join(filter(None, (f"Sim-to-real gap of {d.arm}", recordings))),
+        css="eyebrow",
+    )
+    lead: list[object] = []
+    for e in d.effects[:2] if d.verdict == "effect" else ():
+        if e.family in FAMILIES:
+            f = FAMILIES[e.family]
+            lead.append(element("p", f.meaning, css="lead"))
+            lead.append(element("p", element("b", "What to do: "), f.remedy))
+    if not lead:
+        lead += [element("p", _plain_verdict(d), css="lead")]
+    return element("header", element("div", top, element("h1", words.headline(d)), *lead))
+
+
+def _plain_verdict(d: Diagnosis) -> str:
+    return {
+        "no_gap": "Whatever difference remains is no larger than what sensors and stated tolerances explain. "
+        "Nothing needs to be added to the model.",
+        "effect": "The cause below explains the difference between model and machine.",
+        "ambiguous": "Each of the candidates below fits about equally well. Choosing one would be a guess; "
+        "a further recording decides.",
+        "none_of_mine": "The machine differs from its model, but adding any known effect would fit for the wrong "
+        "reason. What the difference looks like stands below.",
+        "not_testable": "What was recorded does not show enough to tell model and machine apart.",
+    }[d.verdict]
+
+
+def _key_figures(d: Diagnosis) -> Markup:
+    items: list[Markup] = []
+    gap = d.gap
+    if d.effects and d.verdict == "effect":
+        if gap is not None and gap.shrink is not None:
+            interval = words.percent_interval(gap.ci95)
+            note = f"95 % interval {interval}" if interval else "on held-out recordings"
+            items.append(key_figure("held-out gap shrinks by", words.percent(gap.shrink), note))
+        first = d.effects[0]
+        for name, value in list(first.parameters.items())[:2]:
+            items.append(key_figure(name, words.parameter(value), f"95 % interval {words.interval(value)}"))
+        items.append(key_figure("probability of the cause", words.percent(first.probability), "among all tried"))
+        if gap is not None and gap.margin is not None:
+            other = words.effect(gap.runner_up_effect) if gap.runner_up_effect else "the runner-up"
+            items.append(key_figure("better than the runner-up", words.points(gap.margin), other))
+    elif gap is not None and math.isfinite(gap.nominal):
+        value = f"{words.number(gap.nominal)} {gap.unit}".rstrip()
+        items.append(key_figure("held-out gap of the nominal model", value, gap.metric))
+    if d.verdict == "ambiguous":
+        items.append(key_figure("candidates", str(sum(map(len, d.ambiguity_set)))))
+        if d.next_experiment is not None:
+            note = "probability that the proposed recording decides"
+            items.append(key_figure("next recording decides", words.percent(d.next_experiment.separates), note))
+    if math.isfinite(d.unexplained_fraction):
+        note = "of the excess energy, after " + {"effect": "the named effects"}.get(d.verdict, "the best effect")
+        items.append(key_figure("unexplained", words.percent(d.unexplained_fraction), note))
+    if d.heatmap is not None and d.verdict == "no_gap":
+        items.append(key_figure("significant parts", str(int((d.heatmap.values >= d.heatmap.threshold).sum()))))
+    if d.not_testable:
+        items.append(key_figure("not testable", str(len(d.not_testable)), "effects that these recordings cannot show"))
+    reasons = join((element("h3", "Why this verdict"), bullets(d.reasons))) if d.reasons else ""
+    return join((element("dl", *items, css="figures") if items else "", reasons))
+
+
+def _alarms(d: Diagnosis) -> Markup:
+    return box("Alarms", bullets(d.alarms), css="alarm") if d.alarms else Markup("")
+
+
+def _which(d: Diagnosis) -> Markup:
+    if not (d.effects or d.runner_ups):
+        return Markup("")
+    parts: list[object] = []
+    if d.effects:
+        rows = [
+            (
+                words.effect(e.name) + (f", {e.form}" if e.form else ""),
+                name,
+                words.parameter(value),
+                words.interval(value),
+            )
+            for e in d.effects
+            for name, value in (e.parameters or {"–": None}).items()
+            if value is not None
+        ]
+        parts.append(table(("effect", "parameter", "value ± 95 %", "95 % interval"), rows, numbers=(2, 3)))
+    for i, curve in enumerate(d.curves):
+        caption = f"{words.effect(curve.effect)}: the fitted curve over the residual that it explains"
+        parts += [figure(f"curve-{i}", caption), data_script(f"curve-{i}", figure_json(curve_figure(curve)))]
+    tried = [*d.effects, *d.runner_ups]
+    rows = [_tried(e, e in d.effects and d.verdict == "effect") for e in tried]
+    head = ("effect", "probability", "gain [nat]", "parameters")
+    parts += [element("h3", "All that came close"), table(head, rows, numbers=(2,))]
+    note = "Gain: how much better than the nominal model, its uncertainty counted; 9 nat are overwhelming odds."
+    parts.append(element("p", note, css="note"))
+    return section("Which effect", *parts, anchor="which")
+
+
+def _tried(e: NamedEffect, named: bool) -> tuple[object, ...]:
+    name = element("b", words.effect(e.name)) if named else words.effect(e.name)
+    probability = join((bar(e.probability), words.percent(e.probability)))
+    return name, probability, f"{e.gain:.1f}", words.parameters(e) or "–"
+
+
+def _ambiguity(d: Diagnosis) -> Markup:
+    if not d.ambiguity_set and d.next_experiment is None:
+        return Markup("")
+    known = {e.name: e for e in (*d.effects, *d.runner_ups)}
+    parts: list[object] = []
+    for group in d.ambiguity_set:
+        cards = []
+        for name in group:
+            f = FAMILIES.get(name.partition("@")[0])
+            fit = known.get(name)
+            values = element("p", element("b", words.parameters(fit))) if fit and fit.parameters else ""
+            chance = element("p", f"Probability {words.percent(fit.probability)}", css="note") if fit else ""
+            cards.append(
+                element("div", element("h3", words.effect(name)), element("p", f.meaning if f else ""), values, chance)
+            )
+        parts.append(element("div", *cards, css="or"))
+    if d.next_experiment is not None:
+        n = d.next_experiment
+        text = yaml.safe_dump(n.programme, sort_keys=False, allow_unicode=True)
+        command = element("p", "Play it with ", element("code", f"samrl excite {n.file}"), ", then diagnose again.")
+        why = element("p", f"{n.why[:1].upper()}{n.why[1:].rstrip('.')}. It decides with probability ",
+                      element("b", words.percent(n.separates)), ".")  # fmt: skip
+        parts.append(box("The recording that decides", why, command, element("pre", text)))
+    return section("What it could be" if d.ambiguity_set else "Next recording", *parts, anchor="open")
+
+
+def _unknown(d: Diagnosis) -> Markup:
+    parts: list[object] = []
+    if d.signatures:
+        rows = [
+            (words.place(s.place), s.channel, what, join((bar(abs(c)), f"{c:+.2f}")))
+            for s in d.signatures
+            for what, c in sorted(s.hints, key=lambda hint: -abs(hint[1]))
+        ]
+        parts.append(element("p", "Hints about what remains, not a cause:"))
+        parts.append(table(("place", "channel", "what it looks like", "correlation"), rows))
+    if d.nearest is not None:
+        e = d.nearest
+        text = f"{words.effect(e.name)} ({words.parameters(e)}) fits best of all. Do not build on it: see the reasons above."
+        parts.append(box("Nearest effect, and it would be wrong", element("p", text)))
+    return section("What the unexplained rest looks like", *parts, anchor="unknown") if parts else Markup("")
+
+
+def _not_testable(d: Diagnosis) -> Markup:
+    if not d.not_testable:
+        return Markup("")
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in d.not_testable.items():
+        by_reason.setdefault(reason, []).append(FAMILIES[name].title if name in FAMILIES else name)
+    rows = [(reason, ", ".join(names)) for reason, names in by_reason.items()]
+    return section("Not testable with these recordings", table(("because", "effects"), rows), anchor="not-testable")
+
+
+def _provenance(d: Diagnosis) -> Markup:
+    rows = [
+        (i.bag, i.role.replace("_", " "), f"{i.duration:.1f}", element("span", i.sha256, css="hash")) for i in d.inputs
+    ]
+    parts: list[object] = [table(("recording", "used as", "length [s]", "sha256"), rows, numbers=(2,))]
+    if d.notes:
+        parts += [element("h3", "Notes on the input"), bullets(d.notes)]
+    if d.timings:
+        spent = [(stage, f"{seconds:.1f}") for stage, seconds in d.timings.items()]
+        parts += [element("h3", "Time spent"), table(("stage", "[s]"), spent, numbers=(1,), css="")]
+    if d.settings:
+        text = json.dumps(d.settings, indent=1, ensure_ascii=False, default=str)
+        parts.append(element("details", element("summary", "Settings"), element("pre", text)))
+    return section("Where this comes from", *parts, anchor="provenance")

@@ -1,0 +1,104 @@
+"""The page's answer to `where`: heatmap as a table that needs no script, parts of recordings, timelines."""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+
+import numpy as np
+
+from samrl_core.diagnosis.result import Diagnosis, Heatmap, Timeline
+from samrl_core.report import words
+from samrl_core.report.figures import figure_json, timeline_figure
+from samrl_core.report.html_parts import Markup, bar, data_script, element, figure, join, section, table
+
+TIMELINES = 6  # at most; further recordings are left to report.json
+
+# ColorBrewer's YlOrRd without its darkest tones, so that dark figures stay readable on the first four.
+_SCALE = ("#ffffff", "#fff3c4", "#fed976", "#feb24c", "#fd8d3c", "#c8301b", "#8f0d24")
+_TEXT_LIGHT_FROM = 5
+
+
+def where_section(d: Diagnosis) -> Markup:
+    """The whole section, or nothing where there was nothing to look at."""
+    parts: list[object] = []
+    if d.heatmap is not None:
+        parts.append(_heatmap(d.heatmap))
+    if d.where:
+        parts += [element("h3", "Strongest parts of the recordings"), _where_table(d)]
+    if d.timelines:
+        parts += [element("h3", "Over time"), _timelines(d)]
+    if d.couplings:
+        rows = [(a, b, words.quantity(q), f"{c:+.2f}") for a, b, q, c in d.couplings]
+        head = ("joint", "moves with", "through", "correlation")
+        parts += [element("h3", "Coupled joints"), table(head, rows, numbers=(3,), css="")]
+    return section("Where the gap lies", *parts, anchor="where") if parts else Markup("")
+
+
+def cell_tone(value: float, threshold: float) -> int:
+    """Which colour a cell gets: below the threshold pale, then one step for every factor of 1.6."""
+    if value < threshold:
+        return 1 if value > 0.75 * threshold else 0
+    return min(2 + int(math.log(value / threshold, 1.6)), len(_SCALE) - 1)
+
+
+def _heatmap(h: Heatmap) -> Markup:
+    groups = [(channel, len(list(items))) for channel, items in groupby(h.columns, key=lambda c: c[0])]
+    top = element(
+        "tr", element("td"), *(element("th", name, colspan=n, scope="colgroup") for name, n in groups)
+    )
+    second = element("tr", element("td"), *(element("th", phase, scope="col") for _, phase in h.columns))
+    rows = []
+    for name, values in zip(h.places, np.asarray(h.values, dtype=float), strict=True):
+        head = element("th", name.partition(":")[2] or name, scope="row")
+        rows.append(element("tr", head, *(_cell(value, h.threshold) for value in values)))
+    body = element("table", element("thead", top, second), element("tbody", *rows), css="heat")
+    caption = (
+        f"Residual in standard deviations of what sensors and stated tolerances explain (1 is expected). "
+        f"Framed cells exceed {h.threshold:.2g}, significant after false-discovery control; "
+        f"– means that nothing was observed."
+    )
+    scroll = element("div", body, css="scroll", tabindex=0, role="region", aria_label="joints by channel and phase")
+    return element("figure", scroll, element("figcaption", caption))
+
+
+def _cell(value: float, threshold: float) -> Markup:
+    if not math.isfinite(value):
+        return element("td", "–", css="none")
+    tone = cell_tone(value, threshold)
+    color = "#ffffff" if tone >= _TEXT_LIGHT_FROM else "#1f2933"
+    shown = f"{value:.1f}" if value < 99.5 else f"{value:.0f}" if value < 1e4 else f"{value:.0e}"
+    style = f"background:{_SCALE[tone]};color:{color}"
+    return element("td", shown, style=style, css="hot" if value >= threshold else None)
+
+
+def _where_table(d: Diagnosis) -> Markup:
+    rows = [
+        (
+            words.place(w.place),
+            w.channel,
+            w.phase,
+            w.recording or "–",
+            f"{w.t0:.2f} to {w.t1:.2f}" + (f", since {w.onset:.2f}" if w.onset is not None else ""),
+            join((bar(w.share), words.percent(w.share))),
+        )
+        for w in d.where
+    ]
+    return table(("place", "channel", "phase", "recording", "time [s]", "share of the excess"), rows)
+
+
+def _timelines(d: Diagnosis) -> Markup:
+    named = {e.place for e in d.effects} | {w.place for w in d.where[:1]}
+    parts: list[object] = []
+    for i, timeline in enumerate(d.timelines[:TIMELINES]):
+        caption = f"{timeline.recording}: residual per window in standard deviations"
+        if timeline.onset is not None:
+            caption += f"; the gap begins at {timeline.onset:.2f} s"
+        parts += [figure(f"timeline-{i}", caption), _data(f"timeline-{i}", timeline, named)]
+    if (left := len(d.timelines) - TIMELINES) > 0:
+        parts.append(element("p", f"{words.count(left, 'further recording')} in report.json.", css="note"))
+    return join(parts)
+
+
+def _data(anchor: str, timeline: Timeline, named: set[str]) -> Markup:
+    return data_script(anchor, figure_json(timeline_figure(timeline, named)))

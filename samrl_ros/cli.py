@@ -81,6 +81,33 @@ def replay(
 
 
 @app.command()
+def excite(
+    programmes: Annotated[
+        list[Path] | None, typer.Argument(help="Programme files (YAML), as a diagnosis proposes them.")
+    ] = None,
+    sets: Annotated[
+        str | None, typer.Option("--set", help="all, A (slow), B (multisine) or C (task-like, held out).")
+    ] = None,
+    arm: Annotated[str | None, typer.Option(help="tool_arm (default) or camera_arm.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the bags; existing bags are not replaced.")] = Path(
+        "out/excite"
+    ),
+    seed: Annotated[int, typer.Option(help="Of the sets' motions and the world's noise.", min=0)] = 0,
+    duration: Annotated[float, typer.Option(help="Length of each set [s].", min=1.0, max=600.0)] = 15.0,
+    world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
+    kinds: Annotated[bool, typer.Option("--list", help="Only list the kinds of programme file.")] = False,
+) -> None:
+    """Run recording programmes on the cell, into bags that can be diagnosed."""
+    from samrl_ros import excite_command
+
+    if kinds:
+        Console().print(excite_command.kinds_table())
+        return
+    code = excite_command.excite(tuple(programmes or ()), sets, arm, out, seed, duration, world)
+    raise typer.Exit(code)
+
+
+@app.command()
 def interfaces() -> None:
     """Build the project's ROS 2 interfaces into this environment."""
     from samrl_ros.interfaces.build import main as build

@@ -29,8 +29,6 @@ class Kind:
     parameters: dict[str, Parameter]
 
 
-
-
 def _lasting(default: float) -> Parameter:
     return Parameter("s", 1.0, 600.0, default)
 

@@ -63,9 +63,11 @@ def _moving(spec: RobotSpec, command: JointSignal) -> tuple[np.ndarray, np.ndarr
     shape = (len(command), len(spec.joint_names))
     found = []
     for what in ("position", "velocity", "acceleration"):
-        values = getattr(command, what)
+        values: np.ndarray | None = getattr(command, what)
         if values is None or values.shape != shape:
-            raise InputError(f"programme needs {what} of shape {shape}, has {np.shape(values)}")
+            raise InputError(
+                f"programme needs {what} of shape {shape}, has {None if values is None else values.shape}"
+            )
         if not np.isfinite(values).all():
             raise InputError(f"programme has {what} that is not finite")
         found.append(values)

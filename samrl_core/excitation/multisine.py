@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.excitation.signal import from_velocity, sample_times, taper
+from samrl_core.excitation.signal import closing_rest, from_velocity, sample_times, taper
 from samrl_core.excitation.workspace import WorkBox
 from samrl_core.robots.robot import RobotSpec
 from samrl_core.types.arm_recording import JointSignal
@@ -16,7 +16,7 @@ _AMPLITUDE_SLOPE = -1.7  # position amplitude over frequency, between constant s
 _ACCELERATION_SHARE = 0.35  # of the limit for the sines
 _CHIRP_SHARE = 0.25  # of the acceleration limit
 _CHIRP_SPEED = 0.12  # amplitude bound of the chirp at its slow end [rad/s]
-_REST_S = 0.2  # at both ends [s]
+_REST_S = 0.2  # before the motion [s]
 
 
 def multisine(
@@ -41,7 +41,8 @@ def multisine(
     low = max(band_hz[0], 1.0 / duration_s)  # less than one period teaches nothing
     edges = np.geomspace(low, max(band_hz[1], 1.5 * low), _SINES + 1)
     center = box.center + rng.uniform(-0.1, 0.1, len(move)) * box.half_width
-    weight = taper(time, _REST_S, duration_s - _REST_S, 0.15 * duration_s)
+    end = duration_s - closing_rest(duration_s)
+    weight = taper(time, _REST_S, end, 0.15 * duration_s)
     velocity = np.zeros((len(time), len(move)))
     for j in np.flatnonzero(move):
         omega = 2.0 * np.pi * np.exp(rng.uniform(np.log(edges[:-1]), np.log(edges[1:])))
@@ -60,7 +61,7 @@ def multisine(
             up = rng.random() < 0.5
             velocity[:, j] += chirp_velocity(
                 time,
-                (0.5 * duration_s, duration_s - _REST_S),
+                (0.5 * duration_s, end),
                 chirp_hz if up else (chirp_hz[1], chirp_hz[0]),
                 _CHIRP_SHARE * limits.acceleration[j],
                 rng.uniform(0.0, 2.0 * np.pi),

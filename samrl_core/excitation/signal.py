@@ -21,6 +21,11 @@ def sample_times(duration_s: float, period_s: float) -> np.ndarray:
     return np.arange(round(duration_s / period_s) + 1) * period_s
 
 
+def closing_rest(duration_s: float) -> float:
+    """Rest after a motion [s]: time for a softly held arm to swing out, a twentieth of it at most."""
+    return float(np.clip(0.05 * duration_s, 0.1, 0.6))
+
+
 def from_velocity(time: np.ndarray, velocity: np.ndarray, start: np.ndarray) -> JointSignal:
     """The motion with this velocity (N, J) from `start` (J,) [rad]; feed-forward torque zero.
 

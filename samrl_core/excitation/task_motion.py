@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.excitation.signal import (
+    closing_rest,
     from_velocity,
     minimum_jerk_length,
     minimum_jerk_velocity,
@@ -18,7 +19,7 @@ _VELOCITY_SHARE = 0.45
 _ACCELERATION_SHARE = 0.45
 _FINE = 0.08  # of an approach, per joint [rad]
 _FINE_SPEED = 0.15  # [rad/s]
-_REST_S = 0.2  # at both ends [s]
+_REST_S = 0.2  # before the motion [s]
 
 
 def task_motion(
@@ -39,7 +40,8 @@ def task_motion(
     position, now = start.copy(), _REST_S
     velocity = np.zeros((len(time), len(start)))
     transfer = True
-    while (left := duration_s - _REST_S - now) > 0.3:
+    end = duration_s - closing_rest(duration_s)
+    while (left := end - now) > 0.3:
         if transfer:
             signs = rng.choice([-1.0, 1.0], len(start))
             goal = box.center + signs * rng.uniform(0.3, 1.0, len(start)) * 0.95 * box.half_width

@@ -32,7 +32,8 @@ def severity_figure(curve: Sequence[dict[str, Any]]) -> Figure:
     for c in curve:
         ax.text(0.5 * (c["from"] + c["to"]), -0.02, f"n {c['detected']['trials']}", ha="center", va="top", fontsize=7)
     ax.set(xlim=(0, 1), ylim=(-0.08, 1.04), xlabel="severity (quantile of the effect's range)", ylabel="share of worlds")
-    ax.legend(frameon=False, fontsize=8, loc="lower right")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(frameon=False, fontsize=8, loc="lower right")
     return _plain(figure)
 
 
@@ -43,7 +44,8 @@ def confusion_figure(table: dict[str, Any]) -> Figure:
     size = (2.6 + 0.3 * len(table["columns"]), 2.2 + 0.27 * len(table["rows"]))
     figure = Figure(figsize=size, layout="constrained")
     ax = figure.subplots()
-    ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    if share.size:
+        ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for i, row in enumerate(counts):
         for j, count in enumerate(row):
             if count:

@@ -127,7 +127,11 @@ class Motion:
         effort = onto(command.time, command.effort, self.time)
         zero = np.zeros_like(self.raw_position)
         return JointSignal(
-            self.time, position, zero if velocity is None else velocity, None, zero if effort is None else effort
+            self.time,
+            position,
+            zero if velocity is None else velocity,
+            None,
+            zero if effort is None else effort,
         )
 
     @cached_property

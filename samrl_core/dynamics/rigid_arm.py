@@ -130,6 +130,30 @@ class RigidArm:
             out[k] = np.array(self.data.dtau_dq)[index]
         return out
 
+    def base_reaction(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the arm does to its base, and what the base does to the arm.
+
+        Returns:
+            Wrench (N, 6) of the arm on its mount at the base's origin, force then moment, base axes [N, N m];
+            joint torques (6, N, J) per unit acceleration of the base, linear then angular [N m s2/m or s2].
+        """
+        model, data = self.model, self.data
+        qs, v, a = self._full_q(q), self._full_v(dq), self._full_v(ddq)
+        roots = [i for i in range(1, model.njoints) if model.parents[i] == 0]
+        wrench, unit = np.empty((len(q), 6)), np.empty((6, len(q), len(self._ids)))
+        zero = np.zeros(model.nv)
+        kept = pin.Motion(model.gravity)
+        for k in range(len(q)):
+            pin.rnea(model, data, qs[k], v[k], a[k])
+            total = sum((data.liMi[i].act(data.f[i]).vector for i in roots), np.zeros(6))
+            wrench[k] = -total  # data.f is what the base gives to the arm
+        for axis in range(6):
+            model.gravity = pin.Motion(-np.eye(6)[axis])  # Pinocchio accelerates the base by -gravity
+            for k in range(len(q)):
+                unit[axis, k] = pin.rnea(model, data, qs[k], zero, zero)[self._v_index]
+        model.gravity = kept
+        return wrench, unit
+
     def _full_q(self, q: np.ndarray) -> np.ndarray:
         q = np.asarray(q, dtype=float)
         full = np.zeros((len(q), self.model.nq))

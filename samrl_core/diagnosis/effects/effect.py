@@ -38,7 +38,9 @@ class Form:
     name: str
     amplitudes: tuple[str, ...]
     shapes: tuple[Shape, ...] = ({},)
-    refine: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # shape -> bounds, searched in log
+    refine: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # shape -> bounds, searched in log
 
 
 class Effect(ABC):

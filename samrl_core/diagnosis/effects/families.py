@@ -86,6 +86,8 @@ class FixedResponse(Effect):
         return bool(amplitudes[0] > 0.5)
 
 
-def single(amplitudes: tuple[str, ...], shapes: tuple[Shape, ...] = ({},), **refine: tuple[float, float]) -> tuple[Form, ...]:
+def single(
+    amplitudes: tuple[str, ...], shapes: tuple[Shape, ...] = ({},), **refine: tuple[float, float]
+) -> tuple[Form, ...]:
     """The only form of an effect."""
     return (Form("", amplitudes, shapes, refine),)

@@ -1,0 +1,41 @@
+"""14: actuator gain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.trial import Trial
+
+
+class ActuatorGain(DriveTorque):
+    """The drive turns commanded torque into another torque: torque constant, current scale."""
+
+    family, number, title = "actuator_gain", 14, "actuator gain"
+    formula = "tau = (1 + e) u"
+    source = "drift of magnets and current sensors: +-10 %"
+    excitation = "static poses and motion"
+    confounded_with = ("payload", "torque_sensor_error", "load_dependent_friction")
+    parameters = (Parameter("e", "1", -0.3, 0.3, "relative error of the torque"),)
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        return single(("e",))
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        assert trial.motion.raw_commanded is not None
+        return -trial.motion.raw_commanded[:, [joint]].T
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.array([0.15])
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        return {"e": float(amplitudes[0])}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        return {"actuator_gain": at_joint(trial, joints, amplitudes[0])}

@@ -1,0 +1,56 @@
+"""22: encoder eccentricity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.equations import Columns
+from samrl_core.diagnosis.trial import Trial
+
+
+class EncoderEccentricity(Effect):
+    """The reading errs once per turn."""
+
+    family, number, title = "encoder_eccentricity", 22, "encoder eccentricity"
+    formula = "q_read = q + a sin(q + phi)"
+    source = "ring off centre by micrometres; up to 0.2 mrad on good encoders"
+    acts_on = "reading"
+    excitation = "slow rotation over the whole range"
+    confounded_with = ("encoder_offset", "gear_ripple")
+    parameters = (
+        Parameter("a", "rad", 0.0001, 0.01, "amplitude"),
+        Parameter("phi", "rad", -3.1416, 3.1416, "phase"),
+    )
+
+    def unobservable(self, trial: Trial) -> str | None:
+        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
+            return "needs a torque and a dynamic model"
+        return None
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        return (Form("", ("sine", "cosine")),)
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        (joint,) = self.joints_at(trial, place)
+        q = trial.motion.q[:, joint]
+        return trial.link(trial.deflection(joint, np.stack([np.sin(q), np.cos(q)])))
+
+    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(2), np.full(2, 0.005)
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        a, b = amplitudes
+        return {"a": float(np.hypot(a, b)), "phi": float(np.arctan2(b, a))}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        a, b = amplitudes
+        return {
+            "encoder_amplitude": at_joint(trial, joints, np.hypot(a, b)),
+            "encoder_phase": at_joint(trial, joints, np.arctan2(b, a)),
+        }

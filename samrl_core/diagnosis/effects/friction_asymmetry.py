@@ -1,0 +1,73 @@
+"""6: friction asymmetry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, smooth_sign
+from samrl_core.diagnosis.trial import Trial
+
+
+class FrictionAsymmetry(DriveTorque):
+    """Dry friction with another level in each direction."""
+
+    family, number, title = "friction_asymmetry", 6, "friction asymmetry"
+    formula = "tau_f = Fp for dq > 0, -Fn for dq < 0"
+    source = "Gaz et al. 2019: velocity offsets -0.046 to 0.040 rad/s of the Panda's sigmoid friction"
+    excitation = "the same poses in both directions"
+    confounded_with = ("torque_sensor_error", "coulomb_friction")
+    parameters = (
+        Parameter("mean", "N m", 0.0, 1.5, "(Fp + Fn) / 2"),
+        Parameter("difference", "N m", 0.05, 1.0, "(Fp - Fn) / 2"),
+    )
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        grid = tuple({"v": v} for v in SIGN_SPEEDS)
+        return (
+            Form("levels", ("mean", "difference"), grid, {"v": (5e-4, 0.05)}),
+            Form(
+                "offset",
+                ("mean",),
+                tuple({"v": v, "b": b} for v in (0.01, 0.05) for b in (-0.03, 0.03)),
+                {"v": (2e-3, 0.2)},
+            ),
+        )
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        speed = trial.motion.full_velocity[:, joint]
+        if form == "offset":
+            return (smooth_sign(speed + shape["b"], shape["v"]) - np.tanh(shape["b"] / shape["v"]))[None]
+        sign = smooth_sign(speed, shape["v"])
+        return np.stack([sign, np.abs(sign)])
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.full(1 if form == "offset" else 2, 0.05 * trial.scale[joint])
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        if form == "offset":
+            return bool(amplitudes[0] > 0)
+        return bool(abs(amplitudes[1]) > 0.1 * abs(amplitudes[0]) and amplitudes[0] > -abs(amplitudes[1]))
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        if form == "offset":
+            return {
+                "mean": float(amplitudes[0]),
+                "difference": float(-amplitudes[0] * np.tanh(shape["b"] / shape["v"])),
+            }
+        return {"mean": float(amplitudes[0]), "difference": float(amplitudes[1])}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        if form == "offset":
+            return None
+        joints = self.joints_at(trial, place)
+        return {
+            "coulomb": at_joint(trial, joints, amplitudes[0]),
+            "friction_asymmetry": at_joint(trial, joints, amplitudes[1]),
+            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
+        }

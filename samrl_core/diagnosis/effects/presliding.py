@@ -1,0 +1,50 @@
+"""5: presliding."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.effects.shapes import bristle
+from samrl_core.diagnosis.trial import Trial
+
+
+class Presliding(DriveTorque):
+    """Friction that builds up over a small displacement, like a spring, before it slides."""
+
+    family, number, title = "presliding", 5, "presliding"
+    formula = "dz/dt = dq - |dq| z / xs, tau_f = Fc z / xs"
+    source = "Dahl 1968; Canudas de Wit et al. 1995 (LuGre)"
+    excitation = "reversals of milliradians"
+    confounded_with = ("coulomb_friction", "joint_elasticity", "transmission_hysteresis", "backlash")
+    parameters = (
+        Parameter("Fc", "N m", 0.05, 1.5, "level when sliding"),
+        Parameter("sigma0", "N m/rad", 50.0, 10000.0, "stiffness of the contact, Fc / xs"),
+    )
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        return single(("Fc",), tuple({"xs": x} for x in (2e-4, 6e-4, 2e-3, 6e-3)), xs=(1e-4, 0.03))
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return bristle(trial.motion.full_position[:, joint], shape["xs"])[None]
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.array([0.1 * trial.scale[joint]])
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(amplitudes[0] > 0)
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        return {"Fc": float(amplitudes[0]), "sigma0": float(amplitudes[0]) / shape["xs"]}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        return {
+            "coulomb": at_joint(trial, joints, amplitudes[0]),
+            "presliding_stiffness": at_joint(trial, joints, amplitudes[0] / shape["xs"]),
+        }

@@ -1,0 +1,56 @@
+"""15: torque saturation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque, FixedResponse
+from samrl_core.diagnosis.equations import Columns
+from samrl_core.diagnosis.trial import Trial
+
+
+class TorqueSaturation(FixedResponse, DriveTorque):
+    """The drive gives less than is asked for, above a limit that the model does not know."""
+
+    family, number, title = "torque_saturation", 15, "torque saturation"
+    formula = "tau = clip(u, -L, L)"
+    source = "drive limits by firmware or supply"
+    excitation = "fast moves with high torques"
+    confounded_with = ("torque_rate_limit", "actuator_gain")
+    parameters = (Parameter("L", "N m", 1.0, 87.0, "torque limit"),)
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        (joint,) = self.joints_at(trial, place)
+        most = float(np.max(np.abs(trial.motion.u[:, joint]))) if trial.motion.u is not None else 1.0
+        grid = tuple({"L": f * most} for f in (0.4, 0.6, 0.75, 0.85, 0.92, 0.97))
+        limits = {"L": (0.2 * most, 0.995 * most)}
+        forms = (Form("drive", ("present",), grid, limits),)
+        return forms + (
+            (Form("controller", ("present",), grid, limits),) if trial.equations.law is not None else ()
+        )
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        x = trial.motion.raw_commanded if form == "drive" else trial.equations.law
+        assert x is not None
+        return (x[:, joint] - np.clip(x[:, joint], -shape["L"], shape["L"]))[None]
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        if form == "controller":
+            (joint,) = self.joints_at(trial, place)
+            return trial.controller(joint, self.torque(trial, joint, form, shape))
+        return super().columns(trial, place, form, shape)
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.ones(1)
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        return {"L": shape["L"]}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        return {"effort_limit": at_joint(trial, joints, shape["L"], np.inf)}

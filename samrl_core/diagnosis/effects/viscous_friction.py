@@ -1,0 +1,44 @@
+"""2: viscous friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.trial import Trial
+
+
+class ViscousFriction(DriveTorque):
+    """Friction in proportion to speed."""
+
+    family, number, title = "viscous_friction", 2, "viscous friction"
+    formula = "tau_f = Fv dq"
+    source = "ranges: Gaz et al. 2019; MuJoCo Menagerie panda.xml has damping 1"
+    excitation = "several cruise speeds"
+    confounded_with = ("coulomb_friction", "command_delay", "controller_gain")
+    parameters = (Parameter("Fv", "N m s/rad", 0.05, 2.0, "friction per speed"),)
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        return single(("Fv",))
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return trial.motion.full_velocity[:, [joint]].T
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        speed = float(np.sqrt(np.mean(trial.motion.full_velocity[:, joint] ** 2))) + 1e-9
+        return np.array([0.1 * trial.scale[joint] / max(speed, 0.05)])
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(amplitudes[0] > 0)
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        return {"Fv": float(amplitudes[0])}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        return {"viscous": at_joint(trial, joints, amplitudes[0])}

@@ -27,7 +27,7 @@ OVERLAY_COUNT = 120  # at most; those with the largest error are kept
 
 def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:
     """Whitened residual energy of one recording; named places thick, others thin."""
-    fig = go.Figure(layout=_layout(300))
+    fig = go.Figure(layout=_layout(250))
     for i, (name, energy) in enumerate(t.energy.items()):
         strong = name in highlighted
         color = ROW_COLORS[i % len(ROW_COLORS)]
@@ -47,7 +47,7 @@ def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:
     if t.onset is not None:
         note = {"text": f"onset {t.onset:.2f} s", "font": {"size": 12}, "bgcolor": "#ffffff"}
         fig.add_vline(x=t.onset, line={"color": INK, "width": 2}, annotation=note)
-    fig.update_xaxes(title="time [s]", **_AXIS)
+    fig.update_xaxes(title="time [s]", zeroline=False, **_AXIS)
     fig.update_yaxes(title="standard deviations", rangemode="tozero", **_AXIS)
     return fig.update_layout(hovermode="x unified")
 
@@ -79,14 +79,17 @@ def curve_figure(c: Curve) -> go.Figure:
     return fig
 
 
-def overlay_figure(o: Overlay, points: int) -> go.Figure:
-    """The signal above, its error below: measured, nominal, with the named effect, runner-up."""
+def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
+    """The signal above, its error below: measured, nominal, with the effect, runner-up."""
     keep = thinned(o, points)
     fig = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.58, 0.42], vertical_spacing=0.05)
     fig.update_layout(_layout(470))
     time = _small(o.time[keep])
-    rows = [("nominal model", o.nominal, NOMINAL, "dash", 1.7), ("runner-up", o.runner_up, RUNNER_UP, "dot", 1.4)]
-    rows.append(("with named effect", o.with_effect, NAMED, "solid", 1.7))
+    rows = [
+        ("nominal model", o.nominal, NOMINAL, "dash", 1.7),
+        ("runner-up", o.runner_up, RUNNER_UP, "dot", 1.4),
+    ]
+    rows.append((effect_label, o.with_effect, NAMED, "solid", 1.7))
     line = {"color": MEASURED, "width": 2.4}
     fig.add_scatter(x=time, y=_small(o.measured[keep]), name="measured", line=line, row=1, col=1)
     for name, signal, color, dash, width in rows:
@@ -99,10 +102,12 @@ def overlay_figure(o: Overlay, points: int) -> go.Figure:
         extra = {"legendgroup": name, "showlegend": False}
         fig.add_scatter(x=time, y=_small(error), name=name, line=style, **extra, row=2, col=1)
     fig.update_traces(hovertemplate="%{y:.4g}")
-    fig.update_xaxes(**_AXIS)
+    fig.update_xaxes(zeroline=False, **_AXIS)
     fig.update_xaxes(title="time [s]", row=2, col=1)
-    fig.update_yaxes(title=f"{_text(words.quantity(o.quantity))} [{_text(o.unit)}]", row=1, col=1, **_AXIS)
-    fig.update_yaxes(title="minus measured", row=2, col=1, **_AXIS)
+    fig.update_yaxes(
+        title=f"{_text(words.quantity(o.quantity))} [{_text(o.unit)}]", zeroline=False, row=1, col=1, **_AXIS
+    )
+    fig.update_yaxes(title="minus measured", zerolinecolor="#9aa5b1", row=2, col=1, **_AXIS)
     return fig.update_layout(hovermode="x unified")
 
 

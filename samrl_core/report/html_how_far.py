@@ -21,16 +21,18 @@ def how_far_section(d: Diagnosis) -> Markup:
     """The whole section, or nothing where nothing was held out."""
     parts: list[object] = []
     if d.gap is not None:
-        parts += _figures(d.gap)
+        parts += _figures(d.gap, words.effect_label(d))
     if d.overlays:
         parts.append(_overlays(d))
     if not parts:
         return Markup("")
-    title = "How far the gap shrinks" if d.gap and d.gap.shrink is not None else "What the nominal model misses"
+    title = (
+        "How far the gap shrinks" if d.gap and d.gap.shrink is not None else "What the nominal model misses"
+    )
     return section(title, *parts, anchor="how-far")
 
 
-def _figures(gap: HeldOutGap) -> list[object]:
+def _figures(gap: HeldOutGap, label: str) -> list[object]:
     on = f" on {', '.join(gap.recordings)}" if gap.recordings else ""
     text = f"Re-simulated with the same commands{on}, never used for fitting. Measure: {gap.metric}."
     if gap.runner_up is not None and gap.runner_up_effect:
@@ -45,7 +47,7 @@ def _figures(gap: HeldOutGap) -> list[object]:
         before = join((bar(1.0, "before"), words.number(nominal)))
         rest = join((bar(after / nominal), words.number(after))) if after is not None and nominal > 0 else "–"
         rows.append((words.quantity(quantity), unit, before, rest, words.percent(shrink)))
-    head = ("channel", "unit", "nominal model", "with the effect", "shrink")
+    head = ("channel", "unit", "nominal model", label, "shrink")
     return [element("p", text), table(head, rows, numbers=(4,))]
 
 
@@ -58,34 +60,54 @@ def _overlays(d: Diagnosis) -> Markup:
     index, scripts = [], []
     for i, o in enumerate(chosen):
         before, after = errors[id(o)]
-        caption = f"{o.recording}, {o.joint}: RMS error of {words.quantity(o.quantity)} {words.number(before)}"
-        caption += f" {o.unit}, with the effect {words.number(after)}" if math.isfinite(after) else f" {o.unit}"
+        caption = (
+            f"{o.recording}, {o.joint}: RMS error of {words.quantity(o.quantity)} {words.number(before)}"
+        )
+        caption += (
+            f" {o.unit}, {words.effect_label(d)} {words.number(after)} {o.unit}"
+            if math.isfinite(after)
+            else f" {o.unit}"
+        )
         index.append({"id": f"overlay-{i}", "key": [o.recording, o.joint, o.quantity], "caption": caption})
-        scripts.append(data_script(f"overlay-{i}", figure_json(overlay_figure(o, points))))
+        scripts.append(
+            data_script(f"overlay-{i}", figure_json(overlay_figure(o, points, words.effect_label(d))))
+        )
     keys = [list(dict.fromkeys(entry["key"][k] for entry in index)) for k in range(3)]
     for k in (0, 1):
         keys[k].sort()
     picks = [
-        element("label", name, element("select", *(element("option", _shown(v), value=v) for v in values), id=f"pick-{name}"))
+        element(
+            "label",
+            name,
+            element("select", *(element("option", _shown(v), value=v) for v in values), id=f"pick-{name}"),
+        )
         for name, values in zip(("recording", "joint", "quantity"), keys, strict=True)
     ]
     first = chosen[0]
     plot = element("div", css="plot", id="overlay", role="img", aria_label="measured and simulated signals")
     note = f" {words.count(left_out, 'signal')} with smaller errors are left out." if left_out > 0 else ""
-    zoom = f"Above the signals, below what the simulations miss. Drag to zoom, double-click to go back.{note}"
+    zoom = f"Above the signals, below what the simulations miss. With a mouse, drag to zoom and double-click to go back.{note}"
     rows = [
-        (o.recording, o.joint, words.quantity(o.quantity), o.unit, *map(words.number, errors[id(o)])) for o in chosen
+        (o.recording, o.joint, words.quantity(o.quantity), o.unit, *map(words.number, errors[id(o)]))
+        for o in chosen
     ]
-    head = ("recording", "joint", "quantity", "unit", "nominal model", "with the effect")
+    head = ("recording", "joint", "quantity", "unit", "nominal model", words.effect_label(d))
     every = element(
-        "details", element("summary", "RMS error of every signal shown here"), table(head, rows, numbers=(4, 5))
+        "details",
+        element("summary", "RMS error of every signal shown here"),
+        table(head, rows, numbers=(4, 5)),
     )
     return join(
         (
-            element("h3", "Before and after on held-out recordings" if first.with_effect is not None else "Signals"),
+            element(
+                "h3",
+                "Before and after on held-out recordings" if first.with_effect is not None else "Signals",
+            ),
             element("div", *picks, css="pick"),
             element(
-                "figure", plot, element("figcaption", element("b", "", id="overlay-caption"), Markup("<br>"), zoom)
+                "figure",
+                plot,
+                element("figcaption", element("b", "", id="overlay-caption"), Markup("<br>"), zoom),
             ),
             every,
             *scripts,
@@ -105,7 +127,9 @@ def _ranked(d: Diagnosis, errors: dict[int, tuple[float, float]]) -> list[Overla
 
     def rank(o: Overlay) -> tuple[bool, float]:
         before = errors[id(o)][0]
-        relative = before / largest[o.quantity] if math.isfinite(before) and largest.get(o.quantity, 0) > 0 else 0.0
+        relative = (
+            before / largest[o.quantity] if math.isfinite(before) and largest.get(o.quantity, 0) > 0 else 0.0
+        )
         return o.joint not in named, -relative
 
     return sorted(d.overlays, key=rank)

@@ -38,13 +38,19 @@ def bullets(items: Iterable[object]) -> Markup:
 def table(
     head: Sequence[str], rows: Iterable[Sequence[object]], numbers: Sequence[int] = (), css: str = "wide"
 ) -> Markup:
-    """A table that scrolls sideways by itself where it is too wide; `numbers` are columns set flush right."""
+    """A table; `numbers` are columns set flush right.
+
+    Where it is too wide it scrolls sideways by itself; the `wide` kind becomes cards on a phone.
+    """
 
     def kind(column: int) -> str:
         return "n" if column in numbers else "any"
 
     top = element("tr", *(element("th", name, scope="col", css=kind(i)) for i, name in enumerate(head)))
-    body = [element("tr", *(element("td", cell, css=kind(i)) for i, cell in enumerate(row))) for row in rows]
+    body = [
+        element("tr", *(element("td", cell, css=kind(i), data_label=head[i]) for i, cell in enumerate(row)))
+        for row in rows
+    ]
     inner = element("table", element("thead", top), element("tbody", *body), css=css)
     return element("div", inner, css="scroll", tabindex=0, role="region", aria_label=", ".join(head))
 
@@ -52,7 +58,9 @@ def table(
 def bar(fraction: float, css: str = "") -> Markup:
     """A horizontal bar filled to that fraction; it says nothing that the text beside it does not."""
     width = 100 * min(max(fraction, 0.0), 1.0)
-    return element("span", element("i", style=f"width:{width:.1f}%"), css=f"bar {css}".strip(), aria_hidden="true")
+    return element(
+        "span", element("i", style=f"width:{width:.1f}%"), css=f"bar {css}".strip(), aria_hidden="true"
+    )
 
 
 def key_figure(title: str, value: str, note: str = "") -> Markup:

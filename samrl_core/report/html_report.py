@@ -26,6 +26,7 @@ from samrl_core.report.html_parts import (
     figure,
     join,
     key_figure,
+    put,
     section,
     table,
 )
@@ -60,7 +61,7 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
     fallback = ""
     if picture is not None:
         source = f"data:image/png;base64,{base64.b64encode(picture).decode()}"
-        fallback = element("noscript", Markup(f'<img alt="{words.headline(d)}" src="{source}">'.replace("&", "&amp;")))
+        fallback = element("noscript", Markup(f'<img alt="{put(words.headline(d))}" src="{source}">'))
     head = join(
         (
             Markup('<meta charset="utf-8">'),
@@ -75,7 +76,12 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
         (
             _header(d),
             element("main", _key_figures(d), fallback, *(sections[name] for name in order)),
-            element("footer", element("div", f"samrl {d.version}, seed {d.seed}. The same facts for programs: report.json.")),
+            element(
+                "footer",
+                element(
+                    "div", f"samrl {d.version}, seed {d.seed}. The same facts for programs: report.json."
+                ),
+            ),
             Markup(f'<script type="text/plain" id="library">{_library()}</script>'),
             Markup(f"<script>{SCRIPT}</script>"),
         )
@@ -136,12 +142,16 @@ def _key_figures(d: Diagnosis) -> Markup:
             note = f"95 % interval {interval}" if interval else "on held-out recordings"
             items.append(key_figure("held-out gap shrinks by", words.percent(gap.shrink), note))
         first = d.effects[0]
-        for name, value in list(first.parameters.items())[:2]:
-            items.append(key_figure(name, words.parameter(value), f"95 % interval {words.interval(value)}"))
-        items.append(key_figure("probability of the cause", words.percent(first.probability), "among all tried"))
+        for e in d.effects[:2]:
+            for name, estimate in list(e.parameters.items())[: 2 if len(d.effects) == 1 else 1]:
+                note = f"95 % interval {words.interval(estimate)}"
+                items.append(key_figure(name, words.value(estimate).replace(" ", "\u00a0"), note))
+        items.append(
+            key_figure("probability", words.percent(first.probability), "of this cause among all tried")
+        )
         if gap is not None and gap.margin is not None:
             other = words.effect(gap.runner_up_effect) if gap.runner_up_effect else "the runner-up"
-            items.append(key_figure("better than the runner-up", words.points(gap.margin), other))
+            items.append(key_figure("on the runner-up", words.points(gap.margin), other))
     elif gap is not None and math.isfinite(gap.nominal):
         value = f"{words.number(gap.nominal)} {gap.unit}".rstrip()
         items.append(key_figure("held-out gap of the nominal model", value, gap.metric))
@@ -149,14 +159,22 @@ def _key_figures(d: Diagnosis) -> Markup:
         items.append(key_figure("candidates", str(sum(map(len, d.ambiguity_set)))))
         if d.next_experiment is not None:
             note = "probability that the proposed recording decides"
-            items.append(key_figure("next recording decides", words.percent(d.next_experiment.separates), note))
+            items.append(
+                key_figure("next recording decides", words.percent(d.next_experiment.separates), note)
+            )
     if math.isfinite(d.unexplained_fraction):
-        note = "of the excess energy, after " + {"effect": "the named effects"}.get(d.verdict, "the best effect")
+        note = "of the excess energy, after " + {"effect": "the named effects"}.get(
+            d.verdict, "the best effect"
+        )
         items.append(key_figure("unexplained", words.percent(d.unexplained_fraction), note))
     if d.heatmap is not None and d.verdict == "no_gap":
-        items.append(key_figure("significant parts", str(int((d.heatmap.values >= d.heatmap.threshold).sum()))))
-    if d.not_testable:
-        items.append(key_figure("not testable", str(len(d.not_testable)), "effects that these recordings cannot show"))
+        items.append(
+            key_figure("significant parts", str(int((d.heatmap.values >= d.heatmap.threshold).sum())))
+        )
+    if d.not_testable and d.verdict != "effect":
+        items.append(
+            key_figure("not testable", str(len(d.not_testable)), "effects that these recordings cannot show")
+        )
     reasons = join((element("h3", "Why this verdict"), bullets(d.reasons))) if d.reasons else ""
     return join((element("dl", *items, css="figures") if items else "", reasons))
 
@@ -189,7 +207,7 @@ def _which(d: Diagnosis) -> Markup:
     rows = [_tried(e, e in d.effects and d.verdict == "effect") for e in tried]
     head = ("effect", "probability", "gain [nat]", "parameters")
     parts += [element("h3", "All that came close"), table(head, rows, numbers=(2,))]
-    note = "Gain: how much better than the nominal model, its uncertainty counted; 9 nat are overwhelming odds."
+    note = "Gain: how much less misfit than with the nominal model, whose uncertainty is counted."
     parts.append(element("p", note, css="note"))
     return section("Which effect", *parts, anchor="which")
 
@@ -213,13 +231,21 @@ def _ambiguity(d: Diagnosis) -> Markup:
             values = element("p", element("b", words.parameters(fit))) if fit and fit.parameters else ""
             chance = element("p", f"Probability {words.percent(fit.probability)}", css="note") if fit else ""
             cards.append(
-                element("div", element("h3", words.effect(name)), element("p", f.meaning if f else ""), values, chance)
+                element(
+                    "div",
+                    element("h3", words.effect(name)),
+                    element("p", f.meaning if f else ""),
+                    values,
+                    chance,
+                )
             )
         parts.append(element("div", *cards, css="or"))
     if d.next_experiment is not None:
         n = d.next_experiment
         text = yaml.safe_dump(n.programme, sort_keys=False, allow_unicode=True)
-        command = element("p", "Play it with ", element("code", f"samrl excite {n.file}"), ", then diagnose again.")
+        command = element(
+            "p", "Play it with ", element("code", f"samrl excite {n.file}"), ", then diagnose again."
+        )
         why = element("p", f"{n.why[:1].upper()}{n.why[1:].rstrip('.')}. It decides with probability ",
                       element("b", words.percent(n.separates)), ".")  # fmt: skip
         parts.append(box("The recording that decides", why, command, element("pre", text)))
@@ -250,12 +276,15 @@ def _not_testable(d: Diagnosis) -> Markup:
     for name, reason in d.not_testable.items():
         by_reason.setdefault(reason, []).append(FAMILIES[name].title if name in FAMILIES else name)
     rows = [(reason, ", ".join(names)) for reason, names in by_reason.items()]
-    return section("Not testable with these recordings", table(("because", "effects"), rows), anchor="not-testable")
+    return section(
+        "Not testable with these recordings", table(("because", "effects"), rows), anchor="not-testable"
+    )
 
 
 def _provenance(d: Diagnosis) -> Markup:
     rows = [
-        (i.bag, i.role.replace("_", " "), f"{i.duration:.1f}", element("span", i.sha256, css="hash")) for i in d.inputs
+        (i.bag, i.role.replace("_", " "), f"{i.duration:.1f}", element("span", i.sha256, css="hash"))
+        for i in d.inputs
     ]
     parts: list[object] = [table(("recording", "used as", "length [s]", "sha256"), rows, numbers=(2,))]
     if d.notes:

@@ -15,8 +15,8 @@ from samrl_core.report.html_parts import Markup, bar, data_script, element, figu
 TIMELINES = 6  # at most; further recordings are left to report.json
 
 # ColorBrewer's YlOrRd without its darkest tones, so that dark figures stay readable on the first four.
-_SCALE = ("#ffffff", "#fff3c4", "#fed976", "#feb24c", "#fd8d3c", "#c8301b", "#8f0d24")
-_TEXT_LIGHT_FROM = 5
+SCALE = ("#ffffff", "#fff3c4", "#fed976", "#feb24c", "#fd8d3c", "#c8301b", "#8f0d24")
+TEXT_LIGHT_FROM = 5
 
 
 def where_section(d: Diagnosis) -> Markup:
@@ -39,7 +39,7 @@ def cell_tone(value: float, threshold: float) -> int:
     """Which colour a cell gets: below the threshold pale, then one step for every factor of 1.6."""
     if value < threshold:
         return 1 if value > 0.75 * threshold else 0
-    return min(2 + int(math.log(value / threshold, 1.6)), len(_SCALE) - 1)
+    return min(2 + int(math.log(value / threshold, 1.6)), len(SCALE) - 1)
 
 
 def _heatmap(h: Heatmap) -> Markup:
@@ -51,25 +51,38 @@ def _heatmap(h: Heatmap) -> Markup:
     rows = []
     for name, values in zip(h.places, np.asarray(h.values, dtype=float), strict=True):
         head = element("th", name.partition(":")[2] or name, scope="row")
-        rows.append(element("tr", head, *(_cell(value, h.threshold) for value in values)))
-    body = element("table", element("thead", top, second), element("tbody", *rows), css="heat")
+        cells = (
+            _cell(value, h.threshold, name, column) for value, column in zip(values, h.columns, strict=True)
+        )
+        rows.append(element("tr", head, *cells))
+    longest = max((len(name.partition(":")[2] or name) for name in h.places), default=0)
+    first = f"{min(0.58 * longest + 1.2, 15):.1f}em"
+    columns = element("colgroup", Markup(f'<col style="width:{first}">' + "<col>" * len(h.columns)))
+    width = f"min-width:calc({first} + {46 * len(h.columns)}px)"
+    body = element(
+        "table", columns, element("thead", top, second), element("tbody", *rows), css="heat", style=width
+    )
     caption = (
         f"Residual in standard deviations of what sensors and stated tolerances explain (1 is expected). "
         f"Framed cells exceed {h.threshold:.2g}, significant after false-discovery control; "
         f"– means that nothing was observed."
     )
-    scroll = element("div", body, css="scroll", tabindex=0, role="region", aria_label="joints by channel and phase")
+    scroll = element(
+        "div", body, css="scroll", tabindex=0, role="region", aria_label="joints by channel and phase"
+    )
     return element("figure", scroll, element("figcaption", caption))
 
 
-def _cell(value: float, threshold: float) -> Markup:
+def _cell(value: float, threshold: float, place: str, column: tuple[str, str]) -> Markup:
     if not math.isfinite(value):
         return element("td", "–", css="none")
     tone = cell_tone(value, threshold)
-    color = "#ffffff" if tone >= _TEXT_LIGHT_FROM else "#1f2933"
+    color = "#ffffff" if tone >= TEXT_LIGHT_FROM else "#1f2933"
     shown = f"{value:.1f}" if value < 99.5 else f"{value:.0f}" if value < 1e4 else f"{value:.0e}"
-    style = f"background:{_SCALE[tone]};color:{color}"
-    return element("td", shown, style=style, css="hot" if value >= threshold else None)
+    style = f"background:{SCALE[tone]};color:{color}"
+    hot = value >= threshold
+    title = f"{words.place(place)}, {column[0]} at {column[1]}: {value:.2f}{', significant' if hot else ''}"
+    return element("td", shown, style=style, css="hot" if hot else None, title=title)
 
 
 def _where_table(d: Diagnosis) -> Markup:

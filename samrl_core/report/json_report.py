@@ -48,7 +48,11 @@ def to_json(diagnosis: Diagnosis) -> dict:
         "runner_ups": [_effect(e) for e in d.runner_ups],
         "nearest": _effect(d.nearest) if d.nearest else None,
         "signatures": [
-            {"place": s.place, "channel": s.channel, "hints": [{"what": w, "correlation": c} for w, c in s.hints]}
+            {
+                "place": s.place,
+                "channel": s.channel,
+                "hints": [{"what": w, "correlation": c} for w, c in s.hints],
+            }
             for s in d.signatures
         ],
         "couplings": [
@@ -74,7 +78,13 @@ def to_json(diagnosis: Diagnosis) -> dict:
             for t in d.timelines
         ],
         "curves": [
-            {"effect": c.effect, "x_label": c.x_label, "y_label": c.y_label, "fit_x": c.fit_x, "fit_y": c.fit_y}
+            {
+                "effect": c.effect,
+                "x_label": c.x_label,
+                "y_label": c.y_label,
+                "fit_x": c.fit_x,
+                "fit_y": c.fit_y,
+            }
             for c in d.curves
         ],
         "timings": d.timings,
@@ -151,4 +161,6 @@ def _plain(value: object, where: str) -> object:
         return [_plain(item, f"{where}[{i}]") for i, item in enumerate(value)]
     if isinstance(value, Path):
         return str(value)
-    raise InputError(f"{where} is a {type(value).__name__}, which JSON cannot hold; hand in numbers, text or lists")
+    raise InputError(
+        f"{where} is a {type(value).__name__}, which JSON cannot hold; hand in numbers, text or lists"
+    )

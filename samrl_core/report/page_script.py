@@ -16,13 +16,13 @@ SCRIPT = """
     document.head.append(library);
   } catch (error) { return fail(error); }
   if (!window.Plotly) return fail('plotly did not start');
-  const config = { responsive: true, displaylogo: false, scrollZoom: false, topojsonURL: '', plotlyServerURL: '',
-    modeBarButtonsToRemove: ['lasso2d', 'select2d', 'toImage'] };
+  const config = { responsive: true, displaylogo: false, displayModeBar: false, plotlyServerURL: '' };
   const draw = (element, id) => {
     const figure = JSON.parse(text(id));
     if (element.clientWidth < 560) {
       figure.layout.margin.l = 46; figure.layout.margin.r = 4;
       figure.layout.font.size = 11;
+      figure.layout.dragmode = false;  // a finger on the plot scrolls the page
     }
     return Plotly.react(element, figure.data, figure.layout, config);
   };

@@ -22,11 +22,11 @@ h2 { font-size:23px; margin:44px 0 6px; padding-top:10px; border-top:2px solid v
 h3 { font-size:16px; margin:24px 0 4px; overflow-wrap:anywhere; }
 p { margin:6px 0 10px; max-width:52em; } .note, figcaption { color:var(--soft); font-size:14px; max-width:56em; }
 ul { padding-left:22px; margin:6px 0 12px; max-width:56em; } li { margin:3px 0; overflow-wrap:anywhere; }
-.figures { display:grid; grid-template-columns:repeat(auto-fit,minmax(170px,1fr)); gap:12px; margin:24px 0 6px; }
+.figures { display:grid; grid-template-columns:repeat(auto-fit,minmax(150px,1fr)); gap:12px; margin:24px 0 6px; }
 .figures div { border:1px solid var(--line); border-radius:8px; padding:12px 14px; background:#fff; }
 .figures dt { color:var(--soft); font-size:13.5px; line-height:1.3; }
 .figures dd { margin:4px 0 0; font-size:27px; font-weight:650; line-height:1.15; overflow-wrap:anywhere; }
-.figures dd.long { font-size:20px; }
+.figures dd.long { font-size:21px; }
 .figures small { display:block; font-size:13px; font-weight:400; color:var(--soft); margin-top:3px; line-height:1.35;
   overflow-wrap:anywhere; }
 dl { margin:0; }
@@ -35,12 +35,12 @@ table { border-collapse:collapse; font-size:14.5px; } table.wide { width:100%; }
 th, td { text-align:left; padding:6px 12px 6px 0; border-bottom:1px solid var(--line); vertical-align:top; }
 th { font-weight:600; color:var(--soft); font-size:13.5px; } td.n, th.n { text-align:right;
   font-variant-numeric:tabular-nums; white-space:nowrap; } td.any { overflow-wrap:anywhere; min-width:9em; }
-.heat { border-collapse:separate; border-spacing:2px; min-width:100%; }
+.heat { border-collapse:separate; border-spacing:2px; width:100%; table-layout:fixed; }
 .heat th, .heat td { border:0; padding:7px 4px; text-align:center; font-variant-numeric:tabular-nums; }
 .heat th[scope=row] { text-align:right; padding-right:10px; white-space:nowrap; color:var(--ink); position:sticky;
   left:0; background:#fff; z-index:1; }
 .heat thead tr:first-child th { border-bottom:1px solid var(--line); color:var(--ink); }
-.heat thead th { padding:3px 4px; } .heat td { border-radius:3px; min-width:44px; }
+.heat thead th { padding:3px 4px; } .heat td { border-radius:3px; }
 .heat td.hot { font-weight:700; outline:2px solid var(--ink); outline-offset:-2px; } .heat td.none { color:#7b8794; }
 .bar { display:inline-block; width:min(110px,20vw); height:10px; background:#e4e7eb; border-radius:5px;
   overflow:hidden; margin-right:8px; vertical-align:middle; }
@@ -66,8 +66,13 @@ footer { margin:48px 0 0; padding:16px 0 28px; background:var(--tint); font-size
 noscript img { max-width:100%; }
 @media (max-width:640px) { main, header > div, footer > div { padding:0 14px; } h2 { margin-top:34px; }
   .figures { grid-template-columns:repeat(2,minmax(0,1fr)); gap:8px; } .figures dd { font-size:22px; }
-  .figures dd.long { font-size:16.5px; } .figures div { padding:10px; } .heat td { min-width:38px; font-size:13px; }
-  .heat th { font-size:12px; } }
+  .figures dd.long { font-size:16.5px; } .figures div { padding:10px; } .heat td { font-size:13px; }
+  .heat th { font-size:11.5px; }
+  .wide thead { position:absolute; left:-9999px; } .wide, .wide tbody, .wide tr, .wide td { display:block; }
+  .wide tr { padding:8px 0; border-bottom:1px solid var(--line); }
+  .wide td, .wide td.n { border:0; padding:2px 0 2px 7.6em; text-align:left; white-space:normal; min-height:1.5em; }
+  .wide td::before { content:attr(data-label); float:left; width:7em; margin-left:-7.6em; color:var(--soft);
+    font-size:13px; } }
 @media print { body { font-size:11pt; } header, .box, .heat td, .bar, .chip { -webkit-print-color-adjust:exact;
   print-color-adjust:exact; } h2, h3 { break-after:avoid; } figure, tr, .box, .figures div { break-inside:avoid; }
   .pick, .modebar { display:none !important; } .scroll, pre { overflow:visible; max-height:none; } }

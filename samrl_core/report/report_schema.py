@@ -27,11 +27,15 @@ def check_report(report: object) -> None:
             "where": _list_of(_record(_WHERE)),
             "effects": _list_of(_record(_EFFECT)),
             "ambiguity_set": _list_of(_list_of(_effect_name)),
-            "next_experiment": _or_null(_record({"file": _text, "why": _text, "separates": _or_null(_fraction)})),
+            "next_experiment": _or_null(
+                _record({"file": _text, "why": _text, "separates": _or_null(_fraction)})
+            ),
             "gap": _record({"held_out": _record(_HELD_OUT)}),
             "unexplained_fraction": _or_null(_number),
             "not_testable": _mapping_of(_text),
-            "inputs": _list_of(_record({"bag": _text, "sha256": _text, "role": _one_of(("fit", "held_out"))})),
+            "inputs": _list_of(
+                _record({"bag": _text, "sha256": _text, "role": _one_of(("fit", "held_out"))})
+            ),
             "seed": _integer,
             "version": _text,
         }

@@ -27,7 +27,9 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines.append(_line("how far", _how_far(d.gap)))
     if d.verdict in ("effect", "none_of_mine", "ambiguous"):
         left = words.percent(d.unexplained_fraction)
-        best = {"effect": "the named", "ambiguous": "the candidate", "none_of_mine": "the best-fitting"}[d.verdict]
+        best = {"effect": "the named", "ambiguous": "the candidate", "none_of_mine": "the best-fitting"}[
+            d.verdict
+        ]
         noun = "effects" if len(d.effects) > 1 else "effect"
         lines.append(_line("unexplained", f"{left} of the excess energy remains with {best} {noun}"))
     if d.nearest is not None:
@@ -35,12 +37,16 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
     if d.verdict == "none_of_mine" and d.signatures and d.signatures[0].hints:
         s = d.signatures[0]
         hint, correlation = max(s.hints, key=lambda item: abs(item[1]))
-        lines.append(_line("looks like", f"{hint} ({correlation:+.2f}) at {words.place(s.place)}, {s.channel}"))
+        lines.append(
+            _line("looks like", f"{hint} ({correlation:+.2f}) at {words.place(s.place)}, {s.channel}")
+        )
     if d.ambiguity_set:
         lines.append(_line("could be", " or ".join(words.effect(n) for n in d.ambiguity_set[0])))
     if d.next_experiment is not None:
         n = d.next_experiment
-        lines.append(_line("next", f"samrl excite {n.file} ({words.percent(n.separates)} sure to split them): {n.why}"))
+        lines.append(
+            _line("next", f"samrl excite {n.file} ({words.percent(n.separates)} sure to split them): {n.why}")
+        )
     if d.alarms:
         lines.append(_line("alarm", _first_of(d.alarms)))
     if d.not_testable:
@@ -92,7 +98,9 @@ def _fit(lines: list[str]) -> list[str]:
     result = []
     for line in lines:
         clean = "".join(c if c.isprintable() else " " for c in line)
-        parts = wrap(clean, WIDTH, subsequent_indent=" " * INDENT, drop_whitespace=True, break_on_hyphens=False)
+        parts = wrap(
+            clean, WIDTH, subsequent_indent=" " * INDENT, drop_whitespace=True, break_on_hyphens=False
+        )
         used = min(spare, len(parts) - 1)
         spare -= used
         result += parts[:used]

@@ -66,6 +66,14 @@ def parameter(estimate: Estimate) -> str:
     return f"{estimate.value:.{max(digits, 0)}f} ± {half:.{max(digits, 0)}f}{unit}"
 
 
+def value(estimate: Estimate) -> str:
+    """The value alone with its unit, to the digits that the interval supports."""
+    return (
+        parameter(estimate).partition(" ± ")[0].removesuffix(f" {estimate.unit}")
+        + f" {estimate.unit}".rstrip()
+    )
+
+
 def interval(estimate: Estimate) -> str:
     """The 95 % interval in brackets."""
     low, high = estimate.ci95
@@ -109,6 +117,12 @@ def points(difference: float | None) -> str:
 def number(value: float | None) -> str:
     """Three significant digits; an en dash where there is no finite number."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
+
+
+def effect_label(d: Diagnosis) -> str:
+    """What the simulation with an effect is called: only a verdict of `effect` names one."""
+    return {"effect": "with the named effect" + ("s" if len(d.effects) > 1 else ""), "ambiguous":
+            "with the likeliest candidate"}.get(d.verdict, "with the nearest effect")  # fmt: skip
 
 
 def count(n: int, noun: str) -> str:

@@ -34,7 +34,13 @@ COULOMB = NamedEffect(
     gain=812.4,
 )
 STRIBECK = NamedEffect(
-    "stribeck_friction", "joint:panda_joint4", 0.02, {"Fs": Estimate(0.52, "N m", (0.2, 0.9))}, 795.0, "", "runner_up"
+    "stribeck_friction",
+    "joint:panda_joint4",
+    0.02,
+    {"Fs": Estimate(0.52, "N m", (0.2, 0.9))},
+    795.0,
+    "",
+    "runner_up",
 )
 DELAY = NamedEffect(
     "command_delay",
@@ -52,7 +58,10 @@ ELASTICITY = NamedEffect(
     "joint_elasticity",
     "joint:panda_joint4",
     0.45,
-    {"stiffness": Estimate(8200.0, "N m/rad", (7100.0, 9400.0)), "damping": Estimate(11.0, "N m s/rad", (4, 18))},
+    {
+        "stiffness": Estimate(8200.0, "N m/rad", (7100.0, 9400.0)),
+        "damping": Estimate(11.0, "N m s/rad", (4, 18)),
+    },
     307.5,
 )
 
@@ -84,7 +93,9 @@ def timelines(rng: np.random.Generator, row: int | None, onset: float | None = N
         energy = {p: rng.uniform(0.8, 1.3, len(time)) for p in PLACES}
         if row is not None:
             later = time > (onset or 0.0)
-            energy[PLACES[row]] = energy[PLACES[row]] + later * (3 + 1.5 * np.sin(time) + rng.normal(0, 0.3, len(time)))
+            energy[PLACES[row]] = energy[PLACES[row]] + later * (
+                3 + 1.5 * np.sin(time) + rng.normal(0, 0.3, len(time))
+            )
         result.append(Timeline(name, time, energy, 1.8, onset))
     return tuple(result)
 
@@ -94,11 +105,19 @@ def friction_curve(rng: np.random.Generator) -> Curve:
     torque = 0.41 * np.tanh(speed / 0.012) + rng.normal(0, 0.07, len(speed))
     grid = np.linspace(-1.8, 1.8, 361)
     return Curve(
-        COULOMB.name, "velocity [rad/s]", "residual torque [N m]", speed, torque, grid, 0.41 * np.tanh(grid / 0.012)
+        COULOMB.name,
+        "velocity [rad/s]",
+        "residual torque [N m]",
+        speed,
+        torque,
+        grid,
+        0.41 * np.tanh(grid / 0.012),
     )
 
 
-def overlays(rng: np.random.Generator, samples: int = 20_000, with_effect: bool = True) -> tuple[Overlay, ...]:
+def overlays(
+    rng: np.random.Generator, samples: int = 20_000, with_effect: bool = True
+) -> tuple[Overlay, ...]:
     result = []
     t = np.linspace(0, 20, samples)
     for k, joint in enumerate(JOINTS):
@@ -139,7 +158,9 @@ def overlays(rng: np.random.Generator, samples: int = 20_000, with_effect: bool 
 
 def _held_out(with_effect: bool = True) -> HeldOutGap:
     if not with_effect:
-        return HeldOutGap("position error", "rad", 0.0113, None, None, None, None, None, None, recordings=(HELD_OUT,))
+        return HeldOutGap(
+            "position error", "rad", 0.0113, None, None, None, None, None, None, recordings=(HELD_OUT,)
+        )
     return HeldOutGap(
         "position error",
         "rad",
@@ -150,7 +171,11 @@ def _held_out(with_effect: bool = True) -> HeldOutGap:
         0.83,
         (0.79, 0.86),
         0.29,
-        (("position", "rad", 0.0113, 0.00192), ("velocity", "rad/s", 0.041, 0.012), ("effort", "N m", 0.39, 0.071)),
+        (
+            ("position", "rad", 0.0113, 0.00192),
+            ("velocity", "rad/s", 0.041, 0.012),
+            ("effort", "N m", 0.39, 0.071),
+        ),
         (HELD_OUT,),
     )
 
@@ -158,18 +183,28 @@ def _held_out(with_effect: bool = True) -> HeldOutGap:
 def _inputs() -> tuple[InputFile, ...]:
     names = (*FIT, HELD_OUT)
     roles = ("fit", "fit", "held_out")
-    return tuple(InputFile(n, f"{i:x}" * 64, r, 20.0) for i, (n, r) in enumerate(zip(names, roles, strict=True), 10))
+    return tuple(
+        InputFile(n, f"{i:x}" * 64, r, 20.0) for i, (n, r) in enumerate(zip(names, roles, strict=True), 10)
+    )
 
 
 def _common(rng: np.random.Generator) -> dict:
     return {
-        "not_testable": {"camera_latency": "no images", "hand_eye": "no images", "contact_friction": "no contact"},
+        "not_testable": {
+            "camera_latency": "no images",
+            "hand_eye": "no images",
+            "contact_friction": "no contact",
+        },
         "inputs": _inputs(),
         "seed": 7,
         "version": "0.1.0",
         "arm": "tool_arm",
         "timings": {"triage": 11.2, "fit": 88.1, "held out": 21.0},
-        "settings": {"tolerances": {"mass": 0.02, "base_tilt": 0.0005}, "library": None, "rollouts": np.int64(120)},
+        "settings": {
+            "tolerances": {"mass": 0.02, "base_tilt": 0.0005},
+            "library": None,
+            "rollouts": np.int64(120),
+        },
     }
 
 
@@ -230,7 +265,9 @@ def _ambiguous(rng: np.random.Generator) -> Diagnosis:
         "arm": "tool_arm",
         "programme": "load_reversals",
         "joints": ["panda_joint4"],
-        "segments": [{"kind": "chirp", "from_hz": 1.0, "to_hz": 20.0, "amplitude_rad": 0.01, "duration_s": 15.0}],
+        "segments": [
+            {"kind": "chirp", "from_hz": 1.0, "to_hz": 20.0, "amplitude_rad": 0.01, "duration_s": 15.0}
+        ],
     }
     return Diagnosis(
         verdict="ambiguous",
@@ -275,7 +312,9 @@ def _none_of_mine(rng: np.random.Generator) -> Diagnosis:
         nearest=DELAY,
         signatures=(
             Signature(
-                "joint:panda_joint4", "link", (("odd in velocity", 0.12), ("repeats 12.0 times per turn", 0.81))
+                "joint:panda_joint4",
+                "link",
+                (("odd in velocity", 0.12), ("repeats 12.0 times per turn", 0.81)),
             ),
             Signature("joint:panda_joint5", "link", (("grows with time", 0.34),)),
         ),
@@ -287,10 +326,14 @@ def _none_of_mine(rng: np.random.Generator) -> Diagnosis:
 
 
 def _not_testable(rng: np.random.Generator) -> Diagnosis:
-    common = _common(rng) | {"not_testable": {f: "the arm does not move" for f in ("backlash", "command_delay")}}
+    common = _common(rng) | {
+        "not_testable": {f: "the arm does not move" for f in ("backlash", "command_delay")}
+    }
     return Diagnosis(
         verdict="not_testable",
-        reasons=("The arm moves less than 0.01 rad in every recording; record the programme of `samrl excite`.",),
+        reasons=(
+            "The arm moves less than 0.01 rad in every recording; record the programme of `samrl excite`.",
+        ),
         where=(),
         effects=(),
         runner_ups=(),

@@ -1,0 +1,138 @@
+"""Gaussian likelihood of the stacked residuals: noise on the diagonal, tolerances as a low-rank part.
+
+Sigma = D^2 + U U^T, with D the noise and U the tolerance regressors times their standard deviations. All inner
+products are taken in Sigma^-1, which costs one thin projection per regressor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.diagnosis.equations import Columns
+from samrl_core.diagnosis.nominal import tolerance_columns
+from samrl_core.diagnosis.trial import Trial
+
+Block = tuple[int, str, int]  # recording, channel, joint
+
+
+@dataclass(frozen=True, eq=False)
+class Regressors:
+    """Columns in units of the noise, by block, and their projection on the tolerances."""
+
+    blocks: dict[Block, np.ndarray]  # (p, n)
+    projected: np.ndarray  # (rank, p)
+
+    @property
+    def empty(self) -> bool:
+        """Nothing is observed of it."""
+        return not self.blocks
+
+
+class Likelihood:
+    """Of one or more recordings of one arm.
+
+    Attributes:
+        y: (N,) residuals in units of their noise.
+        blocks: slices of `y`.
+    """
+
+    def __init__(self, trials: Sequence[Trial]) -> None:
+        """Stack the residuals and factor the tolerances."""
+        self.trials = tuple(trials)
+        self.blocks: dict[Block, slice] = {}
+        parts, start = [], 0
+        for r, trial in enumerate(self.trials):
+            equations = trial.equations
+            for channel in trial.channels:
+                ratio = equations.residual[channel] / equations.sigma[channel]
+                for j in range(trial.joints):
+                    self.blocks[r, channel, j] = slice(start, start + len(trial))
+                    parts.append(ratio[:, j])
+                    start += len(trial)
+        self.y = np.concatenate(parts) if parts else np.zeros(0)
+        self._basis, self._shrink = self._factor()
+        self._y_projected = self._basis.T @ self.y
+
+    def _factor(self) -> tuple[np.ndarray, np.ndarray]:
+        """Orthonormal basis (N, k) of U / D and s^2 / (1 + s^2) of its singular values."""
+        lists = [tolerance_columns(trial) for trial in self.trials]
+        count = len(lists[0]) if lists else 0
+        u = np.zeros((len(self.y), count))
+        for r, (trial, items) in enumerate(zip(self.trials, lists, strict=True)):
+            for k, (columns, std) in enumerate(items):
+                for (channel, j), rows in columns.items():
+                    sigma = trial.equations.sigma[channel][:, j]
+                    u[self.blocks[r, channel, j], k] = std * rows[0] / sigma
+        values, vectors = np.linalg.eigh(u.T @ u)
+        kept = values > 1e-9 * max(values.max(initial=0.0), 1e-300)
+        values, vectors = values[kept], vectors[:, kept]
+        return u @ (vectors / np.sqrt(values)), values / (1.0 + values)
+
+    def regressors(self, columns: Sequence[Columns]) -> Regressors:
+        """Columns of an effect, one mapping per recording, in units of the noise."""
+        blocks: dict[Block, np.ndarray] = {}
+        projected: np.ndarray | None = None
+        for r, (trial, mapping) in enumerate(zip(self.trials, columns, strict=True)):
+            for (channel, j), rows in mapping.items():
+                scaled = rows / trial.equations.sigma[channel][:, j]
+                blocks[r, channel, j] = scaled
+                part = self._basis[self.blocks[r, channel, j]].T @ scaled.T
+                projected = part if projected is None else projected + part
+        return Regressors(blocks, np.zeros((len(self._shrink), 0)) if projected is None else projected)
+
+    def gram(self, a: Regressors, b: Regressors) -> np.ndarray:
+        """A^T Sigma^-1 B, (p, q)."""
+        plain = np.zeros((a.projected.shape[1], b.projected.shape[1]))
+        for block, rows in a.blocks.items():
+            if block in b.blocks:
+                plain += rows @ b.blocks[block].T
+        return plain - a.projected.T @ (self._shrink[:, None] * b.projected)
+
+    def moment(self, a: Regressors, y: np.ndarray | None = None) -> np.ndarray:
+        """A^T Sigma^-1 y, (p,) or (p, m) for responses (N, m); of the residuals by default."""
+        response = self.y if y is None else y
+        projected = self._y_projected if y is None else self._basis.T @ y
+        plain = np.zeros((a.projected.shape[1],) + response.shape[1:])
+        for block, rows in a.blocks.items():
+            plain += rows @ response[self.blocks[block]]
+        shrunk = (self._shrink * projected.T).T
+        return plain - a.projected.T @ shrunk
+
+    def energy(self, y: np.ndarray | None = None) -> float:
+        """y^T Sigma^-1 y."""
+        y = self.y if y is None else y
+        projected = self._basis.T @ y
+        return float(y @ y - projected @ (self._shrink * projected))
+
+    def whitened(self, y: np.ndarray | None = None) -> np.ndarray:
+        """Sigma^-1/2 y (N,): what tolerances do not explain, in standard deviations."""
+        y = self.y if y is None else y
+        root = 1.0 - np.sqrt(1.0 - self._shrink)
+        return y - self._basis @ (root * (self._basis.T @ y))
+
+    def minus(self, a: Regressors, amplitudes: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
+        """Residuals (N,) after taking an effect out."""
+        out = (self.y if y is None else y).copy()
+        for block, rows in a.blocks.items():
+            out[self.blocks[block]] -= amplitudes @ rows
+        return out
+
+    def correlation_time(self, y: np.ndarray) -> float:
+        """How many samples count as one: integrated autocorrelation of the whitened residual, at least 1."""
+        z = self.whitened(y)
+        total, weight = 0.0, 0.0
+        for part in self.blocks.values():
+            x = z[part] - np.mean(z[part])
+            power = float(x @ x)
+            if power < 1e-12 or len(x) < 20:
+                continue
+            spectrum = np.fft.rfft(x, 2 * len(x))
+            rho = np.fft.irfft(np.abs(spectrum) ** 2)[: len(x) // 4] / power
+            below = np.flatnonzero(rho < 0.05)
+            last = int(below[0]) if len(below) else len(rho)
+            total += power * (1.0 + 2.0 * float(np.sum(rho[1:last])))
+            weight += power
+        return max(1.0, total / weight) if weight else 1.0

@@ -48,7 +48,13 @@ def table(
 
     top = element("tr", *(element("th", name, scope="col", css=kind(i)) for i, name in enumerate(head)))
     body = [
-        element("tr", *(element("td", cell, css=kind(i), data_label=head[i]) for i, cell in enumerate(row)))
+        element(
+            "tr",
+            *(
+                element("td", element("span", cell), css=kind(i), data_label=head[i])
+                for i, cell in enumerate(row)
+            ),
+        )
         for row in rows
     ]
     inner = element("table", element("thead", top), element("tbody", *body), css=css)

@@ -41,15 +41,24 @@ SCRIPT = """
     };
     const nearest = changed => {
       const want = chosen();
-      const score = entry => entry.key.reduce((s, v, k) => s + (v === want[k] ? (k === changed ? 10 : 1) : 0), 0);
+      const weight = k => k === changed ? 10 : 1;
+      const score = entry => entry.key.reduce((s, v, k) => s + (v === want[k] ? weight(k) : 0), 0);
       return index.reduce((best, entry) => score(entry) > score(best) ? entry : best);
     };
     boxes.forEach((box, k) => box.addEventListener('change', () => show(nearest(k))));
     show(index[0]);
   }
+  // On a phone the heatmap is wider than the screen: show its hottest cell first.
+  const hottest = document.querySelector('.heat [data-hottest]');
+  if (hottest) {
+    const frame = hottest.closest('.scroll');
+    frame.scrollLeft = hottest.offsetLeft - 0.6 * frame.clientWidth;
+  }
   const resize = () => plots.forEach(p => p.data && Plotly.Plots.resize(p));
-  addEventListener('beforeprint', () => { document.querySelectorAll('details').forEach(d => { d.open = true; });
-    resize(); });
+  addEventListener('beforeprint', () => {
+    document.querySelectorAll('details').forEach(d => { d.open = true; });
+    resize();
+  });
   addEventListener('afterprint', resize);
 })();
 """

@@ -327,7 +327,7 @@ def _none_of_mine(rng: np.random.Generator) -> Diagnosis:
 
 def _not_testable(rng: np.random.Generator) -> Diagnosis:
     common = _common(rng) | {
-        "not_testable": {f: "the arm does not move" for f in ("backlash", "command_delay")}
+        "not_testable": dict.fromkeys(("backlash", "command_delay"), "the arm does not move")
     }
     return Diagnosis(
         verdict="not_testable",

@@ -1,7 +1,7 @@
 """Gaussian likelihood of the stacked residuals: noise on the diagonal, tolerances as a low-rank part.
 
-Sigma = D^2 + U U^T, with D the noise and U the tolerance regressors times their standard deviations. All inner
-products are taken in Sigma^-1, which costs one thin projection per regressor.
+Sigma = D^2 + U U^T, with D the noise and U the tolerance regressors times their standard deviations. All
+inner products are taken in Sigma^-1, which costs one thin projection per regressor.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""Arm dynamics: rigid-body model of any fixed-base URDF and its differentiable closed-loop simulator."""

@@ -1,0 +1,35 @@
+"""The forward loop over time, one thread per plant; compiled without adjoints."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from samrl_core.dynamics.drive_kernels import before_solve, diverged, update
+from samrl_core.dynamics.rigid_kernels import bias_and_matrix, solve
+from samrl_core.dynamics.simulation_arrays import Arrays, Bodies, f64
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel(enable_backward=False)
+def bias_kernel(a: Arrays, s: Bodies, bias: wp.array2d(dtype=f64)):
+    b = wp.tid()
+    bias_and_matrix(a, s, b, 0)
+    for j in range(a.joints):
+        bias[b, j] = -a.acceleration[b, j]
+
+
+@wp.kernel(enable_backward=False)
+def rollout_kernel(a: Arrays, s: Bodies, steps: int, failed: wp.array2d(dtype=int)):
+    b = wp.tid()
+    k = int(0)
+    while k < steps:
+        before_solve(a, b, k)
+        solve(a, s, b, k % a.slots)
+        update(a, b, k)
+        bad = diverged(a, b, k)
+        if bad >= 0:
+            failed[b, 0] = k
+            failed[b, 1] = bad
+            k = steps
+        k += 1

@@ -1,0 +1,267 @@
+"""One batch of plants in the simulator's memory: filled, started, run, read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from samrl_core.dynamics.plant_arrays import pack
+from samrl_core.dynamics.plant_parameters import PlantParameters
+from samrl_core.dynamics.rigid_arm import RigidArm
+from samrl_core.dynamics.rollout_kernels import bias_kernel, rollout_kernel
+from samrl_core.dynamics.simulation_arrays import Arrays, Bodies, F, H, Mat3, P, S, Vec3
+from samrl_core.errors import InputError
+from samrl_core.model.warp_runtime import start as start_warp
+from samrl_core.types.arm_recording import JointSignal
+
+if TYPE_CHECKING:
+    from samrl_core.dynamics.closed_loop import ClosedLoop
+
+
+class Tree:
+    """Joints of an arm as arrays, parents first; a mount adds two before them, turning about x and y."""
+
+    def __init__(self, rigid: RigidArm, mount: int) -> None:
+        """Read Pinocchio's model."""
+        model = rigid.model
+        ids = [model.getJointId(name) for name in rigid.joints]
+        arm = sorted(range(len(ids)), key=lambda i: ids[i])
+        self.order = np.array(arm)  # index in the description's order of each joint of the tree
+        self.mount = mount
+        self.joints = mount + len(ids)
+        place = {ids[i]: mount + k for k, i in enumerate(arm)}
+        base = mount - 1  # the last joint of the mount, or the fixed world
+        self.parent = np.array(
+            [*range(-1, base), *(place.get(model.parents[ids[i]], base) for i in arm)], dtype=np.int32
+        )
+        placements = [model.jointPlacements[ids[i]] for i in arm]
+        self.rotation = np.array([*(np.eye(3) for _ in range(mount)), *(p.rotation for p in placements)])
+        self.origin = np.array([*(np.zeros(3) for _ in range(mount)), *(p.translation for p in placements)])
+        axes = [_axis(model, ids[i]) for i in arm]
+        self.axis = np.array([*np.eye(3)[:mount], *(a for a, _ in axes)])
+        self.prismatic = np.array([0] * mount + [int(p) for _, p in axes], dtype=np.int32)
+
+
+def _axis(model: Any, joint: int) -> tuple[np.ndarray, bool]:
+    """Axis in the joint's frame, and whether the joint slides."""
+    name = model.joints[joint].shortname()
+    data = model.joints[joint].createData()
+    position = np.array([1.0, 0.0]) if model.joints[joint].nq == 2 else np.zeros(1)
+    model.joints[joint].calc(data, position)
+    column = np.array(data.S).ravel()
+    if column.shape != (6,):
+        raise InputError(
+            f"joint {model.names[joint]} is a {name}; only revolute and prismatic joints are simulated"
+        )
+    slides = bool(np.abs(column[:3]).max() > 0)
+    return (column[:3] if slides else column[3:]), slides
+
+
+class Simulation:
+    """Memory for one batch; `full` keeps every step, for gradients.
+
+    Raises:
+        InputError: a command or a log that does not fit.
+    """
+
+    def __init__(
+        self,
+        loop: ClosedLoop,
+        mount: int,
+        plants: Sequence[PlantParameters],
+        command: JointSignal,
+        steps: int,
+        every: int,
+        *,
+        position_log: JointSignal | None = None,
+        full: bool = False,
+    ) -> None:
+        """Allocate and fill everything but the start."""
+        start_warp()
+        self.loop, self.tree, self.plants, self.steps = loop, loop.trees[mount], list(plants), steps
+        tree = self.tree
+        n, count, order = tree.joints, len(plants), tree.order
+        self.packed = pack(
+            plants, loop.rigid, order, loop.armature, loop.teeth, loop.gravity, loop.step_s, mount, full
+        )
+        delays = self.packed.params[:, :, P.EFFORT_DELAY]
+        slots = steps + 1 if full else int(np.ceil(delays.max())) + 3
+        records = (steps - 1) // every + 1
+        self.arrays = a = Arrays()
+        self._full = full
+        a.joints, a.mount = n, mount
+        a.parent, a.prismatic = self._ints(tree.parent), self._ints(tree.prismatic)
+        a.rotation = wp.array(tree.rotation, dtype=Mat3, device=loop.device)
+        a.origin = wp.array(tree.origin, dtype=Vec3, device=loop.device)
+        a.axis = wp.array(tree.axis, dtype=Vec3, device=loop.device)
+        a.step, a.substeps = loop.step_s, loop.substeps
+        assert loop.arm.controller is not None
+        a.compensate = int(loop.arm.controller.gravity_compensation)
+        a.nominal_gravity = Vec3(*loop.gravity)
+        nominal = np.zeros((n, 10))
+        nominal[mount:] = loop.rigid.inertial_parameters[order]
+        a.nominal_inertia = self._numbers(nominal)
+        a.stiffness, a.damping = self._numbers(loop.stiffness[order]), self._numbers(loop.damping[order])
+        a.limit = self._numbers(loop.effort_limit[order])
+        a.command_q, a.command_v, a.command_u = (
+            self._numbers(values[:, order]) for values in loop.commands(command, steps)
+        )
+        self._log(position_log)
+        a.seed, a.flags = self._ints(self.packed.seed), self._ints(self.packed.flags)
+        a.params, a.inertia = self._numbers(self.packed.params), self._numbers(self.packed.inertia)
+        a.gravity = wp.array(self.packed.gravity, dtype=Vec3, device=loop.device, requires_grad=full)
+        a.slots = slots
+        a.state, a.effort = self._zeros(slots, count, n, len(S)), self._zeros(slots, count, n)
+        a.measured_q, a.measured_v, a.held = (self._zeros(count, n) for _ in range(3))
+        a.hand, a.acceleration = self._zeros(count, n, len(H)), self._zeros(count, n)
+        a.g_rotation, a.g_origin = self._zeros(count, n, dtype=Mat3), self._zeros(count, n, dtype=Vec3)
+        a.g_mass, a.g_moment = self._zeros(count, n), self._zeros(count, n, dtype=Vec3)
+        a.every, a.shift = every, loop.shift
+        a.out_q, a.out_v, a.out_u, a.out_t = (self._zeros(count, records, n - mount) for _ in range(4))
+        self.bodies = s = Bodies()
+        for name in ("rotation", "inertia"):
+            setattr(s, name, wp.zeros((count, n), dtype=Mat3, device=loop.device))
+        for name in ("origin", "w", "v", "aw", "av", "sw", "sv", "fw", "fv", "moment"):
+            setattr(s, name, wp.zeros((count, n), dtype=Vec3, device=loop.device))
+        s.mass = wp.zeros((count, n), dtype=wp.float64, device=loop.device)
+        s.matrix = wp.zeros((count, n, n), dtype=wp.float64, device=loop.device)
+        a.inertia_hint = self._numbers(self._hint())
+
+    def start(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Put every plant where it was measured, (B, J) in the description's order; keeps the state's start."""
+        first = self.first_state(position, velocity)
+        self._write_first(first)
+        self.held = self._bias()[:, self.tree.mount :]
+
+    def first_state(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """State (B, n, S) at rest of springs, from measured positions and velocities (B, J).
+
+        Encoder errors are taken off; the transmission, the backlash and the mount rest on their own gravity.
+        """
+        tree, mount = self.tree, self.tree.mount
+        params, flags = self.packed.params[:, mount:], self.packed.flags[:, mount:]
+        q_read, v_read = position[:, tree.order], velocity[:, tree.order]
+        amplitude, phase = params[..., P.ENCODER_AMPLITUDE], params[..., P.ENCODER_PHASE]
+        q = q_read - params[..., P.ENCODER_OFFSET]
+        unwaved = q
+        for _ in range(4):  # a contraction by the amplitude, far below 1
+            q = unwaved - amplitude * np.sin(q + phase)
+        v = v_read / (1.0 + amplitude * np.cos(q + phase))
+        state = np.zeros((len(self.plants), tree.joints, len(S)))
+        state[:, mount:, S.Q] = q
+        self._write_first(state)
+        gravity = self._bias()
+        elastic = (flags & int(F.ELASTIC)) != 0
+        stiffness = np.where(elastic, params[..., P.JOINT_STIFFNESS], 1.0)
+        hold = gravity[:, mount:]
+        wound = np.where(elastic, hold / stiffness + np.sign(hold) * params[..., P.BACKLASH], 0.0)
+        link_read = (flags & int(F.READ_LINK)) != 0
+        state[:, mount:, S.Q] = np.where(link_read, q, q - wound)
+        state[:, mount:, S.QM] = np.where(link_read, q + wound, q)
+        state[:, mount:, S.V] = state[:, mount:, S.VM] = v
+        state[:, :, S.LINK_TORQUE] = gravity
+        if mount:
+            state[:, :mount, S.Q] = -gravity[:, :mount] / self.packed.params[:, :mount, P.JOINT_STIFFNESS]
+        return state
+
+    def run(self) -> np.ndarray:
+        """Whole rollouts; returns (B, 2) step and joint of divergence, -1 where there is none."""
+        failed = wp.full((len(self.plants), 2), -1, dtype=int, device=self.loop.device)
+        wp.launch(
+            rollout_kernel, dim=len(self.plants), inputs=[self.arrays, self.bodies, self.steps, failed],
+            device=self.loop.device,
+        )  # fmt: skip
+        return failed.numpy()
+
+    def records(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity, effort, commanded effort (B, T, J) in the description's order."""
+        a, back = self.arrays, np.argsort(self.tree.order)
+        q, v, t, u = (x.numpy()[:, :, back] for x in (a.out_q, a.out_v, a.out_t, a.out_u))
+        if a.shift:
+            t[:, 0] = u[:, 0] = self.held[:, back]
+        return q, v, t, u
+
+    def _write_first(self, state: np.ndarray) -> None:
+        wp.copy(self.arrays.state[0], self._numbers(state))
+
+    def _bias(self) -> np.ndarray:
+        bias = wp.zeros((len(self.plants), self.tree.joints), dtype=wp.float64, device=self.loop.device)
+        wp.launch(
+            bias_kernel,
+            dim=len(self.plants),
+            inputs=[self.arrays, self.bodies, bias],
+            device=self.loop.device,
+        )
+        return bias.numpy().copy()
+
+    def _hint(self) -> np.ndarray:
+        """Inertia (n,) that each joint feels with the others free, in the middle of the joint ranges."""
+        tree, mount = self.tree, self.tree.mount
+        lower, upper = self.loop.rigid.position_limits()
+        bounded = np.isfinite(lower) & np.isfinite(upper)
+        middle = np.where(bounded, np.where(bounded, lower, 0.0) / 2 + np.where(bounded, upper, 0.0) / 2, 0.0)
+        state = np.zeros((len(self.plants), tree.joints, len(S)))
+        state[:, mount:, S.Q] = middle[tree.order]
+        kept = self.arrays.inertia
+        self.arrays.inertia = self._numbers(
+            np.repeat(self.arrays.nominal_inertia.numpy()[None], len(state), 0)
+        )
+        self._write_first(state)
+        self._bias()
+        self.arrays.inertia = kept
+        matrix = self.bodies.matrix.numpy()[0]
+        matrix = np.tril(matrix) + np.tril(matrix, -1).T
+        tiny = 1e-9 * max(np.abs(matrix).max(), 1e-9)
+        return 1.0 / np.diag(np.linalg.inv(matrix + tiny * np.eye(len(matrix))))
+
+    def _log(self, log: JointSignal | None) -> None:
+        a, joints = self.arrays, len(self.tree.order)
+        a.logged = int(log is not None)
+        values = np.zeros((2, 1, joints))
+        if log is not None:
+            if log.position is None or log.velocity is None:
+                raise InputError("the position log needs positions and velocities")
+            time = np.arange(self.steps) * self.loop.step_s
+            parts = (sampled("position log", log.time, x, time, joints) for x in (log.position, log.velocity))
+            values = np.array([part[:, self.tree.order] for part in parts])
+        a.log_q, a.log_v = self._numbers(values[0]), self._numbers(values[1])
+
+    def _numbers(self, values: np.ndarray) -> Any:
+        return wp.array(
+            np.ascontiguousarray(values, dtype=float), dtype=wp.float64, device=self.loop.device,
+            requires_grad=self._full,
+        )  # fmt: skip
+
+    def _ints(self, values: np.ndarray) -> Any:
+        return wp.array(np.ascontiguousarray(values, dtype=np.int32), dtype=int, device=self.loop.device)
+
+    def _zeros(self, *shape: int, dtype: Any = wp.float64) -> Any:
+        return wp.zeros(shape, dtype=dtype, device=self.loop.device, requires_grad=self._full)
+
+
+def sampled(name: str, time: np.ndarray, values: np.ndarray, at: np.ndarray, joints: int) -> np.ndarray:
+    """Linear interpolation of (N, J) at other times; held before the first and after the last stamp.
+
+    Raises:
+        InputError: wrong shape, stamps that do not increase, values that are not finite.
+    """
+    time, values = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
+    if time.ndim != 1 or len(time) == 0 or values.shape != (len(time), joints):
+        raise InputError(
+            f"{name}: stamps {time.shape} and values {values.shape} must be (N,) and (N, {joints})"
+        )
+    if not (np.isfinite(time).all() and np.isfinite(values).all()):
+        raise InputError(f"{name}: stamps or values are not finite")
+    if (np.diff(time) <= 0).any():
+        raise InputError(
+            f"{name}: stamps must increase; they do not after {time[:-1][np.diff(time) <= 0][0]} s"
+        )
+    if len(time) == 1:
+        return np.repeat(values, len(at), 0)
+    right = np.clip(np.searchsorted(time, at, side="right"), 1, len(time) - 1)
+    left = right - 1
+    share = np.clip((at - time[left]) / (time[right] - time[left]), 0.0, 1.0)[:, None]
+    return values[left] + (values[right] - values[left]) * share

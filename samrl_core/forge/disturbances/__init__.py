@@ -1,0 +1,1 @@
+"""Disturbances of an arm, one family per file; `registry` lists them."""

@@ -1,0 +1,34 @@
+"""15. The drive gives less than its limit says. T0: clip. T1: soft knee, u / (1 + |u/L|^p)^(1/p)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.forge.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.forge.hooks import Hooks
+
+
+def _make(site: Site, form: str, severity: float) -> Effect:
+    i = site.joint
+    floor, peak = float(site.gravity_torque[i]), float(site.peak_torque[i])
+    # Between what motion asks for and what gravity alone asks for: lower and the arm would sink.
+    limit = floor + (peak - floor) * (1.0 - quantile(severity, 0.1, 0.85))
+    if severity == 0.0:
+        limit = 10.0 * peak
+    power = 8.0
+
+    def drive(t: float, u: np.ndarray) -> np.ndarray:
+        out = u.copy()
+        if form == "T0":
+            out[i] = min(max(u[i], -limit), limit)
+        else:
+            out[i] = u[i] / (1.0 + abs(u[i] / limit) ** power) ** (1.0 / power)
+        return out
+
+    def attach(hooks: Hooks, rng: np.random.Generator) -> None:
+        hooks.drive.append(drive)
+
+    return Effect({"limit": Quantity(limit, "N m")}, attach)
+
+
+FAMILY = Family("torque_saturation", "joint", _make)

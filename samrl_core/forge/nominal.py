@@ -1,0 +1,104 @@
+"""The two nominal arms of sealed worlds, their controllers and what they are commanded; made once, then kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from samrl_core.excitation.programme import gains, programme
+from samrl_core.forge.arm_body import ArmBody, read_arm_body, with_tool
+from samrl_core.robots.arm_model import ArmModel, Payload
+from samrl_core.robots.cell import default_cell
+from samrl_core.robots.robot import ROLES, RobotSpec
+from samrl_core.tasks.peg_insertion.task import PegInsertion
+from samrl_core.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
+from samrl_core.types.arm_recording import JointSignal
+from samrl_core.types.pose import Pose
+
+SETS = {"A": "slow", "B": "multisine", "C": "task"}
+PROGRAMMES = 6  # distinct ones per arm, so that what is worked out per trajectory can be kept
+# Rotors as geared drives have them. Panda: MuJoCo menagerie's panda.xml. Rizon: ASSUMPTION, of the same order;
+# menagerie's 3.17 kg m2 at the shoulder would make the described gains sluggish.
+ARMATURE = {
+    "tool_arm": np.full(7, 0.1),
+    "camera_arm": np.array([0.5, 0.5, 0.25, 0.25, 0.08, 0.08, 0.08]),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class NominalArm:
+    """An arm of the cell with the tool that the cell gives it."""
+
+    role: str
+    spec: RobotSpec  # with `ARMATURE`
+    tool: Tool
+    bare: ArmBody
+    body: ArmBody  # with tool
+    model: ArmModel  # with tool; base axes
+    urdf: str
+
+
+@lru_cache(maxsize=None)
+def nominal_arm(role: str) -> NominalArm:
+    """The arm in a role.
+
+    Raises:
+        InputError: a URDF that does not fit.
+    """
+    cell = default_cell()
+    held = PegInsertion().scene(cell).tool
+    tool = {
+        "tool_arm": Tool(held.mass, held.center_of_mass, held.inertia),
+        "camera_arm": Tool(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
+    }[role]
+    spec = replace(cell.arm(role), armature=ARMATURE[role])
+    bare = read_arm_body(spec)
+    model = ArmModel(spec, Pose.identity(), payload_of(tool))
+    return NominalArm(role, spec, tool, bare, with_tool(bare, tool), model, spec.urdf.read_text())
+
+
+def payload_of(tool: Tool) -> Payload:
+    """A tool as the arm model takes it."""
+    return Payload(tool.mass, tool.center_of_mass, tool.inertia)
+
+
+@lru_cache(maxsize=None)
+def world_command(role: str, number: int, letter: str, duration_s: float) -> JointSignal:
+    """Command of set `letter` in programme `number`; the same in every forge."""
+    arm = nominal_arm(role)
+    seed = 1000 * (1 + ROLES.index(role)) + 10 * number + "ABC".index(letter)
+    return programme(arm.spec, payload_of(arm.tool), SETS[letter], seed, duration_s)
+
+
+def description(role: str, letter: str, tolerances: Tolerances) -> ArmDescription:
+    """What a recording says of its arm; set C is played at other gains."""
+    arm = nominal_arm(role)
+    scale = gains(SETS[letter])
+    controller = ArmController(
+        joints=arm.spec.joint_names,
+        stiffness=arm.spec.controller.stiffness * scale.stiffness,
+        damping=arm.spec.controller.damping * scale.damping,
+        period_s=arm.spec.controller.period_s,
+        effort_limit=arm.spec.limits.effort,
+        armature=ARMATURE[role],
+        tolerances=tolerances,
+    )
+    return ArmDescription(role, arm.spec.joint_names, arm.urdf, controller, arm.tool, tolerances)
+
+
+@lru_cache(maxsize=None)
+def demands(role: str, number: int, duration_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of the three recordings of a programme, per joint: peak torque, peak gravity torque, lowest, highest position."""
+    arm = nominal_arm(role)
+    peak, weight = np.zeros(7), np.zeros(7)
+    low, high = np.full(7, np.inf), np.full(7, -np.inf)
+    for letter in SETS:
+        c = world_command(role, number, letter, duration_s)
+        q, v, a = c.position, c.velocity, c.acceleration
+        for k in range(0, len(c), 10):
+            peak = np.maximum(peak, np.abs(arm.model.inverse_dynamics(q[k], v[k], a[k])))  # type: ignore[index]
+            weight = np.maximum(weight, np.abs(arm.model.gravity(q[k])))  # type: ignore[index]
+        low, high = np.minimum(low, q.min(axis=0)), np.maximum(high, q.max(axis=0))  # type: ignore[union-attr]
+    return peak, weight, low, high

@@ -107,7 +107,7 @@ class CellPlayer:
         swept = np.concatenate([way, run.command.position[::step]])
         if self._lines[self._role].clearance(way).worst < -0.05:  # homes stand low over the table
             raise LimitError(
-                f"the way of '{self._role}' to the first pose comes too near to the table or to the arm itself; "
+                f"the way of '{self._role}' to the first pose comes too near to the table or the arm itself; "
                 "move the arm nearer to that pose first"
             )
         waiting = self._waiting_place(stage, here, swept)

@@ -153,7 +153,7 @@ def sweep(
     """
     time = sample_times(duration_s, period_s)
     moving = np.flatnonzero(joints)
-    window = 0.2
+    window = 0.4
     length = (duration_s - 2 * _REST_S) / len(moving)
     # Half a period at one speed: there and back over the stroke, from and to its middle.
     needed = sum(4.0 * amplitude / v for v in speeds) + window * len(speeds)

@@ -6,19 +6,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from samrl_core.errors import LimitError
 from samrl_core.excitation.clearance import ArmLine
 from samrl_core.excitation.limits import check_programme
 from samrl_core.excitation.multisine import CHIRP_HZ, multisine
 from samrl_core.excitation.probes import chirp, micro_reversals, static, sweep
 from samrl_core.excitation.programme import SETS, GainScale, gains, programme
 from samrl_core.excitation.programme_file import ProgrammeFile
-from samrl_core.excitation.slow import slow
+from samrl_core.excitation.slow import fastest_reversal, slow
 from samrl_core.excitation.task_motion import task_motion
 from samrl_core.excitation.workspace import work_box
 from samrl_core.robots.arm_model import Payload
 from samrl_core.robots.robot import JointImpedance, RobotSpec
 from samrl_core.types.arm_description import ArmController
 from samrl_core.types.arm_recording import JointSignal
+
+_DRAWS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,16 +72,15 @@ def set_run(letter: str, spec: RobotSpec, payload: Payload | None, seed: int, du
 def file_runs(name: str, file: ProgrammeFile, spec: RobotSpec, payload: Payload | None) -> tuple[Run, ...]:
     """The recordings that a programme file asks for: two for `two_gains` and `two_loads`, else one.
 
-    Unlike the sets, nothing is made smaller to fit: what breaks a limit is refused.
+    Unlike the sets, nothing is made smaller to fit. What is drawn is drawn again, but what breaks a limit
+    each time is refused.
 
     Raises:
         InputError: joints that the arm has not, or parameters that do not go together.
         LimitError: joint, value and limit, where the motion would break one.
     """
-    command = _command(file, spec, payload)
     extra = file.number("extra_mass") if file.kind == "two_loads" else 0.0
-    for load in {0.0, extra}:
-        check_programme(spec, heavier(payload, load), command)
+    command = _allowed(file, spec, payload, extra)
     scale = GainScale(file.number("stiffness_scale"), file.number("damping_scale"))
     asked = scaled_controller(spec, scale)
     if file.kind == "two_gains":
@@ -89,9 +91,40 @@ def file_runs(name: str, file: ProgrammeFile, spec: RobotSpec, payload: Payload 
     return (Run(name, command, asked),)
 
 
-def _command(file: ProgrammeFile, spec: RobotSpec, payload: Payload | None) -> JointSignal:
-    joints = np.array(file.mask(spec.joint_names))
+def _allowed(file: ProgrammeFile, spec: RobotSpec, payload: Payload | None, extra: float) -> JointSignal:
+    if "poses" in file.about.parameters and "speeds" in file.about.parameters:
+        _check_speeds(file, spec)
     rng = np.random.default_rng(int(file.number("seed")))
+    for attempt in range(_DRAWS):
+        command = _command(file, spec, payload, rng)
+        try:
+            for load in {0.0, extra}:
+                check_programme(spec, heavier(payload, load), command)
+        except LimitError:
+            if attempt == _DRAWS - 1:
+                raise
+            continue
+        return command
+    raise AssertionError("unreachable")
+
+
+def _check_speeds(file: ProgrammeFile, spec: RobotSpec) -> None:
+    joints = np.array(file.mask(spec.joint_names))
+    top = fastest_reversal(spec, file.number("duration_s"))
+    j = int(np.argmin(np.where(joints, top, np.inf)))
+    for i, speed in enumerate(file.numbers("speeds")):
+        if speed > top[j]:
+            raise LimitError(
+                f"parameters.speeds[{i}] is {speed} rad/s: {spec.joint_names[j]} may turn round at "
+                f"{top[j]:.3f} rad/s at most in this time; reduce it, lengthen parameters.duration_s "
+                "(up to 15 s helps), or leave that joint out"
+            )
+
+
+def _command(
+    file: ProgrammeFile, spec: RobotSpec, payload: Payload | None, rng: np.random.Generator
+) -> JointSignal:
+    joints = np.array(file.mask(spec.joint_names))
     model = ArmLine(spec, payload).model
     period, duration = spec.controller.period_s, file.number("duration_s")
     box = work_box(spec, payload)

@@ -31,6 +31,16 @@ def varied_loads(box: WorkBox, model: ArmModel, rng: np.random.Generator, count:
     return candidates[chosen]
 
 
+def rounding(duration_s: float) -> float:
+    """Over which corners of the velocity are rounded [s]."""
+    return float(np.clip(duration_s / 50.0, 0.05, 0.3))
+
+
+def fastest_reversal(spec: RobotSpec, duration_s: float) -> np.ndarray:
+    """Speeds (J,) [rad/s] of a reversal, a corner of twice the speed, at 0.6 of the acceleration limit."""
+    return 0.15 * spec.limits.acceleration * rounding(duration_s)
+
+
 def slow(
     spec: RobotSpec,
     model: ArmModel,
@@ -45,7 +55,7 @@ def slow(
     """Between rests every joint makes two or more strokes, at speeds that go round among the joints.
 
     Reversals of different joints fall at different times, so that what happens at one is not mixed up
-    with another's. `joints` (J,) bool moves only those.
+    with another's. `joints` (J,) bool moves only those. Speeds above `fastest_reversal` are reduced to it.
 
     Raises:
         InputError: too many holds for the time.
@@ -54,7 +64,7 @@ def slow(
     move = np.ones(len(spec.joint_names), bool) if joints is None else joints
     least = LEAST_HOLDS if duration_s >= 8.0 else 3
     count = int(np.clip(round(duration_s / 3.0), least, _MOST_HOLDS)) if holds is None else holds
-    window = float(np.clip(duration_s / 50.0, 0.05, 0.3))
+    window = rounding(duration_s)
     # Rounding takes half a window at either side of a rest.
     rest = float(np.clip(0.03 * duration_s, 0.1, 0.6)) + window
     length = (duration_s - count * rest) / (count - 1)
@@ -64,8 +74,7 @@ def slow(
             f"need {4.0 * window:.2f} s; lengthen the programme or name fewer poses"
         )
     targets = varied_loads(box, model, rng, count)
-    # A reversal at speed v is a corner of 2 v.
-    top = 0.15 * spec.limits.acceleration * window
+    top = fastest_reversal(spec, duration_s)
     position = targets[0].copy()
     velocity = np.zeros((len(time), len(position)))
     for k in range(count - 1):

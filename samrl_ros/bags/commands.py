@@ -1,4 +1,4 @@
-"""`samrl bag info` and `samrl bag repair`."""
+"""`samrl bag info`, `samrl bag repair` and `samrl bag import`."""
 
 from __future__ import annotations
 
@@ -70,3 +70,37 @@ def repair_command(
     typer.echo(f"{report.messages} messages up to {report.end_ns * 1e-9:.3f} s kept in {report.destination}")
     for line in report.damage:
         typer.echo(f"stopped at: {line} ({report.lost_bytes} bytes not readable in all)")
+
+
+@bag_app.command("import")
+def import_command(
+    mapping: Annotated[Path, typer.Argument(metavar="MAPPING.yaml", help="What the logs' columns mean.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for the bags, one per recording.")
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option("--data", metavar="DIR", help="Folder that paths count from [default: the mapping's]."),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only say what each channel becomes; write nothing.")
+    ] = False,
+) -> None:
+    """Turn CSV, NPZ and MAT logs into bags, by a YAML mapping alone (msgs_docs/import.md)."""
+    from samrl_ros.recordings.logs.importer import INDEX, import_logs
+    from samrl_ros.recordings.logs.mapping import read_mapping
+
+    if out is None and not check:
+        raise typer.BadParameter("say where to write, or --check to write nothing", param_hint="--out")
+    with _refusals():
+        made = import_logs(
+            read_mapping(mapping), data if data is not None else mapping.parent, None if check else out
+        )
+    for each in made:
+        typer.echo(f"{each.recording.name} ({each.role}, {each.recording.arm.role})")
+        for line in each.report:
+            typer.echo(f"  {line}")
+        for note in each.notes:
+            typer.echo(f"  note: {note}")
+    if out is not None and not check:
+        typer.echo(f"{len(made)} bags in {out}, their roles in {out / INDEX}")

@@ -30,6 +30,7 @@ _STATES = re.compile(r"^/cell/([^/]+)/joint_states$")
 _CHANNELS = {"joint_states": JOINT_STATE, "command": JOINT_TRAJECTORY, "commanded_effort": JOINT_STATE}
 _TEXTS = ("robot_description", "controller", "tool")
 _MOVING = ("revolute", "continuous", "prismatic")
+RAW = "raw_effort"  # custom data: channels whose effort is in units of the drive, not N m
 _EPOCHS_APART_S = 1.0  # log time against header stamps; more is another clock, not a delay
 
 
@@ -76,6 +77,8 @@ def load_recordings(
         )
     bag, messages = _messages(bag, roles)
     damage = _damage_notes(bag)
+    if RAW in bag.custom_data:
+        damage.append(f"the effort of {bag.custom_data[RAW]} is in raw units of the drive, not in N m")
     digest = _sha256(bag)
     recordings, notes = [], {}
     for role in roles:
@@ -264,5 +267,6 @@ def _phases(
 ) -> tuple[tuple[float, str], ...]:
     """Marks have no stamp of their own: log times, moved to the headers' clock if that is another one."""
     ahead = int(np.median(logged - states.stamp_ns)) if states.stamp_ns.any() else 0
-    shift = ahead if abs(ahead) > _EPOCHS_APART_S * 1e9 else 0
+    shift = ahead if abs(ahead) > RAW = "raw_effort"  # custom data: channels whose effort is in units of the drive, not N m
+_EPOCHS_APART_S * 1e9 else 0
     return tuple(((m.log_time_ns - shift - start) * 1e-9, decode_text(PHASE, m.data)) for m in marks)

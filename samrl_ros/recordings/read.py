@@ -267,6 +267,5 @@ def _phases(
 ) -> tuple[tuple[float, str], ...]:
     """Marks have no stamp of their own: log times, moved to the headers' clock if that is another one."""
     ahead = int(np.median(logged - states.stamp_ns)) if states.stamp_ns.any() else 0
-    shift = ahead if abs(ahead) > RAW = "raw_effort"  # custom data: channels whose effort is in units of the drive, not N m
-_EPOCHS_APART_S * 1e9 else 0
+    shift = ahead if abs(ahead) > _EPOCHS_APART_S * 1e9 else 0
     return tuple(((m.log_time_ns - shift - start) * 1e-9, decode_text(PHASE, m.data)) for m in marks)

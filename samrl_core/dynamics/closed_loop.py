@@ -119,8 +119,8 @@ class ClosedLoop:
             DivergenceError: a plant that is unstable.
         """
         groups = self.groups(plants)
-        start_q = self._start("start_position", start_position, len(plants))
-        start_v = self._start("start_velocity", start_velocity, len(plants))
+        start_q = self.start_values("start_position", start_position, len(plants))
+        start_v = self.start_values("start_velocity", start_velocity, len(plants))
         steps = self.steps(duration_s)
         if record_every < 1:
             raise InputError(f"record_every is {record_every}; it must be at least 1")
@@ -189,7 +189,8 @@ class ClosedLoop:
         )
         return position, velocity, effort
 
-    def _start(self, name: str, values: np.ndarray, plants: int) -> np.ndarray:
+    def start_values(self, name: str, values: np.ndarray, plants: int) -> np.ndarray:
+        """Checked start (B, J) of all plants."""
         array = np.asarray(values, dtype=float)
         joints = len(self.arm.joints)
         if array.shape not in ((joints,), (plants, joints)):

@@ -228,7 +228,7 @@ class Motion:
     yw: wp.array2d(dtype=Vec3)
     yv: wp.array2d(dtype=Vec3)
     acceleration: wp.array2d(dtype=f64)
-    virtual: wp.array2d(dtype=f64)
+    direction: wp.array2d(dtype=f64)
     power: wp.array(dtype=f64)
 
 
@@ -241,7 +241,7 @@ def virtual_power(a: Arrays, m: Motion, b: int, slot: int):
         q = a.state[slot, b, j, Q]
         dq = a.state[slot, b, j, V]
         ddq = m.acceleration[b, j]
-        y = m.virtual[b, j]
+        y = m.direction[b, j]
         frame = m.rotation[b, k] * a.rotation[j]
         origin = m.origin[b, k] + m.rotation[b, k] * a.origin[j]
         axis = frame * a.axis[j]

@@ -92,6 +92,7 @@ class Simulation:
         records = (steps - 1) // every + 1
         self.arrays = a = Arrays()
         self._full = full
+        self.motion: Any = None  # scratch of the way back, made by it
         a.joints, a.mount = n, mount
         a.parent, a.prismatic = self._ints(tree.parent), self._ints(tree.prismatic)
         a.rotation = wp.array(tree.rotation, dtype=Mat3, device=loop.device)
@@ -103,15 +104,15 @@ class Simulation:
         a.nominal_gravity = Vec3(*loop.gravity)
         nominal = np.zeros((n, 10))
         nominal[mount:] = loop.rigid.inertial_parameters[order]
-        a.nominal_inertia = self._numbers(nominal)
-        a.stiffness, a.damping = self._numbers(loop.stiffness[order]), self._numbers(loop.damping[order])
-        a.limit = self._numbers(loop.effort_limit[order])
+        a.nominal_inertia = self.numbers(nominal)
+        a.stiffness, a.damping = self.numbers(loop.stiffness[order]), self.numbers(loop.damping[order])
+        a.limit = self.numbers(loop.effort_limit[order])
         a.command_q, a.command_v, a.command_u = (
-            self._numbers(values[:, order]) for values in loop.commands(command, steps)
+            self.numbers(values[:, order]) for values in loop.commands(command, steps)
         )
         self._log(position_log)
         a.seed, a.flags = self._ints(self.packed.seed), self._ints(self.packed.flags)
-        a.params, a.inertia = self._numbers(self.packed.params), self._numbers(self.packed.inertia)
+        a.params, a.inertia = self.numbers(self.packed.params), self.numbers(self.packed.inertia)
         a.gravity = wp.array(self.packed.gravity, dtype=Vec3, device=loop.device, requires_grad=full)
         a.slots = slots
         a.state, a.effort = self._zeros(slots, count, n, len(S)), self._zeros(slots, count, n)
@@ -128,13 +129,11 @@ class Simulation:
             setattr(s, name, wp.zeros((count, n), dtype=Vec3, device=loop.device))
         s.mass = wp.zeros((count, n), dtype=wp.float64, device=loop.device)
         s.matrix = wp.zeros((count, n, n), dtype=wp.float64, device=loop.device)
-        a.inertia_hint = self._numbers(self._hint())
+        a.inertia_hint = self.numbers(self._hint())
 
     def start(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Put every plant where it was measured, (B, J) in the description's order; keeps the state's start."""
-        first = self.first_state(position, velocity)
-        self._write_first(first)
-        self.held = self._bias()[:, self.tree.mount :]
+        self._write_first(self.first_state(position, velocity))
 
     def first_state(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """State (B, n, S) at rest of springs, from measured positions and velocities (B, J).
@@ -154,6 +153,7 @@ class Simulation:
         state[:, mount:, S.Q] = q
         self._write_first(state)
         gravity = self._bias()
+        self.first_q, self.first_bias = q, gravity
         elastic = (flags & int(F.ELASTIC)) != 0
         stiffness = np.where(elastic, params[..., P.JOINT_STIFFNESS], 1.0)
         hold = gravity[:, mount:]
@@ -181,11 +181,11 @@ class Simulation:
         a, back = self.arrays, np.argsort(self.tree.order)
         q, v, t, u = (x.numpy()[:, :, back] for x in (a.out_q, a.out_v, a.out_t, a.out_u))
         if a.shift:
-            t[:, 0] = u[:, 0] = self.held[:, back]
+            t[:, 0] = u[:, 0] = self.first_bias[:, self.tree.mount :][:, back]
         return q, v, t, u
 
     def _write_first(self, state: np.ndarray) -> None:
-        wp.copy(self.arrays.state[0], self._numbers(state))
+        wp.copy(self.arrays.state[0], self.numbers(state))
 
     def _bias(self) -> np.ndarray:
         bias = wp.zeros((len(self.plants), self.tree.joints), dtype=wp.float64, device=self.loop.device)
@@ -206,7 +206,7 @@ class Simulation:
         state = np.zeros((len(self.plants), tree.joints, len(S)))
         state[:, mount:, S.Q] = middle[tree.order]
         kept = self.arrays.inertia
-        self.arrays.inertia = self._numbers(
+        self.arrays.inertia = self.numbers(
             np.repeat(self.arrays.nominal_inertia.numpy()[None], len(state), 0)
         )
         self._write_first(state)
@@ -227,9 +227,10 @@ class Simulation:
             time = np.arange(self.steps) * self.loop.step_s
             parts = (sampled("position log", log.time, x, time, joints) for x in (log.position, log.velocity))
             values = np.array([part[:, self.tree.order] for part in parts])
-        a.log_q, a.log_v = self._numbers(values[0]), self._numbers(values[1])
+        a.log_q, a.log_v = self.numbers(values[0]), self.numbers(values[1])
 
-    def _numbers(self, values: np.ndarray) -> Any:
+    def numbers(self, values: np.ndarray) -> Any:
+        """A float64 array of the kernels."""
         return wp.array(
             np.ascontiguousarray(values, dtype=float), dtype=wp.float64, device=self.loop.device,
             requires_grad=self._full,
@@ -259,9 +260,14 @@ def sampled(name: str, time: np.ndarray, values: np.ndarray, at: np.ndarray, joi
         raise InputError(
             f"{name}: stamps must increase; they do not after {time[:-1][np.diff(time) <= 0][0]} s"
         )
+    left, share = interpolation(time, at)
+    right = np.minimum(left + 1, len(time) - 1)
+    return values[left] + (values[right] - values[left]) * share[:, None]
+
+
+def interpolation(time: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For each wanted time the sample before it and the share of the next one in the value there."""
     if len(time) == 1:
-        return np.repeat(values, len(at), 0)
-    right = np.clip(np.searchsorted(time, at, side="right"), 1, len(time) - 1)
-    left = right - 1
-    share = np.clip((at - time[left]) / (time[right] - time[left]), 0.0, 1.0)[:, None]
-    return values[left] + (values[right] - values[left]) * share
+        return np.zeros(len(at), dtype=int), np.zeros(len(at))
+    left = np.clip(np.searchsorted(time, at, side="right"), 1, len(time) - 1) - 1
+    return left, np.clip((at - time[left]) / (time[left + 1] - time[left]), 0.0, 1.0)

@@ -42,7 +42,12 @@ def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:
         fig.add_hline(
             y=t.threshold,
             line={"color": INK, "width": 1, "dash": "dash"},
-            annotation={"text": "significant above", "xanchor": "right", "font": {"size": 11}},
+            annotation={
+                "text": "significant above",
+                "xanchor": "right",
+                "font": {"size": 11},
+                "bgcolor": "rgba(255,255,255,.8)",
+            },
         )
     if t.onset is not None:
         note = {"text": f"onset {t.onset:.2f} s", "font": {"size": 12}, "bgcolor": "#ffffff"}

@@ -86,7 +86,10 @@ def _overlays(d: Diagnosis) -> Markup:
     first = chosen[0]
     plot = element("div", css="plot", id="overlay", role="img", aria_label="measured and simulated signals")
     note = f" {words.count(left_out, 'signal')} with smaller errors are left out." if left_out > 0 else ""
-    zoom = f"Above the signals, below what the simulations miss. With a mouse, drag to zoom and double-click to go back.{note}"
+    zoom = (
+        "Above the signals, below what the simulations miss. With a mouse, drag to zoom and double-click "
+        f"to go back.{note}"
+    )
     rows = [
         (o.recording, o.joint, words.quantity(o.quantity), o.unit, *map(words.number, errors[id(o)]))
         for o in chosen
@@ -117,7 +120,7 @@ def _overlays(d: Diagnosis) -> Markup:
 
 
 def _ranked(d: Diagnosis, errors: dict[int, tuple[float, float]]) -> list[Overlay]:
-    """The named joint first, then by how many times the nominal error exceeds the typical one of its quantity."""
+    """The named joint first, then by nominal error as a fraction of the largest one of its quantity."""
     named = [e.place.partition(":")[2] for e in d.effects] or [w.place.partition(":")[2] for w in d.where[:1]]
     largest: dict[str, float] = {}
     for o in d.overlays:

@@ -8,22 +8,17 @@ import json
 import math
 from functools import cache
 
-import yaml
 from plotly.offline import get_plotlyjs
 
-from samrl_core.diagnosis.result import Diagnosis, NamedEffect
+from samrl_core.diagnosis.result import Diagnosis
 from samrl_core.report import words
 from samrl_core.report.families import FAMILIES
-from samrl_core.report.figures import curve_figure, figure_json
 from samrl_core.report.html_how_far import how_far_section
 from samrl_core.report.html_parts import (
     Markup,
-    bar,
     box,
     bullets,
-    data_script,
     element,
-    figure,
     join,
     key_figure,
     put,
@@ -31,6 +26,7 @@ from samrl_core.report.html_parts import (
     table,
 )
 from samrl_core.report.html_where import where_section
+from samrl_core.report.html_which import ambiguity_section, unknown_section, which_section
 from samrl_core.report.page_script import SCRIPT
 from samrl_core.report.page_style import STYLE
 
@@ -46,9 +42,9 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
     d = diagnosis
     sections = {
         "alarms": _alarms(d),
-        "open": _ambiguity(d),
-        "unknown": _unknown(d),
-        "which": _which(d),
+        "open": ambiguity_section(d),
+        "unknown": unknown_section(d),
+        "which": which_section(d),
         "where": where_section(d),
         "far": how_far_section(d),
         "untested": _not_testable(d),
@@ -86,12 +82,8 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
             Markup(f"<script>{SCRIPT}</script>"),
         )
     )
-    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body class="{words_class(d)}">{body}</body></html>\n'
-
-
-def words_class(d: Diagnosis) -> str:
-    """The class of the page's body, by verdict."""
-    return d.verdict if d.verdict in words.VERDICT_LABEL else ""
+    top = f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>'
+    return f'{top}<body class="{d.verdict}">{body}</body></html>\n'
 
 
 @cache
@@ -127,8 +119,8 @@ def _plain_verdict(d: Diagnosis) -> str:
         "effect": "The cause below explains the difference between model and machine.",
         "ambiguous": "Each of the candidates below fits about equally well. Choosing one would be a guess; "
         "a further recording decides.",
-        "none_of_mine": "The machine differs from its model, but adding any known effect would fit for the wrong "
-        "reason. What the difference looks like stands below.",
+        "none_of_mine": "The machine differs from its model, but adding any known effect would fit for "
+        "the wrong reason. What the difference looks like stands below.",
         "not_testable": "What was recorded does not show enough to tell model and machine apart.",
     }[d.verdict]
 
@@ -181,92 +173,6 @@ def _key_figures(d: Diagnosis) -> Markup:
 
 def _alarms(d: Diagnosis) -> Markup:
     return box("Alarms", bullets(d.alarms), css="alarm") if d.alarms else Markup("")
-
-
-def _which(d: Diagnosis) -> Markup:
-    if not (d.effects or d.runner_ups):
-        return Markup("")
-    parts: list[object] = []
-    if d.effects:
-        rows = [
-            (
-                words.effect(e.name) + (f", {e.form}" if e.form else ""),
-                name,
-                words.parameter(value),
-                words.interval(value),
-            )
-            for e in d.effects
-            for name, value in (e.parameters or {"–": None}).items()
-            if value is not None
-        ]
-        parts.append(table(("effect", "parameter", "value ± 95 %", "95 % interval"), rows, numbers=(2, 3)))
-    for i, curve in enumerate(d.curves):
-        caption = f"{words.effect(curve.effect)}: the fitted curve over the residual that it explains"
-        parts += [figure(f"curve-{i}", caption), data_script(f"curve-{i}", figure_json(curve_figure(curve)))]
-    tried = [*d.effects, *d.runner_ups]
-    rows = [_tried(e, e in d.effects and d.verdict == "effect") for e in tried]
-    head = ("effect", "probability", "gain [nat]", "parameters")
-    parts += [element("h3", "All that came close"), table(head, rows, numbers=(2,))]
-    note = "Gain: how much less misfit than with the nominal model, whose uncertainty is counted."
-    parts.append(element("p", note, css="note"))
-    return section("Which effect", *parts, anchor="which")
-
-
-def _tried(e: NamedEffect, named: bool) -> tuple[object, ...]:
-    name = element("b", words.effect(e.name)) if named else words.effect(e.name)
-    probability = join((bar(e.probability), words.percent(e.probability)))
-    return name, probability, f"{e.gain:.1f}", words.parameters(e) or "–"
-
-
-def _ambiguity(d: Diagnosis) -> Markup:
-    if not d.ambiguity_set and d.next_experiment is None:
-        return Markup("")
-    known = {e.name: e for e in (*d.effects, *d.runner_ups)}
-    parts: list[object] = []
-    for group in d.ambiguity_set:
-        cards = []
-        for name in group:
-            f = FAMILIES.get(name.partition("@")[0])
-            fit = known.get(name)
-            values = element("p", element("b", words.parameters(fit))) if fit and fit.parameters else ""
-            chance = element("p", f"Probability {words.percent(fit.probability)}", css="note") if fit else ""
-            cards.append(
-                element(
-                    "div",
-                    element("h3", words.effect(name)),
-                    element("p", f.meaning if f else ""),
-                    values,
-                    chance,
-                )
-            )
-        parts.append(element("div", *cards, css="or"))
-    if d.next_experiment is not None:
-        n = d.next_experiment
-        text = yaml.safe_dump(n.programme, sort_keys=False, allow_unicode=True)
-        command = element(
-            "p", "Play it with ", element("code", f"samrl excite {n.file}"), ", then diagnose again."
-        )
-        why = element("p", f"{n.why[:1].upper()}{n.why[1:].rstrip('.')}. It decides with probability ",
-                      element("b", words.percent(n.separates)), ".")  # fmt: skip
-        parts.append(box("The recording that decides", why, command, element("pre", text)))
-    return section("What it could be" if d.ambiguity_set else "Next recording", *parts, anchor="open")
-
-
-def _unknown(d: Diagnosis) -> Markup:
-    parts: list[object] = []
-    if d.signatures:
-        rows = [
-            (words.place(s.place), s.channel, what, join((bar(abs(c)), f"{c:+.2f}")))
-            for s in d.signatures
-            for what, c in sorted(s.hints, key=lambda hint: -abs(hint[1]))
-        ]
-        parts.append(element("p", "Hints about what remains, not a cause:"))
-        parts.append(table(("place", "channel", "what it looks like", "correlation"), rows))
-    if d.nearest is not None:
-        e = d.nearest
-        text = f"{words.effect(e.name)} ({words.parameters(e)}) fits best of all. Do not build on it: see the reasons above."
-        parts.append(box("Nearest effect, and it would be wrong", element("p", text)))
-    return section("What the unexplained rest looks like", *parts, anchor="unknown") if parts else Markup("")
 
 
 def _not_testable(d: Diagnosis) -> Markup:

@@ -31,7 +31,7 @@ def where_section(d: Diagnosis) -> Markup:
     if d.couplings:
         rows = [(a, b, words.quantity(q), f"{c:+.2f}") for a, b, q, c in d.couplings]
         head = ("joint", "moves with", "through", "correlation")
-        parts += [element("h3", "Coupled joints"), table(head, rows, numbers=(3,), css="")]
+        parts += [element("h3", "Coupled joints"), table(head, rows, numbers=(3,))]
     return section("Where the gap lies", *parts, anchor="where") if parts else Markup("")
 
 
@@ -48,17 +48,20 @@ def _heatmap(h: Heatmap) -> Markup:
         "tr", element("td"), *(element("th", name, colspan=n, scope="colgroup") for name, n in groups)
     )
     second = element("tr", element("td"), *(element("th", phase, scope="col") for _, phase in h.columns))
+    finite = np.asarray(h.values, dtype=float)[np.isfinite(h.values)]
+    hottest = finite.max() if len(finite) else math.inf
     rows = []
     for name, values in zip(h.places, np.asarray(h.values, dtype=float), strict=True):
         head = element("th", name.partition(":")[2] or name, scope="row")
         cells = (
-            _cell(value, h.threshold, name, column) for value, column in zip(values, h.columns, strict=True)
+            _cell(value, h.threshold, name, column, value == hottest)
+            for value, column in zip(values, h.columns, strict=True)
         )
         rows.append(element("tr", head, *cells))
     longest = max((len(name.partition(":")[2] or name) for name in h.places), default=0)
     first = f"{min(0.58 * longest + 1.2, 15):.1f}em"
     columns = element("colgroup", Markup(f'<col style="width:{first}">' + "<col>" * len(h.columns)))
-    width = f"min-width:calc({first} + {46 * len(h.columns)}px)"
+    width = f"min-width:calc({first} + {54 * len(h.columns)}px)"
     body = element(
         "table", columns, element("thead", top, second), element("tbody", *rows), css="heat", style=width
     )
@@ -73,7 +76,7 @@ def _heatmap(h: Heatmap) -> Markup:
     return element("figure", scroll, element("figcaption", caption))
 
 
-def _cell(value: float, threshold: float, place: str, column: tuple[str, str]) -> Markup:
+def _cell(value: float, threshold: float, place: str, column: tuple[str, str], hottest: bool) -> Markup:
     if not math.isfinite(value):
         return element("td", "–", css="none")
     tone = cell_tone(value, threshold)
@@ -82,7 +85,8 @@ def _cell(value: float, threshold: float, place: str, column: tuple[str, str]) -
     style = f"background:{SCALE[tone]};color:{color}"
     hot = value >= threshold
     title = f"{words.place(place)}, {column[0]} at {column[1]}: {value:.2f}{', significant' if hot else ''}"
-    return element("td", shown, style=style, css="hot" if hot else None, title=title)
+    mark = "" if hottest else None
+    return element("td", shown, style=style, css="hot" if hot else None, title=title, data_hottest=mark)
 
 
 def _where_table(d: Diagnosis) -> Markup:

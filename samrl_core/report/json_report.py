@@ -1,4 +1,4 @@
-"""report.json, schema 1: what programs read. All keys of the contract stand in it, null where nothing is known."""
+"""report.json, schema 1, for programs: all keys of the contract, null where nothing is known."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def to_json(diagnosis: Diagnosis) -> dict:
         "timings": d.timings,
         "settings": d.settings,
     }
-    plain = _plain(report, "report")
+    plain = {key: _plain(value, f"report.{key}") for key, value in report.items()}
     check_report(plain)
     return plain
 

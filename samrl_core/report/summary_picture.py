@@ -25,7 +25,8 @@ def to_png(diagnosis: Diagnosis) -> bytes:
     d = diagnosis
     overlay = _worst(d)
     rows = 0 if d.heatmap is None else len(d.heatmap.places)
-    heights = [1.6]
+    title = fill(words.headline(d), 62)
+    heights = [1.05 + 0.3 * title.count("\n")]
     if rows:
         heights.append(0.9 + 0.27 * rows)
     if overlay is not None:
@@ -34,7 +35,7 @@ def to_png(diagnosis: Diagnosis) -> bytes:
     fig = Figure(figsize=(WIDTH, sum(heights)), dpi=DPI, layout="constrained", facecolor="white")
     FigureCanvasAgg(fig)
     axes = [fig.add_subplot(part) for part in fig.add_gridspec(len(heights), 1, height_ratios=heights)]
-    _headline(axes.pop(0), d)
+    _headline(axes.pop(0), d, title)
     if d.heatmap is not None:
         _heatmap(axes.pop(0), d.heatmap)
     if overlay is not None:
@@ -54,16 +55,16 @@ def _worst(d: Diagnosis) -> Overlay | None:
     return max(candidates, key=lambda o: e if math.isfinite(e := rms(o.nominal, o.measured)) else -1.0)
 
 
-def _headline(ax: Axes, d: Diagnosis) -> None:
+def _headline(ax: Axes, d: Diagnosis, title: str) -> None:
     ax.axis("off")
     label = words.VERDICT_LABEL[d.verdict].upper()
     ax.text(0, 1, label, va="top", fontsize=10, weight="bold", color=NAMED, transform=ax.transAxes)
-    text = _literal(fill(words.headline(d), 62))
-    ax.text(0, 0.82, text, va="top", fontsize=16, weight="bold", color=INK, transform=ax.transAxes)
+    text = _literal(title)
+    ax.text(0, 0.78, text, va="top", fontsize=16, weight="bold", color=INK, transform=ax.transAxes)
     facts = [words.parameters(e) for e in d.effects[:2] if d.verdict == "effect"]
     if d.gap is not None and d.gap.shrink is not None and d.verdict == "effect":
         facts.append(
-            f"held-out gap shrinks by {words.percent(d.gap.shrink)} {words.percent_interval(d.gap.ci95)}"
+            f"held-out gap shrinks by {words.percent(d.gap.shrink)} ({words.percent_interval(d.gap.ci95)})"
         )
     if math.isfinite(d.unexplained_fraction):
         facts.append(f"{words.percent(d.unexplained_fraction)} unexplained")

@@ -62,7 +62,8 @@ def _where(d: Diagnosis) -> list[str]:
     w = d.where[0]
     onset = f", since {w.onset:.2f} s" if w.onset is not None else ""
     more = f"; {words.count(len(d.where) - 1, 'weaker place')} in the report" if len(d.where) > 1 else ""
-    text = f"{words.place(w.place)}, {w.channel} at {w.phase}: {words.percent(w.share)} of the excess{onset}{more}"
+    share = f"{words.percent(w.share)} of the excess"
+    text = f"{words.place(w.place)}, {w.channel} at {w.phase}: {share}{onset}{more}"
     return [_line("where", text)]
 
 
@@ -78,7 +79,7 @@ def _how_far(gap: HeldOutGap) -> str:
     kept = f"{words.number(gap.nominal)} {gap.unit} {gap.metric} on held-out recordings".replace("  ", " ")
     if gap.shrink is None:
         return kept
-    interval = f" {ci}" if (ci := words.percent_interval(gap.ci95)) else ""
+    interval = f" ({ci})" if (ci := words.percent_interval(gap.ci95)) else ""
     margin = f"; {words.points(gap.margin)} on the runner-up" if gap.margin is not None else ""
     value = f"{words.number(gap.nominal)} -> {words.number(gap.with_effect)} {gap.unit}".rstrip()
     return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({gap.metric} {value})"

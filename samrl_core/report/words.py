@@ -103,10 +103,10 @@ def percent(fraction: float | None) -> str:
 
 
 def percent_interval(ci: tuple[float, float] | None) -> str:
-    """`[79, 86] %`, or nothing."""
+    """`79 to 86 %`, or nothing."""
     if ci is None or not all(map(math.isfinite, ci)):
         return ""
-    return f"[{100 * ci[0]:.0f}, {100 * ci[1]:.0f}] %"
+    return f"{100 * ci[0]:.0f} to {100 * ci[1]:.0f} %"
 
 
 def points(difference: float | None) -> str:
@@ -121,8 +121,9 @@ def number(value: float | None) -> str:
 
 def effect_label(d: Diagnosis) -> str:
     """What the simulation with an effect is called: only a verdict of `effect` names one."""
-    return {"effect": "with the named effect" + ("s" if len(d.effects) > 1 else ""), "ambiguous":
-            "with the likeliest candidate"}.get(d.verdict, "with the nearest effect")  # fmt: skip
+    named = "with the named effects" if len(d.effects) > 1 else "with the named effect"
+    labels = {"effect": named, "ambiguous": "with the likeliest candidate"}
+    return labels.get(d.verdict, "with the nearest effect")
 
 
 def count(n: int, noun: str) -> str:

@@ -220,7 +220,7 @@ def _effect(rng: np.random.Generator) -> Diagnosis:
     return Diagnosis(
         verdict="effect",
         reasons=(
-            "The gap is far above what the tolerances explain (7.4 standard deviations at reversals of panda_joint4).",
+            "The gap is far above what the tolerances explain (7.4 standard deviations at panda_joint4).",
             "Coulomb friction fits better than every other effect by 17 nats or more.",
             "Its parameters are the same in both recordings and at both gains.",
         ),
@@ -278,7 +278,7 @@ def _ambiguous(rng: np.random.Generator) -> Diagnosis:
         ambiguity_set=((BACKLASH.name, ELASTICITY.name),),
         next_experiment=NextExperiment(
             "next.yaml",
-            "a chirp through 20 Hz at small amplitude shows a resonance if the joint is elastic, and none if it has play",
+            "a chirp through 20 Hz shows a resonance if the joint is elastic, and none if it has play",
             0.93,
             programme,
         ),
@@ -306,7 +306,7 @@ def _none_of_mine(rng: np.random.Generator) -> Diagnosis:
         gap=_held_out(with_effect=False),
         unexplained_fraction=0.46,
         alarms=(
-            "command_delay@arm:tool_arm: delay 2.1 ms in a_reversals.mcap, 9.5 ms in b_multisine.mcap (not invariant)",
+            "command_delay@arm:tool_arm is not invariant: 2.1 ms in a_reversals, 9.5 ms in b_multisine",
             "regressor fit and rollout fit of Fc disagree: 0.12 and 0.44 N m",
         ),
         nearest=DELAY,
@@ -326,7 +326,7 @@ def _none_of_mine(rng: np.random.Generator) -> Diagnosis:
 
 
 def _not_testable(rng: np.random.Generator) -> Diagnosis:
-    common = _common(rng) | {
+    common: dict = _common(rng) | {
         "not_testable": dict.fromkeys(("backlash", "command_delay"), "the arm does not move")
     }
     return Diagnosis(

@@ -23,7 +23,6 @@ from samrl_core.excitation.signal import (
 )
 from samrl_core.robots.arm_model import Payload
 from samrl_core.robots.robot import ROLES, CellSpec
-from samrl_core.safety.brake import resting
 from samrl_core.safety.guard import CommandGuard
 from samrl_core.tasks.task import Task
 from samrl_core.types.arm_description import ArmDescription, Tool
@@ -213,11 +212,11 @@ class _Stage:
         now_s = now_ns * 1e-9
         tracked = {}
         for role in ROLES:
-            command = commands.get(role) or resting(self._goal[role], now_ns)
             reading, guard = self._world.read_arm(role), self._guards[role]
-            guard.accept(command, reading, now_s, now_s)
+            if role in commands:  # without, the guard holds the arm where it is
+                guard.accept(commands[role], reading, now_s, now_s)
+                self._goal[role] = commands[role].position
             tracked[role] = guard.tick(reading, now_s, now_s)
-            self._goal[role] = command.position
             self._world.command(role, tracked[role])
         self._world.advance()
         return tracked

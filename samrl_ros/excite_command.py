@@ -49,7 +49,6 @@ def excite(
             raise InputError(f"{path} exists; choose another --out or move it away")
     console = Console(width=None if sys.stdout.isatty() else 120)
     task, cell = task_named(TASK), default_cell()
-    written: list[Path] = []
     table = Table(title="recordings")
     for column in ("bag", "arm", "length", "stiffness", "load", "farthest from command"):
         table.add_column(column, no_wrap=column == "bag")
@@ -68,7 +67,6 @@ def excite(
                 bar.update(shown, what="writing")
                 write_recording(recording, path)
                 bar.update(shown, what="done")
-                written.append(path)
                 assert recording.states.position is not None and run.command.position is not None
                 error = abs(recording.states.position - run.command.position).max(axis=0)
                 worst = int(error.argmax())
@@ -82,7 +80,7 @@ def excite(
                     f"{error[worst]:.4f} rad ({recording.arm.joints[worst]})",
                 )
     except KeyboardInterrupt:
-        kept = ", ".join(map(str, written)) or "none"
+        kept = ", ".join(str(path) for path in targets if path.exists()) or "none"
         console.print(f"interrupted; complete recordings: {kept}", highlight=False)
         return INTERRUPTED
     console.print(table)

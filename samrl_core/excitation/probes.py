@@ -173,4 +173,6 @@ def sweep(
                 velocity[inside, j] = sign * way * v
                 now += share * quarter
             now += window
-    return from_velocity(time, rounded(velocity, period_s, window), box.center)
+    velocity = rounded(velocity, period_s, window)
+    velocity[[0, -1]] = 0.0  # the tail of the rounding, some 1e-7
+    return from_velocity(time, velocity, box.center)

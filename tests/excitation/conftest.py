@@ -40,3 +40,8 @@ def arm(request: pytest.FixtureRequest) -> CarryingArm:
 @pytest.fixture
 def tool_arm() -> CarryingArm:
     return ARMS["tool_arm"]
+
+
+@pytest.fixture
+def camera_arm() -> CarryingArm:
+    return ARMS["camera_arm"]

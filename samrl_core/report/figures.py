@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from samrl_core.diagnosis.result import Curve, Overlay, Timeline
 from samrl_core.report import words
@@ -87,33 +86,50 @@ def curve_figure(c: Curve) -> go.Figure:
 def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
     """The signal above, its error below: measured, nominal, with the effect, runner-up."""
     keep = thinned(o, points)
-    fig = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.58, 0.42], vertical_spacing=0.05)
-    fig.update_layout(_layout(470))
-    time = _small(o.time[keep])
-    rows = [
+    time, measured = _small(o.time[keep]), o.measured[keep]
+    traces = [_line(time, measured, "measured", MEASURED, "solid", 2.4)]
+    for name, signal, color, dash, width in (
         ("nominal model", o.nominal, NOMINAL, "dash", 1.7),
         ("runner-up", o.runner_up, RUNNER_UP, "dot", 1.4),
-    ]
-    rows.append((effect_label, o.with_effect, NAMED, "solid", 1.7))
-    line = {"color": MEASURED, "width": 2.4}
-    fig.add_scatter(x=time, y=_small(o.measured[keep]), name="measured", line=line, row=1, col=1)
-    for name, signal, color, dash, width in rows:
-        if signal is None:
-            continue
-        style = {"color": color, "width": width, "dash": dash}
-        fig.add_scatter(x=time, y=_small(signal[keep]), name=name, line=style, legendgroup=name, row=1, col=1)
-        error = signal[keep] - o.measured[keep]
-        style = style | {"dash": "dot" if dash == "dot" else "solid", "width": 1.3}
-        extra = {"legendgroup": name, "showlegend": False}
-        fig.add_scatter(x=time, y=_small(error), name=name, line=style, **extra, row=2, col=1)
-    fig.update_traces(hovertemplate="%{y:.4g}")
-    fig.update_xaxes(zeroline=False, **_AXIS)
-    fig.update_xaxes(title="time [s]", row=2, col=1)
-    fig.update_yaxes(
-        title=f"{_text(words.quantity(o.quantity))} [{_text(o.unit)}]", zeroline=False, row=1, col=1, **_AXIS
-    )
-    fig.update_yaxes(title="minus measured", zerolinecolor="#9aa5b1", row=2, col=1, **_AXIS)
-    return fig.update_layout(hovermode="x unified")
+        (effect_label, o.with_effect, NAMED, "solid", 1.7),
+    ):
+        if signal is not None:
+            traces.append(_line(time, signal[keep], name, color, dash, width))
+            error = _line(
+                time, signal[keep] - measured, name, color, "dot" if dash == "dot" else "solid", 1.3
+            )
+            traces.append(error | {"yaxis": "y2", "showlegend": False})
+    # One figure from plain values: plotly's subplots and updates take ten times as long, for every signal.
+    layout = _layout(470) | {
+        "hovermode": "x unified",
+        "xaxis": {"title": {"text": "time [s]"}, "zeroline": False, "anchor": "y2", **_AXIS},
+        "yaxis": {
+            "title": {"text": f"{_text(words.quantity(o.quantity))} [{_text(o.unit)}]", "standoff": 6},
+            "domain": [0.45, 1],
+            "zeroline": False,
+            **_AXIS,
+        },
+        "yaxis2": {
+            "title": {"text": "minus measured", "standoff": 6},
+            "domain": [0, 0.4],
+            "zerolinecolor": "#9aa5b1",
+            **_AXIS,
+        },
+    }
+    return go.Figure({"data": traces, "layout": layout})
+
+
+def _line(time: np.ndarray, signal: np.ndarray, name: str, color: str, dash: str, width: float) -> dict:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": time,
+        "y": _small(signal),
+        "name": name,
+        "legendgroup": name,
+        "line": {"color": color, "dash": dash, "width": width},
+        "hovertemplate": "%{y:.4g}",
+    }
 
 
 def overlay_points(overlays: tuple[Overlay, ...]) -> int:
@@ -127,13 +143,14 @@ def thinned(o: Overlay, points: int) -> np.ndarray:
     n = len(o.time)
     if n <= points:
         return np.arange(n)
-    edges = np.linspace(0, n, max(points // 4, 1) + 1).astype(int)
-    keep = {0, n - 1}
+    starts = np.linspace(0, n, max(points // 4, 1) + 1).astype(int)[:-1]
+    sizes = np.diff(np.append(starts, n))
+    bucket = np.repeat(np.arange(len(starts)), sizes)
+    keep = [np.array([0, n - 1])]
     for signal in (np.nan_to_num(o.measured), np.nan_to_num(o.nominal - o.measured)):
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
-            if b > a:
-                keep |= {a + int(np.argmin(signal[a:b])), a + int(np.argmax(signal[a:b]))}
-    return np.array(sorted(keep))
+        order = np.lexsort((signal, bucket))  # by bucket, then by value: first is lowest, last is highest
+        keep += [order[starts], order[starts + sizes - 1]]
+    return np.unique(np.concatenate(keep))
 
 
 def rms(signal: np.ndarray | None, measured: np.ndarray) -> float:
@@ -155,7 +172,7 @@ def script_json(value: object) -> str:
     return json.dumps(value, allow_nan=False, ensure_ascii=False).replace("<", "\\u003c")
 
 
-_AXIS = {"gridcolor": GRID, "linecolor": "#9aa5b1", "automargin": True, "title_standoff": 6}
+_AXIS = {"gridcolor": GRID, "linecolor": "#9aa5b1", "automargin": True}
 
 
 def _layout(height: int) -> dict:

@@ -70,9 +70,11 @@ def bar(fraction: float, css: str = "") -> Markup:
 
 
 def key_figure(title: str, value: str, note: str = "") -> Markup:
-    """One of the row of figures below the headline."""
-    dd = element("dd", value, element("small", note) if note else "", css="long" if len(value) > 11 else None)
-    return element("div", element("dt", title), dd)
+    """One of the row of figures below the headline; `value` is a number, perhaps a space and a unit."""
+    # `> 99 %` stays together: its sign belongs to the number.
+    figures, _, unit = value.partition(" ") if value[:1] not in "<>" else (value, "", "")
+    shown = (figures, element("span", f"\u00a0{unit}", css="unit")) if unit else (figures,)
+    return element("div", element("dt", title), element("dd", *shown, element("small", note) if note else ""))
 
 
 def section(title: str, *children: object, anchor: str) -> Markup:

@@ -137,7 +137,7 @@ def _key_figures(d: Diagnosis) -> Markup:
         for e in d.effects[:2]:
             for name, estimate in list(e.parameters.items())[: 2 if len(d.effects) == 1 else 1]:
                 note = f"95 % interval {words.interval(estimate)}"
-                items.append(key_figure(name, words.value(estimate).replace(" ", "\u00a0"), note))
+                items.append(key_figure(name, words.value(estimate), note))
         items.append(
             key_figure("probability", words.percent(first.probability), "of this cause among all tried")
         )

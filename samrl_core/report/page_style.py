@@ -25,12 +25,12 @@ h3 { font-size:16px; margin:24px 0 4px; overflow-wrap:anywhere; }
 p { margin:6px 0 10px; max-width:52em; } .note, figcaption { color:var(--soft); font-size:14px;
   max-width:56em; }
 ul { padding-left:22px; margin:6px 0 12px; max-width:56em; } li { margin:3px 0; overflow-wrap:anywhere; }
-.figures { display:grid; grid-template-columns:repeat(auto-fit,minmax(150px,1fr)); gap:12px; margin:24px 0
+.figures { display:grid; grid-template-columns:repeat(auto-fill,minmax(150px,1fr)); gap:12px; margin:24px 0
   6px; }
 .figures div { border:1px solid var(--line); border-radius:8px; padding:12px 14px; background:#fff; }
 .figures dt { color:var(--soft); font-size:13.5px; line-height:1.3; }
 .figures dd { margin:4px 0 0; font-size:27px; font-weight:650; line-height:1.15; overflow-wrap:anywhere; }
-.figures dd.long { font-size:21px; }
+.figures .unit { font-size:17px; white-space:nowrap; }
 .figures small { display:block; font-size:13px; font-weight:400; color:var(--soft); margin-top:3px;
   line-height:1.35;
   overflow-wrap:anywhere; }
@@ -45,6 +45,7 @@ th { font-weight:600; color:var(--soft); font-size:13.5px; } td.n, th.n { text-a
 .heat th[scope=row] { text-align:right; padding-right:10px; white-space:nowrap; color:var(--ink);
   position:sticky;
   left:0; background:#fff; z-index:1; }
+.heat thead td { position:sticky; left:0; background:#fff; z-index:1; }
 .heat thead tr:first-child th { border-bottom:1px solid var(--line); color:var(--ink); }
 .heat thead th { padding:3px 4px; } .heat td { border-radius:3px; }
 .heat td.hot { font-weight:700; outline:2px solid var(--ink); outline-offset:-2px; } .heat td.none {
@@ -77,7 +78,7 @@ footer { margin:48px 0 0; padding:16px 0 28px; background:var(--tint); font-size
 noscript img { max-width:100%; }
 @media (max-width:640px) { main, header > div, footer > div { padding:0 14px; } h2 { margin-top:34px; }
   .figures { grid-template-columns:repeat(2,minmax(0,1fr)); gap:8px; } .figures dd { font-size:22px; }
-  .figures dd.long { font-size:16.5px; } .figures div { padding:10px; } .heat td { font-size:13px; }
+  .figures .unit { font-size:15px; } .figures div { padding:10px; } .heat td { font-size:13px; }
   .heat th { font-size:11.5px; }
   .wide thead { position:absolute; left:-9999px; } .wide, .wide tbody, .wide tr, .wide td { display:block; }
   .wide tr { padding:8px 0; border-bottom:1px solid var(--line); }

@@ -7,6 +7,7 @@ import gzip
 import json
 import re
 from dataclasses import replace
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -66,6 +67,12 @@ class Page(HTMLParser):
             self.text += data
 
 
+@cache
+def page_of(verdict: str) -> str:
+    return to_html(samples.diagnosis(verdict))
+
+
+@cache
 def evil() -> Diagnosis:
     d = samples.diagnosis("ambiguous")
     o, w, t = d.overlays[0], d.where[0], d.timelines[0]
@@ -100,7 +107,7 @@ def evil() -> Diagnosis:
 
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_the_page_is_whole_and_loads_nothing(verdict: str) -> None:
-    text = to_html(samples.diagnosis(verdict))
+    text = page_of(verdict)
     page = Page(text)
     assert page._open == []
     assert [load for load in page.loads if not load.startswith("data:")] == []
@@ -111,7 +118,7 @@ def test_the_page_is_whole_and_loads_nothing(verdict: str) -> None:
 
 
 def test_the_plot_library_unpacks_to_itself() -> None:
-    packed = Page(to_html(samples.diagnosis("effect"))).scripts["library"]
+    packed = Page(page_of("effect")).scripts["library"]
     assert "plotly.js v" in gzip.decompress(base64.b64decode(packed))[:200].decode()
 
 
@@ -132,21 +139,21 @@ def test_names_cannot_break_out() -> None:
 
 
 def test_facts_stand_in_the_page() -> None:
-    text = Page(to_html(samples.diagnosis("effect"))).text
+    text = Page(page_of("effect")).text
     headline = "Coulomb friction at joint panda_joint4 causes the gap"
     figures = ("83 %", "79 to 86 %", "0.412 ± 0.031 N m", "Stribeck friction")
     for fact in (headline, *figures, "What to do", "c" * 64, "3 samples with a repeated stamp", "no images"):
         assert fact in text
-    ambiguous = Page(to_html(samples.diagnosis("ambiguous"))).text
+    ambiguous = Page(page_of("ambiguous")).text
     assert "samrl excite next.yaml" in ambiguous and "from_hz: 1.0" in ambiguous
-    unknown = Page(to_html(samples.diagnosis("none_of_mine"))).text
+    unknown = Page(page_of("none_of_mine")).text
     assert "it would be wrong" in unknown and "repeats 12.0 times per turn" in unknown and "Alarms" in unknown
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_every_figure_has_its_data_and_every_overlay_its_entry(verdict: str) -> None:
     d = samples.diagnosis(verdict)
-    text = to_html(d)
+    text = page_of(verdict)
     page = Page(text)
     wanted = re.findall(r'data-figure="([^"]+)"', text)
     assert len(wanted) == len(d.timelines) + len(d.curves) and set(wanted) <= set(page.scripts)
@@ -157,7 +164,7 @@ def test_every_figure_has_its_data_and_every_overlay_its_entry(verdict: str) -> 
 
 
 def test_the_worst_signal_of_the_named_joint_comes_first() -> None:
-    page = Page(to_html(samples.diagnosis("effect")))
+    page = Page(page_of("effect"))
     assert json.loads(page.scripts["overlay-index"])[0]["key"][:2] == [samples.HELD_OUT, "panda_joint4"]
 
 

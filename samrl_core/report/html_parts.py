@@ -73,7 +73,7 @@ def key_figure(title: str, value: str, note: str = "") -> Markup:
     """One of the row of figures below the headline; `value` is a number, perhaps a space and a unit."""
     # `> 99 %` stays together: its sign belongs to the number.
     figures, _, unit = value.partition(" ") if value[:1] not in "<>" else (value, "", "")
-    shown = (figures, element("span", f"\u00a0{unit}", css="unit")) if unit else (figures,)
+    shown = (figures, " ", element("span", unit, css="unit")) if unit else (figures,)
     return element("div", element("dt", title), element("dd", *shown, element("small", note) if note else ""))
 
 

@@ -53,7 +53,7 @@ th { font-weight:600; color:var(--soft); font-size:13.5px; } td.n, th.n { text-a
 .bar { display:inline-block; width:min(110px,20vw); height:10px; background:#e4e7eb; border-radius:5px;
   overflow:hidden; margin-right:8px; vertical-align:middle; }
 .bar i { display:block; height:100%; background:var(--blue); }
-.bar.before i { background:#d55e00; }
+td:has(.bar) > span { white-space:nowrap; } .bar.before i { background:#d55e00; }
 .box { border-left:5px solid var(--tone); background:var(--wash); padding:12px 18px; margin:14px 0;
   border-radius:4px; }
 .box h3 { margin-top:0; } .box p:last-child, .box ul:last-child { margin-bottom:2px; }

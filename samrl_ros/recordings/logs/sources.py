@@ -70,15 +70,26 @@ def read_source(
 def _used(spec: RecordingSpec, name: str, constants: dict[str, Any]) -> set[str]:
     """Columns that some formula needs; others may be broken without harm."""
     source = spec.sources[name]
+    known = set(constants) | set(source.columns) | set(source.values)
     wanted: set[str] = set()
+
+    def want(formula: str | float, where: str) -> None:
+        names = names_in(formula, where)
+        if unknown := sorted(names - known):
+            raise InputError(
+                f"{where}: {unknown[0]!r} is not known in source {name!r}; columns, values and constants are"
+                f" {sorted(known)}"
+            )
+        wanted.update(names)
+
     for channel in spec.channels.values():
         if channel.source == name:
             for quantity in channel.quantities.values():
                 for formula in quantity.formulas:
-                    wanted |= names_in(formula, quantity.path)
+                    want(formula, quantity.path)
     for key, formula in reversed(source.values.items()):
         if key in wanted:
-            wanted |= names_in(formula, f"{source.path}.values.{key}")
+            want(formula, f"{source.path}.values.{key}")
     if both := sorted(set(constants) & set(source.columns)):
         raise InputError(f"{source.path}.columns: {both} are names of constants as well; rename one")
     return wanted & set(source.columns)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +16,10 @@ from samrl_core.dynamics.simulation import Simulation, Tree, sampled
 from samrl_core.errors import InputError, LimitError
 from samrl_core.types.arm_description import ArmDescription
 from samrl_core.types.arm_recording import JointSignal
+
+if TYPE_CHECKING:
+    from samrl_core.dynamics.gradients import Gradient
+    from samrl_core.dynamics.jacobian import Jacobian
 
 
 class DivergenceError(LimitError):
@@ -60,17 +66,25 @@ class ClosedLoop:
     """
 
     def __init__(
-        self, arm: ArmDescription, device: str = "cpu", *, substeps: int = 1, efforts: str = "start"
+        self,
+        arm: ArmDescription,
+        device: str = "cpu",
+        *,
+        substeps: int = 1,
+        efforts: str = "start",
+        threads: int = 1,
     ) -> None:
-        """Read the URDF; `substeps` integration steps to a controller period."""
+        """Read the URDF; `substeps` integration steps to a controller period, plants spread over `threads`."""
         if arm.controller is None:
             raise InputError(f"{arm.role} has no controller; a closed loop needs one")
-        if substeps < 1 or efforts not in ("start", "end"):
-            raise InputError(f"substeps {substeps} must be at least 1, efforts '{efforts}' 'start' or 'end'")
+        if substeps < 1 or threads < 1 or efforts not in ("start", "end"):
+            raise InputError(
+                f"substeps {substeps} and threads {threads} must be at least 1, efforts '{efforts}' 'start' or 'end'"
+            )
         self.arm = arm
         self.rigid = RigidArm(arm)
         self.device = device
-        self.substeps = substeps
+        self.substeps, self.threads = substeps, threads
         self.shift = 0 if efforts == "start" else substeps
         self.step_s = arm.controller.period_s / substeps
         joints = len(arm.joints)
@@ -87,6 +101,7 @@ class ClosedLoop:
         self.gravity = np.asarray(control.gravity, dtype=float)
         limits = np.where(np.isfinite(self.effort_limit), self.effort_limit, FREE_EFFORT)
         self.teeth = TEETH_PER_EFFORT * limits
+        self.hints: dict[int, np.ndarray] = {}  # inertia each joint feels, per tree; filled on first use
         self.trees = {mount: Tree(self.rigid, mount) for mount in (0, 2)}
 
     def rollout(
@@ -124,25 +139,30 @@ class ClosedLoop:
         steps = self.steps(duration_s)
         if record_every < 1:
             raise InputError(f"record_every is {record_every}; it must be at least 1")
-        channels = None
-        failures: list[tuple[int, int, int]] = []
-        for members, mount in groups:
+        every = record_every * self.substeps
+
+        def run(members: list[int], mount: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
             simulation = Simulation(
-                self, mount, [plants[i] for i in members], command, steps, record_every * self.substeps,
-                position_log=position_log,
-            )  # fmt: skip
+                self, mount, [plants[i] for i in members], command, steps, every, position_log=position_log
+            )
             simulation.start(start_q[members], start_v[members])
             failed = simulation.run()
-            for row, (k, joint) in enumerate(failed):
-                if k >= 0:
-                    failures.append((members[row], int(k), int(joint)))
-            parts = simulation.records()
-            if channels is None:
-                channels = [np.empty((len(plants), *part.shape[1:])) for part in parts]
+            return simulation.records(), failed
+
+        jobs = [(list(part), mount) for members, mount in groups for part in _parts(members, self.threads)]
+        if self.threads > 1:
+            run(jobs[0][0][:1], jobs[0][1])  # loads the kernels before the threads do, for good
+            with ThreadPoolExecutor(self.threads) as pool:
+                results = list(pool.map(run, *zip(*jobs, strict=True)))
+        else:
+            results = [run(*job) for job in jobs]
+        channels = [np.empty((len(plants), *part.shape[1:])) for part in results[0][0]]
+        failures = []
+        for (members, _), (parts, failed) in zip(jobs, results, strict=True):
+            failures += [(members[row], int(k), int(j)) for row, (k, j) in enumerate(failed) if k >= 0]
             for whole, part in zip(channels, parts, strict=True):
                 whole[members] = part
-        assert channels is not None
-        time = np.arange(channels[0].shape[1]) * (record_every * self.step_s * self.substeps)
+        time = np.arange(channels[0].shape[1]) * (every * self.step_s)
         if failures and not keep_diverged:
             plant, k, joint = min(failures)
             raise DivergenceError(
@@ -152,6 +172,42 @@ class ClosedLoop:
             for channel in channels:
                 channel[plant, time >= (k - 1) * self.step_s] = np.nan
         return Rollouts(time, *channels)
+
+    def gradient(
+        self,
+        command: JointSignal,
+        start_position: np.ndarray,
+        start_velocity: np.ndarray,
+        plants: Sequence[PlantParameters],
+        duration_s: float,
+        loss: Callable[[Rollouts], tuple[np.ndarray, Rollouts]],
+        *,
+        record_every: int = 1,
+    ) -> Gradient:
+        """Gradient of a loss by the adjoint method; see `samrl_core.dynamics.gradients.gradient`."""
+        from samrl_core.dynamics.gradients import gradient  # its kernels are loaded only where wanted
+
+        return gradient(
+            self, command, start_position, start_velocity, plants, duration_s, loss, record_every=record_every
+        )
+
+    def jacobian(
+        self,
+        command: JointSignal,
+        start_position: np.ndarray,
+        start_velocity: np.ndarray,
+        plant: PlantParameters,
+        duration_s: float,
+        wrt: Sequence[tuple[str, int | tuple[int, int] | None]],
+        *,
+        record_every: int = 1,
+    ) -> Jacobian:
+        """Jacobian of one plant's channels by differences; see `samrl_core.dynamics.jacobian.jacobian`."""
+        from samrl_core.dynamics.jacobian import jacobian
+
+        return jacobian(
+            self, command, start_position, start_velocity, plant, duration_s, wrt, record_every=record_every
+        )
 
     def groups(self, plants: Sequence[PlantParameters]) -> list[tuple[list[int], int]]:
         """Indices of the plants that share a tree, and the number of joints of their mount."""
@@ -200,6 +256,10 @@ class ClosedLoop:
         if not np.isfinite(array).all():
             raise InputError(f"{name} has values that are not finite: {array}")
         return np.broadcast_to(array, (plants, joints)).copy()
+
+
+def _parts(members: list[int], threads: int) -> list[list[int]]:
+    return [list(part) for part in np.array_split(members, min(threads, len(members)))]
 
 
 def _per_joint(name: str, values: object, joints: int) -> np.ndarray:

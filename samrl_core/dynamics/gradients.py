@@ -149,17 +149,23 @@ def _motion(simulation: Simulation) -> Motion:
 def _backwards(simulation: Simulation) -> np.ndarray:
     """All steps backwards (empty adjoint structs: gradients go to the arrays' own); returns the gradient of the first state (B, n, S)."""
     a, s, m = simulation.arrays, simulation.bodies, _motion(simulation)
-    launch = {"dim": len(simulation.plants), "device": simulation.loop.device}
+    launch = {"dim": len(simulation.plants), "device": simulation.loop.device, "record_cmd": True}
     back = {"adjoint": True, "adj_outputs": [], **launch}
+    scratch = [a.acceleration.grad, a.hand.grad, m.power.grad]
+    # Packed once: a structure of sixty arrays costs more to pass than a step costs to compute.
+    commands = [  # and the place of the step's number among the arguments
+        (wp.launch(repeat_kernel, inputs=[a, s, m, 0], **launch), 3),
+        (wp.launch(update_kernel, inputs=[a, 0], adj_inputs=[Arrays(), 0], **back), 1),
+        (wp.launch(lambda_kernel, inputs=[a, s, m, *scratch], **launch), None),
+        (wp.launch(power_kernel, inputs=[a, m, 0], **launch), 2),
+        (wp.launch(power_kernel, inputs=[a, m, 0], adj_inputs=[Arrays(), Motion(), 0], **back), 2),
+        (wp.launch(before_kernel, inputs=[a, 0], adj_inputs=[Arrays(), 0], **back), 1),
+    ]
     for k in reversed(range(simulation.steps)):
-        wp.launch(repeat_kernel, inputs=[a, s, m, k], **launch)
-        wp.launch(update_kernel, inputs=[a, k], adj_inputs=[Arrays(), 0], **back)
-        wp.launch(
-            lambda_kernel, inputs=[a, s, m, a.acceleration.grad, a.hand.grad, m.power.grad], **launch
-        )
-        wp.launch(power_kernel, inputs=[a, m, k], **launch)
-        wp.launch(power_kernel, inputs=[a, m, k], adj_inputs=[Arrays(), Motion(), 0], **back)
-        wp.launch(before_kernel, inputs=[a, k], adj_inputs=[Arrays(), 0], **back)
+        for command, place in commands:
+            if place is not None:
+                command.set_param_at_index(place, k)
+            command.launch()
     simulation.motion = m
     return a.state.grad.numpy()[0].copy()
 

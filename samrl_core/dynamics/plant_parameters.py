@@ -145,7 +145,10 @@ class PlantParameters:
         Raises:
             InputError: the field has another number of joints.
         """
-        value = np.asarray(getattr(self, name), dtype=float)
+        value = getattr(self, name)
+        if isinstance(value, float | int):
+            return np.full(joints, float(value))
+        value = np.asarray(value, dtype=float)
         if value.shape not in ((), (1,), (joints,)):
             raise InputError(
                 f"{name} has shape {value.shape}; it must be one number or ({joints},), one per joint"
@@ -159,16 +162,22 @@ def joint_fields() -> dict[str, Mapping[str, Any]]:
 
 
 def _check(name: str, value: Value, metadata: Mapping[str, Any]) -> None:
-    array = np.asarray(value, dtype=float)
-    low = metadata["low"]
-    below = array <= low if metadata["positive"] else array < low
-    if array.ndim > 1 or np.isnan(array).any() or below.any() or np.isneginf(array).any():
-        bound = f"{'above' if metadata['positive'] else 'at least'} {low}" if low > -_INF else "finite"
-        raise InputError(
-            f"{name} is {value} {metadata['unit']}; it must be one number or one per joint, {bound}"
-        )
-    if np.isposinf(array).any() and not np.isposinf(_DEFAULTS[name]):
-        raise InputError(f"{name} is {value} {metadata['unit']}; it must be finite")
+    low, positive = metadata["low"], metadata["positive"]
+    if isinstance(value, float | int):  # the usual case, a hundred times faster than through an array
+        inside = value > low if positive else value >= low
+        bad = not (inside and value > -_INF)
+        endless = value == _INF
+    else:
+        array = np.asarray(value, dtype=float)
+        inside = array > low if positive else array >= low
+        bad = array.ndim > 1 or not inside.all() or bool(np.isneginf(array).any())
+        endless = bool(np.isposinf(array).any())
+    unit = metadata["unit"]
+    if bad:
+        bound = f"{'above' if positive else 'at least'} {low}" if low > -_INF else "finite"
+        raise InputError(f"{name} is {value} {unit}; it must be one number or one per joint, {bound}")
+    if endless and _DEFAULTS[name] != _INF:
+        raise InputError(f"{name} is {value} {unit}; it must be finite")
 
 
 _DEFAULTS = {f.name: f.default for f in fields(PlantParameters) if f.metadata}

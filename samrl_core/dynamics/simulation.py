@@ -129,7 +129,9 @@ class Simulation:
             setattr(s, name, wp.zeros((count, n), dtype=Vec3, device=loop.device))
         s.mass = wp.zeros((count, n), dtype=wp.float64, device=loop.device)
         s.matrix = wp.zeros((count, n, n), dtype=wp.float64, device=loop.device)
-        a.inertia_hint = self.numbers(self._hint())
+        if mount not in loop.hints:
+            loop.hints[mount] = self._hint()
+        a.inertia_hint = self.numbers(loop.hints[mount])
 
     def start(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Put every plant where it was measured, (B, J) in the description's order; keeps the state's start."""

@@ -1,8 +1,8 @@
 """Effects at places with shapes held, and the evidence of a set of them.
 
-Evidence is the marginal likelihood over amplitudes with their Gaussian priors: it weighs fit against freedom
-without a separate penalty. Residuals of a model that is not quite right are correlated in time; the data count
-is therefore divided by their correlation time.
+Evidence is the marginal likelihood over amplitudes with their Gaussian priors: it weighs fit against
+freedom without a separate penalty. Residuals of a model that is not quite right are correlated in time; the
+data count is therefore divided by their correlation time.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class Evidence:
             return (1e12 if not np.isfinite(value) else -value) + 1e3 * outside
 
         origin = np.log([start.shape[n] for n in names])
-        simplex = np.vstack([origin] + [origin + 0.35 * e for e in np.eye(len(names))])
+        simplex = np.vstack([origin] + [origin + start.form.step * e for e in np.eye(len(names))])
         optimize.minimize(
             negative,
             origin,

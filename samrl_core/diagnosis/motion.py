@@ -42,11 +42,13 @@ class Motion:
         """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
         self.recording, self.arm, self.start_s = recording, arm, start_s
         states = recording.states
-        rate = min(1.0 / float(np.median(np.diff(states.time))), MAX_RATE_HZ)
+        ticks = regular(states.time)
+        period = float(np.median(np.diff(ticks)))
+        stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
+        rate = 1.0 / (period * stride)
         self.rate = rate
         self.joints = len(recording.arm.joints)
-        self.time = np.arange(states.time[0], states.time[-1] + 0.5 / rate, 1.0 / rate)
-        self.time = self.time[self.time <= states.time[-1] + 1e-9]
+        self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
         self.band = min(BAND_HZ, rate / 5.0)
         self.dynamic = rate > TRACKING_RATE_HZ
         self.step = max(1, round(rate / (4.0 * self.band))) if self.dynamic else 1
@@ -120,11 +122,9 @@ class Motion:
         command = self.recording.command
         if command is None or command.position is None or len(command) < 2:
             return None
-        slow = float(np.median(np.diff(command.time))) > 1.5 / self.rate
-        onto = self._onto if slow else self._held
-        position = onto(command.time, command.position, self.time)
-        velocity = onto(command.time, command.velocity, self.time)
-        effort = onto(command.time, command.effort, self.time)
+        position = self._onto(command.time, command.position, self.time)
+        velocity = self._onto(command.time, command.velocity, self.time)
+        effort = self._onto(command.time, command.effort, self.time)
         zero = np.zeros_like(self.raw_position)
         return JointSignal(
             self.time,
@@ -156,19 +156,25 @@ class Motion:
 
     @staticmethod
     def _onto(time: np.ndarray, values: np.ndarray | None, grid: np.ndarray) -> np.ndarray | None:
+        """Samples on the grid: those of the same ticks as they are, slower ones interpolated."""
         if values is None:
             return None
-        return np.stack([np.interp(grid, time, column) for column in values.T], axis=1)
+        ticks = regular(time)
+        period, step = float(np.median(np.diff(ticks))), float(grid[1] - grid[0])
+        if period < 1.5 * step:
+            # Nearest, not interpolated: the controller computed from this very sample, noise included.
+            index = np.clip(np.searchsorted(ticks, grid), 1, len(ticks) - 1)
+            index -= (grid - ticks[index - 1]) < (ticks[index] - grid)
+            return values[index]
+        return np.stack([np.interp(grid, ticks, column) for column in values.T], axis=1)
 
-    @staticmethod
-    def _held(time: np.ndarray, values: np.ndarray | None, grid: np.ndarray) -> np.ndarray | None:
-        """Nearest sample: command and state grids of one rate, whose stamps jitter."""
-        if values is None:
-            return None
-        index = np.searchsorted(time, grid)
-        index = np.clip(index, 1, len(time) - 1)
-        index -= (grid - time[index - 1]) < (time[index] - grid)
-        return values[index]
+
+def regular(time: np.ndarray) -> np.ndarray:
+    """Stamps freed of their jitter, where they belong to a regular clock; else as they are."""
+    index = np.arange(len(time))
+    slope, start = np.polyfit(index, time, 1)
+    fitted = start + slope * index
+    return fitted if float(np.max(np.abs(fitted - time))) < 0.45 * slope else time
 
 
 def white_noise(x: np.ndarray, rate: float) -> np.ndarray:

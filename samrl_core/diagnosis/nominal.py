@@ -14,6 +14,7 @@ from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
+FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 
@@ -22,8 +23,8 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
     out: list[tuple[Columns, float]] = []
     motion, tolerances = trial.motion, trial.recording.arm.tolerances
     ones, joints = np.ones((1, len(motion.time))), range(trial.joints)
+    flat = np.ones((1, len(trial)))
     if "tracking" in trial.channels:
-        flat = np.ones((1, len(trial)))
         out += [(trial.tracking(j, flat), OFFSET_TRACKING) for j in joints]
         stamp = max(tolerances.stamp, 0.5 / motion.rate)
         for j in joints:
@@ -37,9 +38,10 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
     viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / speed
     for j in joints:
         out.append((trial.drive(j, ones), offset[j]))
-        out.append((trial.sensor(j, ones), offset[j]))
+        out.append((trial.sensor(j, flat), offset[j]))
         velocity = motion.full_velocity[:, j]
-        out.append((trial.drive(j, smooth_sign(velocity, 0.005)[None]), coulomb[j]))
+        # Nobody states how sharply the remaining friction turns; several widths span what it may be.
+        out += [(trial.drive(j, smooth_sign(velocity, w)[None]), 0.6 * coulomb[j]) for w in FLOOR_WIDTHS]
         out.append((trial.drive(j, velocity[None]), viscous[j]))
         if trial.rotor[j] > 0:
             rotor = motion.full_acceleration[:, j][None]

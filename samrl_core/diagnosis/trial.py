@@ -53,14 +53,13 @@ class Trial:
         """Columns (p, N) of command minus position."""
         return {("tracking", joint): columns} if "tracking" in self.channels else {}
 
-    def sensor(self, joint: int, full: np.ndarray) -> Columns:
-        """Columns (p, F) added to the effort reading of a joint: lost in the drive, found at the link."""
-        reduced = self.motion.reduce(full.T).T
+    def sensor(self, joint: int, drive: np.ndarray, link: np.ndarray | None = None) -> Columns:
+        """Columns (p, N) added to the effort reading of a joint: lost in the drive, found at the link."""
         out: Columns = {}
         if "drive" in self.channels:
-            out["drive", joint] = -reduced
+            out["drive", joint] = -drive
         if "link" in self.channels:
-            out["link", joint] = reduced
+            out["link", joint] = drive if link is None else link
         return out
 
     # -- shared quantities -----------------------------------------------------------------------------
@@ -93,6 +92,12 @@ class Trial:
         # Gravity seen from a base rotated by a small angle about an axis: g - angle * axis x g. Gravity
         # torques are linear in gravity, so a unit angle is evaluated exactly.
         return np.stack([self.rigid.inverse_dynamics(q, zero, zero, -np.cross(axis, g)) for axis in axes])
+
+    @cached_property
+    def model_torque(self) -> np.ndarray:
+        """Link-side torque of the nominal model along the measured motion (N, J)."""
+        assert self.rigid is not None
+        return self.rigid.inverse_dynamics(self.motion.q, self.motion.dq, self.motion.ddq)
 
     @cached_property
     def rotor(self) -> np.ndarray:

@@ -38,9 +38,9 @@ class Form:
     name: str
     amplitudes: tuple[str, ...]
     shapes: tuple[Shape, ...] = ({},)
-    refine: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # shape -> bounds, searched in log
+    # shape -> bounds; shapes are searched in their logarithm, beginning with steps of `step`
+    refine: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    step: float = 0.35
 
 
 class Effect(ABC):

@@ -60,12 +60,12 @@ class Deflection(Effect):
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """Motor-side reading: the link is where its inertia and weight are felt."""
         (joint,) = self.joints_at(trial, place)
-        motion = trial.motion
-        torque = motion.tau if motion.tau is not None else motion.u
-        assert torque is not None
-        angle = self.angle(trial, joint, form, shape, torque[:, joint])
         if "tracking" in trial.channels:
-            return trial.tracking(joint, angle)
+            assert trial.motion.u is not None
+            return trial.tracking(joint, self.angle(trial, joint, form, shape, trial.motion.u[:, joint]))
+        # The model's torque, not the measured one: where the model expects none, measured torque is error
+        # itself, and would seem to explain itself.
+        angle = self.angle(trial, joint, form, shape, trial.model_torque[:, joint])
         return trial.link(trial.deflection(joint, angle))
 
 

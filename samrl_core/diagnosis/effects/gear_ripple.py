@@ -6,7 +6,7 @@ import numpy as np
 from scipy import signal
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.effects.families import DriveTorque
 from samrl_core.diagnosis.trial import Trial
 
 
@@ -26,7 +26,8 @@ class GearRipple(DriveTorque):
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         (joint,) = self.joints_at(trial, place)
-        return single(("sine", "cosine"), tuple({"N": n} for n in _peaks(trial, joint)))
+        grid = tuple({"N": n} for n in _peaks(trial, joint))
+        return (Form("", ("sine", "cosine"), grid, {"N": (14.0, 430.0)}, step=0.003),)
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         angle = shape["N"] * trial.motion.full_position[:, joint]

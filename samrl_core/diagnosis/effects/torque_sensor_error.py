@@ -31,13 +31,14 @@ class TorqueSensorError(Effect):
         return (Form("gain and bias", ("g", "b")), Form("drift", ("b", "d")))
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        motion = trial.motion
-        assert motion.raw_effort is not None
         (joint,) = self.joints_at(trial, place)
-        one = np.ones(len(motion.time))
-        first = motion.raw_effort[:, joint] if form != "drift" else motion.start_s + motion.time
-        rows = np.stack([first, one] if form != "drift" else [one, first])
-        return trial.sensor(joint, rows)
+        one = np.ones(len(trial))
+        if form == "drift":
+            return trial.sensor(joint, np.stack([one, trial.motion.start_s + trial.motion.t]))
+        # What each side of the sensor expects of it, never its own reading: see Deflection.
+        assert trial.motion.u is not None
+        expected = trial.motion.u[:, joint] - trial.rotor[joint] * trial.motion.ddq[:, joint]
+        return trial.sensor(joint, np.stack([expected, one]), np.stack([trial.model_torque[:, joint], one]))
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         (joint,) = self.joints_at(trial, place)

@@ -1,0 +1,192 @@
+"""Which effects: forward choice with swaps, judged by evidence and by what remains on held-out recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Effect
+from samrl_core.diagnosis.hypothesis import Evidence, Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.likelihood import Likelihood
+
+REFINED = 6  # rivals whose shapes are searched before they are compared
+MOST_EFFECTS = 3
+
+
+@dataclass(frozen=True)
+class SelectionSettings:
+    """When an effect is believed. Figures come from calibration worlds (`samrl_core.scoring.calibrate`)."""
+
+    threshold: float = 12.0  # log evidence that a first effect needs against nothing [nat]
+    second_threshold: float = 25.0  # that each further effect needs on top
+    held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
+    second_share: float = 0.08  # of all excess on fitted recordings, likewise
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The chosen set and its rivals, in the metric of the likelihood."""
+
+    chosen: Fit | None
+    singles: tuple[Fit, ...]  # best single fit of each family and place, best first
+    rivals: tuple[Fit, ...]  # the chosen set with its first effect exchanged, best first; chosen excluded
+    threshold: float
+    excess: float  # whitened energy beyond one per sample, before
+    remaining: float  # after
+    held_out_excess: float
+    held_out_remaining: float
+    correlation_time: float
+
+    @property
+    def unexplained(self) -> float:
+        """Share of the excess that the chosen set leaves, 0..1."""
+        return float(np.clip(self.remaining / max(self.excess, 1e-9), 0.0, 1.0))
+
+
+def select(
+    likelihood: Likelihood,
+    held_out: Likelihood,
+    effects: Sequence[Effect],
+    settings: SelectionSettings,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Selection:
+    """Screen everything, then build the smallest set that explains the gap."""
+    evidence = Evidence(likelihood, max(2.0, likelihood.correlation_time(likelihood.y)) ** 0.5)
+    progress("screening effects")
+    pool = evidence.screen(effects)
+    progress("refining")
+    singles = _best_singles(evidence, pool)
+    # The correlation that remains under the best explanation is the one that counts.
+    if singles and singles[0].log_evidence > settings.threshold:
+        left = evidence.rest(singles[0])
+        evidence.correlation_time = max(2.0, min(likelihood.correlation_time(left), 25.0))
+        singles = _best_singles(evidence, pool)
+    excess, held_excess = excess_of(likelihood, likelihood.y), excess_of(held_out, held_out.y)
+    if not singles or singles[0].log_evidence < settings.threshold:
+        return Selection(
+            None, tuple(singles), (), settings.threshold, excess, excess, held_excess, held_excess,
+            evidence.correlation_time,
+        )  # fmt: skip
+    chosen = singles[0]
+    for _ in range(MOST_EFFECTS - 1):
+        progress(f"looking for effect {len(chosen.hypotheses) + 1}")
+        wider = _extend(evidence, pool, chosen)
+        if wider is None or not _worth(evidence, held_out, chosen, wider, settings, excess):
+            break
+        chosen = _swap(evidence, pool, wider)
+    rivals = _rivals(evidence, pool, chosen, singles)
+    if rivals and rivals[0].log_evidence > chosen.log_evidence:
+        better, rivals = rivals[0], [chosen, *rivals[1:]]
+        chosen = better
+    remaining = excess_of(likelihood, evidence.rest(chosen))
+    held_remaining = excess_of(held_out, held_out_rest(held_out, chosen))
+    return Selection(
+        chosen, tuple(singles), tuple(rivals), settings.threshold, excess, remaining, held_excess,
+        held_remaining, evidence.correlation_time,
+    )  # fmt: skip
+
+
+def excess_of(likelihood: Likelihood, y: np.ndarray) -> float:
+    """Whitened energy beyond what noise leaves: block by block, so that quiet blocks hide nothing."""
+    z = likelihood.whitened(y) ** 2
+    return float(sum(max(0.0, float(np.sum(z[b])) - (b.stop - b.start)) for b in likelihood.blocks.values()))
+
+
+def held_out_rest(held_out: Likelihood, fit: Fit) -> np.ndarray:
+    """Held-out residuals with the fitted effects taken out; nothing is fitted again."""
+    y = held_out.y
+    for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
+        there = hypothesis(held_out, h.effect, h.place, h.form, h.shape)
+        if there is not None:
+            y = held_out.minus(there.regressors, amplitudes, y)
+    return y
+
+
+def _best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
+    """The best single fit of each family and place; the first few refined."""
+    best: dict[str, Fit] = {}
+    for h in pool:
+        fit = evidence.fit([h])
+        if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
+            best[h.name] = fit
+    ranked = sorted(best.values(), key=lambda f: -f.log_evidence)
+    ranked = [f for f in ranked if np.isfinite(f.log_evidence)]
+    top = [evidence.refine(f, 0) for f in ranked[:REFINED]]
+    return sorted([*top, *ranked[REFINED:]], key=lambda f: -f.log_evidence)
+
+
+def _extend(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit | None:
+    """The best set with one more effect."""
+    taken = {h.name for h in chosen.hypotheses}
+    best: dict[str, Fit] = {}
+    for h in pool:
+        if h.name in taken:
+            continue
+        fit = evidence.fit([*chosen.hypotheses, h])
+        if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
+            best[h.name] = fit
+    ranked = sorted(best.values(), key=lambda f: -f.log_evidence)[:3]
+    refined = [evidence.refine(f, len(f.hypotheses) - 1) for f in ranked if np.isfinite(f.log_evidence)]
+    if not refined:
+        return None
+    return max(refined, key=lambda f: f.log_evidence)
+
+
+def _swap(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
+    """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS)."""
+    for index in range(len(chosen.hypotheses) - 1):
+        others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
+        taken = {h.name for h in others}
+        best = chosen
+        for h in pool:
+            if h.name in taken:
+                continue
+            fit = evidence.fit([*others, h])
+            if fit.log_evidence > best.log_evidence:
+                best = fit
+        if best is not chosen:
+            chosen = evidence.refine(best, len(best.hypotheses) - 1)
+        else:
+            chosen = evidence.refine(chosen, index)
+    return chosen
+
+
+def _worth(
+    evidence: Evidence,
+    held_out: Likelihood,
+    narrow: Fit,
+    wide: Fit,
+    settings: SelectionSettings,
+    excess: float,
+) -> bool:
+    """A further effect must be significant, matter on fitted data, and help on data that were not fitted."""
+    if wide.log_evidence - narrow.log_evidence < settings.second_threshold:
+        return False
+    before = excess_of(evidence.likelihood, evidence.rest(narrow))
+    after = excess_of(evidence.likelihood, evidence.rest(wide))
+    if before - after < settings.second_share * excess:
+        return False
+    held_before = excess_of(held_out, held_out_rest(held_out, narrow))
+    held_after = excess_of(held_out, held_out_rest(held_out, wide))
+    return held_after < (1.0 - settings.held_out_share) * held_before
+
+
+def _rivals(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, singles: Sequence[Fit]) -> list[Fit]:
+    """The chosen set with its first effect exchanged for each other one."""
+    if len(chosen.hypotheses) == 1:
+        return [f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name][:20]
+    others = list(chosen.hypotheses[1:])
+    taken = {h.name for h in chosen.hypotheses}
+    best: dict[str, Fit] = {}
+    for h in pool:
+        if h.name in taken:
+            continue
+        fit = evidence.fit([h, *others])
+        if np.isfinite(fit.log_evidence) and (
+            h.name not in best or fit.log_evidence > best[h.name].log_evidence
+        ):
+            best[h.name] = fit
+    ranked = sorted(best.values(), key=lambda f: -f.log_evidence)
+    return [*(evidence.refine(f, 0) for f in ranked[:3]), *ranked[3:20]]

@@ -118,9 +118,11 @@ def interfaces() -> None:
 def _add_groups() -> None:
     from samrl_ros.bags.commands import bag_app
     from samrl_ros.bench.commands import bench_app
+    from samrl_ros.forge_command import forge_app
 
     app.add_typer(bag_app, name="bag", help="Look into bags and repair them.")
     app.add_typer(bench_app, name="bench", help="Measure.")
+    app.add_typer(forge_app, name="forge")
 
 
 def run(arguments: list[str]) -> int:

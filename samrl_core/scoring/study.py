@@ -60,6 +60,14 @@ class Study:
         """Whether a world is whole: its observations are moved into place last."""
         return self.label(world).exists() and self.observations(world).is_dir()
 
+    def sweep(self, folder: str) -> None:
+        """Remove what killed runs left half done in a folder of worlds; nothing may be running in it."""
+        for half in (self.root / folder).glob(".*"):
+            if half.is_dir():
+                shutil.rmtree(half)
+            else:
+                half.unlink()
+
     def published(self) -> dict[str, Any]:
         """Content of forge.json.
 

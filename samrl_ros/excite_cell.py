@@ -8,11 +8,11 @@ them; nothing but a simulation can mount a load by itself.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from samrl_core.errors import LimitError
+from samrl_core.errors import InputError, LimitError
 from samrl_core.excitation.clearance import ArmLine
 from samrl_core.excitation.runs import Run, heavier, with_controller
 from samrl_core.excitation.signal import (
@@ -24,13 +24,14 @@ from samrl_core.excitation.signal import (
 from samrl_core.robots.arm_model import Payload
 from samrl_core.robots.robot import ROLES, CellSpec
 from samrl_core.safety.guard import CommandGuard
+from samrl_core.tasks.peg_insertion.task import PegInsertion
 from samrl_core.tasks.task import Task
 from samrl_core.types.arm_description import ArmDescription, Tool
 from samrl_core.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.types.observation import ArmCommand
+from samrl_core.types.scene import Scene
 from samrl_core.world import make_world
 from samrl_core.world.world import SimulatedWorld
-from samrl_ros.loaded_task import LoadedTask
 
 ARM_DISTANCE = 0.25  # least distance of the two arms' middle lines, two link diameters [m]
 _SETTLE_S = 1.0  # at the first pose before the recording starts [s]
@@ -50,6 +51,18 @@ def payloads(task: Task, cell: CellSpec) -> dict[str, Payload]:
     }
 
 
+@dataclass(frozen=True)
+class LoadedPegInsertion(PegInsertion):
+    """Peg insertion whose tool has a known mass added at its centre of mass, for recordings at two loads."""
+
+    tool_mass: float = 0.0  # with the load [kg]
+
+    def scene(self, cell: CellSpec) -> Scene:
+        """See `PegInsertion`; the tool weighs `tool_mass`."""
+        scene = super().scene(cell)
+        return replace(scene, tool=replace(scene.tool, mass=self.tool_mass))
+
+
 class CellPlayer:
     """Records one arm; the other waits out of its way."""
 
@@ -64,7 +77,8 @@ class CellPlayer:
         """Play a run: the other arm aside, to the first pose, rest, then record.
 
         Raises:
-            LimitError: the guard refused a command, the arms would come too near, or the arm did not follow.
+            LimitError: the guard refused a command, or the arms would come too near.
+            InputError: a load that the simulated cell cannot mount.
         """
         loaded = heavier(self._loads[self._role], run.extra_mass)
         spec = with_controller(self._cell.arm(self._role), run.controller)
@@ -95,7 +109,13 @@ class CellPlayer:
     def _with_load(self, cell: CellSpec, loaded: Payload) -> tuple[CellSpec, Task]:
         if self._role == "camera_arm":
             return replace(cell, camera_mass=loaded.mass), self._task
-        return cell, LoadedTask(self._task, loaded.mass)
+        if not isinstance(self._task, PegInsertion):
+            raise InputError(
+                "the simulated cell mounts a known load on the tool of peg_insertion, not on that of "
+                f"{self._task.name}; record two_loads with that task, or on hardware"
+            )
+        settings = {f.name: getattr(self._task, f.name) for f in fields(PegInsertion)}
+        return cell, LoadedPegInsertion(**settings, tool_mass=loaded.mass)
 
     def _approach(self, stage: _Stage, run: Run) -> None:
         """The other arm first, for it may stand in the way."""

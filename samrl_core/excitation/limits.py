@@ -14,7 +14,8 @@ from samrl_core.types.arm_recording import JointSignal
 VELOCITY_SHARE = 0.7  # of the arm's limit that a programme may use
 ACCELERATION_SHARE = 0.7
 EFFORT_SHARE = 0.7
-_EVERY_S = 0.02  # at which torque and clearance are looked at [s]
+_TORQUE_EVERY_S = 0.02  # chirps need it [s]
+_CLEARANCE_EVERY_S = 0.08  # a few centimetres of travel, inside the margins of `clearance` [s]
 
 
 def check_programme(spec: RobotSpec, payload: Payload | None, command: JointSignal) -> None:
@@ -35,8 +36,8 @@ def check_programme(spec: RobotSpec, payload: Payload | None, command: JointSign
                 f"{name}: position {least:.3f} to {most:.3f} rad, allowed {low[j]:.3f} to {high[j]:.3f} rad; "
                 "reduce the amplitude or move the poses"
             )
-    step = max(1, round(_EVERY_S / float(np.median(np.diff(command.time)))))
-    rows = range(0, len(command), step)
+    period = float(np.median(np.diff(command.time)))
+    rows = range(0, len(command), max(1, round(_TORQUE_EVERY_S / period)))
     line = ArmLine(spec, payload)
     effort = np.array([line.model.inverse_dynamics(position[k], velocity[k], acceleration[k]) for k in rows])
     for what, values, bound, share, unit in (
@@ -51,7 +52,7 @@ def check_programme(spec: RobotSpec, payload: Payload | None, command: JointSign
                 f"{spec.joint_names[j]}: {what} {most[j]:.3f} {unit}, allowed {share * bound[j]:.3f} {unit} "
                 f"({share:.0%} of the arm's limit); reduce amplitude, speed or band"
             )
-    near = line.clearance(position[list(rows)])
+    near = line.clearance(position[:: max(1, round(_CLEARANCE_EVERY_S / period))])
     for what, gap in (("the table", near.height), ("another part of the arm", near.self_distance)):
         if gap < 0.0:
             raise LimitError(

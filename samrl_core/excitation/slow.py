@@ -21,7 +21,7 @@ _DRAWS = 60
 
 def varied_loads(box: WorkBox, model: ArmModel, rng: np.random.Generator, count: int) -> np.ndarray:
     """Positions (count, J) [rad] in the box whose gravity torques lie far apart, each next the farthest."""
-    candidates = box.draw(rng, 150, share=0.85)
+    candidates = box.sample(rng, 150, share=0.85)
     load = np.array([model.gravity(q) for q in candidates]) / model.spec.limits.effort
     load /= load.std(axis=0) + 1e-3  # every joint counts, also those that gravity hardly loads
     chosen = [0]

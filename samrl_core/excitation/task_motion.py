@@ -36,7 +36,7 @@ def task_motion(
     move = np.ones(len(spec.joint_names), bool) if joints is None else joints
     speed = vigour * _VELOCITY_SHARE * spec.limits.velocity
     acceleration = vigour * _ACCELERATION_SHARE * spec.limits.acceleration
-    start = box.draw(rng, 1, share=0.5)[0]
+    start = box.sample(rng, 1, share=0.5)[0]
     position, now = start.copy(), _REST_S
     velocity = np.zeros((len(time), len(start)))
     transfer = True

@@ -25,7 +25,7 @@ class WorkBox:
     center: np.ndarray  # (J,) [rad]
     half_width: float  # [rad]
 
-    def draw(self, rng: np.random.Generator, count: int, share: float = 1.0) -> np.ndarray:
+    def sample(self, rng: np.random.Generator, count: int, share: float = 1.0) -> np.ndarray:
         """Positions (count, J) [rad], uniform in the inner `share` of the box."""
         offsets = rng.uniform(-1.0, 1.0, (count, len(self.center)))
         return self.center + share * self.half_width * offsets
@@ -55,7 +55,7 @@ def work_box(spec: RobotSpec, payload: Payload | None) -> WorkBox:
         for _ in range(_CANDIDATES):
             center = np.clip(spec.home + rng.uniform(-0.8, 0.8, len(lower)), lower, upper)
             box = WorkBox(center, half_width)
-            positions = box.draw(rng, _SAMPLES)
+            positions = box.sample(rng, _SAMPLES)
             if line.clearance(center[None]).worst < 0.05 or line.clearance(positions).worst < 0.0:
                 continue
             load = np.array([line.model.gravity(q) for q in positions]) / spec.limits.effort

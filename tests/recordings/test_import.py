@@ -200,7 +200,8 @@ def test_two_files_side_by_side_and_a_coupling_matrix(run: Run, log: Callable[..
                 "file": ["a.csv", "b.csv"],
                 "time": {"column": "t"},
                 "columns": {
-                    "m1": "m1", "m2": "m2", "c1": {"file": 1, "column": "c1"}, "c2": {"file": 1, "column": "c2"},
+                    "m1": "m1", "m2": "m2",
+                    "c1": {"file": 1, "column": "c1"}, "c2": {"file": 1, "column": "c2"},
                 },
                 "values": {"motor": "stack(m1, m2)"},
             },
@@ -328,3 +329,32 @@ def test_the_command_line(log: Callable[..., None], tmp_path: Path) -> None:
     assert done.exit_code == 0 and (tmp_path / "out" / "one.mcap").is_file()
     refused = cli.invoke(bag_app, ["import", str(tmp_path / "none.yaml"), "--check"])
     assert refused.exit_code == 3
+
+
+def test_the_worked_example_of_the_manual(tmp_path: Path) -> None:
+    page = (Path(__file__).resolve().parents[2] / "msgs_docs" / "import.md").read_text()
+    (tmp_path / "mapping.yaml").write_text(page.split("```yaml\n")[1].split("```")[0])
+    chain = "".join(
+        f'<joint name="{joint}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="90" velocity="3"/></joint>'
+        for joint, parent, child in (("shoulder", "base", "upper"), ("elbow", "upper", "lower"))
+    )
+    links = '<link name="base"/>' + "".join(
+        f'<link name="{link}"><inertial><mass value="1"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+        for link in ("upper", "lower")
+    )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="r">{links}{chain}</robot>')
+    for run_name, size in (("run1", 20), ("run2", 30)):
+        log: dict[str, Any] = {"ms": 2 * np.arange(1000)}
+        q = size * np.sin(4 * np.pi * log["ms"] / 1000)
+        log |= {"q1": q, "q2": -q, "target1": q, "target2": -q, "m1": q / 100, "m2": q / 100}
+        (tmp_path / f"{run_name}.csv").write_text(csv_text(log))
+    made = import_logs(read_mapping(tmp_path / "mapping.yaml"), tmp_path, tmp_path / "bags")
+    first = load_recordings(tmp_path / "bags" / "run1.mcap").recordings[0]
+    assert [each.role for each in made] == ["fit", "held_out"]
+    assert first.states.position is not None and first.commanded_effort is not None
+    assert first.states.position[:, 0].max() == pytest.approx(np.radians(20), rel=1e-3)
+    assert first.commanded_effort.effort is not None
+    assert first.commanded_effort.effort[:, 1].max() == pytest.approx(6.0, rel=1e-3)
+    assert first.arm.tolerances.mass == 0.05 and first.arm.controller is not None

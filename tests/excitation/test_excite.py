@@ -56,6 +56,7 @@ def test_camera_arm_is_recorded_with_its_own_load(camera_arm):
     assert np.allclose(recording.states.position[1:], recording.command.position[:-1])  # the mock's delay
 
 
+@pytest.mark.slow
 def test_a_known_load_is_mounted_and_described(tool_arm):
     file = ProgrammeFile(
         "tool_arm", "two_loads", parameters={"duration_s": 2.0, "poses": 2, "speeds": (0.05,)}

@@ -17,7 +17,8 @@ HALF = wp.constant(f64(0.5))
 ONE = wp.constant(f64(1.0))
 TINY = wp.constant(f64(1.0e-12))
 CABLE_SLIP = wp.constant(f64(0.05))  # motion over which a cable's friction turns round [rad]. ASSUMPTION
-SHARP = wp.constant(f64(0.05))  # rounding of the backlash's corners, as a share of its half width
+SHARP = wp.constant(f64(0.1))  # rounding of the backlash's corners, as a share of its half width
+RELAX = wp.constant(f64(1.0 / 3.0))  # share of its way that a massless motor goes in a step
 SOFT = wp.constant(f64(16.0))  # springs above sqrt of this, in (step x natural frequency)^2, are damped
 
 PASSIVE = wp.constant(int(F.PASSIVE))
@@ -35,6 +36,7 @@ HYSTERETIC = wp.constant(int(F.HYSTERESIS))
 CABLED = wp.constant(int(F.CABLE))
 HOLDING = wp.constant(int(F.HOLD))
 DELAYED = wp.constant(int(F.DELAYED))
+QUASI = wp.constant(int(F.QUASI))
 
 P_ENCODER_OFFSET = wp.constant(int(P.ENCODER_OFFSET))
 P_ENCODER_AMPLITUDE = wp.constant(int(P.ENCODER_AMPLITUDE))
@@ -196,6 +198,8 @@ def friction(
     take = h * warm * wp.abs(there) / inertia
     beyond = wp.max(wp.abs(free) - take, ZERO)
     x = free / (ONE + take / wp.sqrt(vc * vc + beyond * beyond))
+    if (flags & BRISTLED) != 0:
+        x = v  # a bristle holds without creeping, so only motion that is there may wear it
     viscous = warm * a.params[b, j, P_VISCOUS]
     fall = ZERO
     if (flags & STRIBECK) != 0:
@@ -311,11 +315,19 @@ def drive(a: Arrays, b: int, k: int):
             if (flags & ELASTIC) != 0:
                 d = qm - q
                 half = a.params[b, j, P_BACKLASH]
-                round_off = SHARP * half * SHARP * half + TINY * TINY
-                above = wp.sqrt((d - half) * (d - half) + round_off)
-                below = wp.sqrt((d + half) * (d + half) + round_off)
-                wound = stiffness * (d + HALF * (above - below))
-                contact = ONE + HALF * ((d - half) / above - (d + half) / below)
+                wound = stiffness * d
+                contact = ONE
+                if half > ZERO:
+                    corner = SHARP * half
+                    beyond = wp.abs(d) - half
+                    if beyond < -corner:
+                        wound = ZERO
+                        contact = ZERO
+                    elif beyond < corner:
+                        wound = stiffness * (beyond + corner) * (beyond + corner) / (f64(4.0) * corner) * wp.sign(d)
+                        contact = (beyond + corner) / (f64(2.0) * corner)
+                    else:
+                        wound = stiffness * beyond * wp.sign(d)
                 reduced = rotor * hint / (rotor + hint + TINY)
                 c = contact * (damping + h * stiffness * spring_blend(stiffness, reduced, h))
                 inertia = rotor + h * c + TINY
@@ -372,8 +384,18 @@ def update(a: Arrays, b: int, k: int):
         a.state[after, b, j, S_Q] = q + h * v
         a.state[after, b, j, S_V] = v
         if (flags & PASSIVE) == 0:
+            through = a.hand[b, j, H_TAU] - a.hand[b, j, H_ADDED] * acceleration
             vm = v
             qm = q + h * v
+            if (flags & QUASI) != 0:
+                # a massless motor stands where the spring holds its torque
+                stiffness = a.params[b, j, P_JOINT_STIFFNESS]
+                half = a.params[b, j, P_BACKLASH]
+                corner = SHARP * half * stiffness
+                wound = through / stiffness
+                wound = wound + half * through / wp.sqrt(through * through + corner * corner + TINY)
+                ahead = a.state[slot, b, j, S_QM] - q
+                qm = qm + ahead + RELAX * (wound - ahead)
             if (flags & ELASTIC) != 0:
                 vm = a.hand[b, j, H_MOTOR_CONSTANT] + a.hand[b, j, H_MOTOR_FOLLOWS] * v
                 qm = a.state[slot, b, j, S_QM] + h * vm
@@ -384,7 +406,6 @@ def update(a: Arrays, b: int, k: int):
             a.state[after, b, j, S_RECEIVED] = a.hand[b, j, H_RECEIVED]
             a.state[after, b, j, S_SMOOTH] = a.hand[b, j, H_SMOOTH]
             a.state[after, b, j, S_RATE] = a.hand[b, j, H_RATE]
-            through = a.hand[b, j, H_TAU] - a.hand[b, j, H_ADDED] * acceleration
             a.state[after, b, j, S_LINK_TORQUE] = through
             a.state[after, b, j, S_REST] = (
                 a.hand[b, j, H_REST_CONSTANT] + a.hand[b, j, H_REST_SLOPE] * acceleration
@@ -415,11 +436,16 @@ def update(a: Arrays, b: int, k: int):
 
 @wp.func
 def diverged(a: Arrays, b: int, k: int):
-    """Index of a joint whose next state is no usable number, else -1."""
+    """Index of the joint that is fastest beyond all bounds, or first no number; else -1."""
     bad = int(-1)
+    most = f64(1.0e4)
     after = (k + 1) % a.slots
     for j in range(a.joints):
-        if not (wp.abs(a.state[after, b, j, S_V]) < f64(1.0e4)):
+        speed = wp.abs(a.state[after, b, j, S_V])
+        if speed >= most:
+            bad = j
+            most = speed
+        elif not (speed < most) and bad < 0:
             bad = j
     return bad
 

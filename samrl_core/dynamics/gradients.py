@@ -177,7 +177,7 @@ def _start_backwards(
     a, m, tree, mount = simulation.arrays, simulation.motion, simulation.tree, simulation.tree.mount
     total = a.params.grad.numpy().copy()
     params, flags = simulation.packed.params, simulation.packed.flags[:, mount:]
-    elastic = (flags & int(F.ELASTIC)) != 0
+    elastic = (flags & int(F.ELASTIC | F.QUASI)) != 0
     link_read = (flags & int(F.READ_LINK)) != 0
     hold = simulation.first_bias
     stiffness = np.where(elastic, params[:, mount:, P.JOINT_STIFFNESS], 1.0)
@@ -187,6 +187,8 @@ def _start_backwards(
     total[:, mount:, P.BACKLASH] += wound * np.sign(hold[:, mount:])
     pull = state[:, :, S.LINK_TORQUE].copy()
     pull[:, mount:] += wound / stiffness
+    if a.shift:  # the first efforts are the torque that holds the arm
+        pull[:, mount:] += a.out_t.grad.numpy()[:, 0] + a.out_u.grad.numpy()[:, 0]
     if mount:
         spring = params[:, :mount, P.JOINT_STIFFNESS]
         pull[:, :mount] -= state[:, :mount, S.Q] / spring

@@ -15,6 +15,7 @@ from samrl_core.errors import InputError
 # ASSUMPTION: stiffness of the teeth behind a backlash where no elasticity is stated; winds up 2 mrad at the
 # effort limit, stiffer than any gear of the catalogue.
 TEETH_PER_EFFORT = 500.0  # [1/rad]
+MOST_DAMPING = 1.5  # damping x step / rotor inertia up to which an elastic joint's motor moves apart
 FREE_EFFORT = 20.0  # effort limit assumed for it where the URDF states none [N m]
 
 _SLOTS = {name: P[name.upper()] for name in joint_fields() if name.upper() in P.__members__}
@@ -39,6 +40,7 @@ def pack(
     rigid: RigidArm,
     order: np.ndarray,
     armature: np.ndarray,
+    damping: np.ndarray,
     teeth: np.ndarray,
     nominal_gravity: np.ndarray,
     step_s: float,
@@ -52,6 +54,7 @@ def pack(
         rigid: the nominal arm.
         order: (J,) index in the description's order of each joint of the tree.
         armature: (J,) nominal rotor inertia, description's order.
+        damping: (J,) of the controller, description's order.
         teeth: (J,) stiffness behind a backlash, description's order.
         nominal_gravity: (3,), for plants that state none.
         step_s: integration step.
@@ -77,7 +80,9 @@ def pack(
         slack = values["backlash"] > 0
         rigid_slack = slack & np.isinf(values["joint_stiffness"])
         values["joint_stiffness"] = np.where(rigid_slack, teeth, values["joint_stiffness"])
-        flags[b, mount:] = _flags(plant, values, everything)[order]
+        # A sampled damper of the controller throws a rotor lighter than half of this back and forth.
+        apart = values["rotor_inertia"] * MOST_DAMPING >= np.maximum(damping * values["damping_scale"] * step_s, 1e-9)
+        flags[b, mount:] = _flags(plant, values, apart, everything)[order]
         values["joint_stiffness"] = np.where(
             np.isinf(values["joint_stiffness"]), 0.0, values["joint_stiffness"]
         )
@@ -164,7 +169,9 @@ def ten_to_frame(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
     return np.array(columns).T
 
 
-def _flags(plant: PlantParameters, values: dict[str, np.ndarray], everything: bool) -> np.ndarray:
+def _flags(
+    plant: PlantParameters, values: dict[str, np.ndarray], apart: np.ndarray, everything: bool
+) -> np.ndarray:
     def bit(flag: F, on: np.ndarray) -> np.ndarray:
         return np.where(on, int(flag), 0)
 
@@ -173,7 +180,8 @@ def _flags(plant: PlantParameters, values: dict[str, np.ndarray], everything: bo
     parts = ("coulomb", "viscous", "load_friction", "friction_asymmetry")
     rubs = drop | wave | bristle | np.any([values[name] != 0 for name in parts], axis=0)
     structure = (
-        bit(F.ELASTIC, np.isfinite(values["joint_stiffness"]))
+        bit(F.ELASTIC, np.isfinite(values["joint_stiffness"]) & apart)
+        + bit(F.QUASI, np.isfinite(values["joint_stiffness"]) & ~apart)
         + bit(F.BRISTLE, bristle)
         + bit(F.QUANTISED, values["encoder_resolution"] > 0)
         + bit(F.HOLD, values["hold_probability"] > 0)

@@ -85,7 +85,7 @@ class Simulation:
         tree = self.tree
         n, count, order = tree.joints, len(plants), tree.order
         self.packed = pack(
-            plants, loop.rigid, order, loop.armature, loop.teeth, loop.gravity, loop.step_s, mount, full
+            plants, loop.rigid, order, loop.armature, loop.damping, loop.teeth, loop.gravity, loop.step_s, mount, full
         )
         delays = self.packed.params[:, :, P.EFFORT_DELAY]
         slots = steps + 1 if full else int(np.ceil(delays.max())) + 3
@@ -156,7 +156,7 @@ class Simulation:
         self._write_first(state)
         gravity = self._bias()
         self.first_q, self.first_bias = q, gravity
-        elastic = (flags & int(F.ELASTIC)) != 0
+        elastic = (flags & int(F.ELASTIC | F.QUASI)) != 0
         stiffness = np.where(elastic, params[..., P.JOINT_STIFFNESS], 1.0)
         hold = gravity[:, mount:]
         wound = np.where(elastic, hold / stiffness + np.sign(hold) * params[..., P.BACKLASH], 0.0)

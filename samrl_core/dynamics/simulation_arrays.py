@@ -116,7 +116,8 @@ class F(enum.IntFlag):
     HYSTERESIS = 2048
     CABLE = 4096
     HOLD = 8192
-    DELAYED = 16384  # a command or effort delay
+    DELAYED = 16384  # an effort delay
+    QUASI = 32768  # elastic, but with too little rotor to move apart from its link
 
 
 @wp.struct

@@ -25,6 +25,8 @@ ARMATURE = {
     "tool_arm": np.full(7, 0.1),
     "camera_arm": np.array([0.5, 0.5, 0.25, 0.25, 0.08, 0.08, 0.08]),
 }
+# Joints whose torque changes its sign in the recordings; the others are held to one side by gravity.
+REVERSING = {"tool_arm": (0, 1, 2, 6), "camera_arm": (0, 6)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +90,35 @@ def description(role: str, letter: str, tolerances: Tolerances) -> ArmDescriptio
     return ArmDescription(role, arm.spec.joint_names, arm.urdf, controller, arm.tool, tolerances)
 
 
+@dataclass(frozen=True, eq=False)
+class Demands:
+    """What the three recordings of a programme ask of each joint of the nominal arm, (J,)."""
+
+    torque: np.ndarray  # largest [N m]
+    gravity: np.ndarray  # largest of gravity alone [N m]
+    rate: np.ndarray  # largest change of torque [N m/s]
+    lowest: np.ndarray  # [rad]
+    highest: np.ndarray  # [rad]
+
+
 @lru_cache(maxsize=None)
-def demands(role: str, number: int, duration_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of the three recordings of a programme, per joint: peak torque, peak gravity torque, lowest, highest position."""
+def demands(role: str, number: int, duration_s: float) -> Demands:
+    """Of sets A, B and C of a programme, every tenth tick."""
     arm = nominal_arm(role)
-    peak, weight = np.zeros(7), np.zeros(7)
-    low, high = np.full(7, np.inf), np.full(7, -np.inf)
+    torques, weights, rates, positions = [], [], [], []
     for letter in SETS:
         c = world_command(role, number, letter, duration_s)
-        q, v, a = c.position, c.velocity, c.acceleration
-        for k in range(0, len(c), 10):
-            peak = np.maximum(peak, np.abs(arm.model.inverse_dynamics(q[k], v[k], a[k])))  # type: ignore[index]
-            weight = np.maximum(weight, np.abs(arm.model.gravity(q[k])))  # type: ignore[index]
-        low, high = np.minimum(low, q.min(axis=0)), np.maximum(high, q.max(axis=0))  # type: ignore[union-attr]
-    return peak, weight, low, high
+        q, v, a = (np.asarray(x)[::10] for x in (c.position, c.velocity, c.acceleration))
+        torque = np.stack([arm.model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
+        torques.append(np.abs(torque))
+        weights.append(np.abs([arm.model.gravity(row) for row in q]))
+        rates.append(np.abs(np.diff(torque, axis=0)) / (10 * arm.spec.controller.period_s))
+        positions.append(q)
+    joined = np.concatenate(positions)
+    return Demands(
+        np.concatenate(torques).max(axis=0),
+        np.concatenate(weights).max(axis=0),
+        np.concatenate(rates).max(axis=0),
+        joined.min(axis=0),
+        joined.max(axis=0),
+    )

@@ -10,7 +10,7 @@ import numpy as np
 from samrl_core.errors import InputError
 from samrl_core.forge.disturbances.registry import CATALOGUE, OUTSIDE, family
 from samrl_core.forge.engines import ENGINES
-from samrl_core.forge.nominal import PROGRAMMES, nominal_arm
+from samrl_core.forge.nominal import PROGRAMMES, REVERSING, nominal_arm
 from samrl_core.robots.robot import ROLES
 
 SEVERITIES = (0.5, 0.95, 0.25, 0.75, 0.1)  # in the order in which rounds over the families take them
@@ -163,6 +163,8 @@ def _effect(
 ) -> PlannedEffect:
     known = family(name)
     joint = int(rng.integers(known.first_joint, len(nominal_arm(arm).bare.links)))
+    if known.needs_reversal:
+        joint = int(rng.choice(REVERSING[arm]))
     place = place_of(name, arm, joint)
     if known.also_arm and rng.random() < 0.4:
         place = f"arm:{arm}"

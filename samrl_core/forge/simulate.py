@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from samrl_core.errors import InputError
 from samrl_core.forge.arm_body import ArmBody
@@ -118,6 +119,7 @@ def simulate(
     guess = np.zeros(n_joints)  # of rotor velocity at the step's end
     link_guess = np.zeros(size)
     mounts = list(enumerate(hooks.mount))
+    passes = 2 if hooks.friction or elastic else 1  # the floor alone is smooth enough for one
 
     for k in range(-settle, count):
         t = k * period
@@ -158,7 +160,7 @@ def simulate(
             engine.gravity(vector)
 
         link_sum = np.zeros(n_joints)
-        for _ in range(substeps):
+        for _substep in range(substeps):
             mass, bias = engine.dynamics()
             position, velocity = engine.position, engine.velocity
             q_rotor, v_rotor = position[arm].copy(), velocity[arm].copy()
@@ -169,7 +171,7 @@ def simulate(
             beside = np.zeros(n_joints)
             for push in hooks.external:
                 beside = beside + push(t, position[arm], velocity[arm])
-            for _pass in range(2):  # friction and contact are linearised about the end of the step
+            for _ in range(passes):  # friction and contact are linearised about the end of the step
                 ratio = np.maximum(np.abs(guess) / reality.stribeck_velocity, 1e-6)
                 slope = own_coulomb / reality.stribeck_velocity * np.tanh(ratio) / ratio + own_viscous
                 offset = np.zeros(n_joints)
@@ -197,8 +199,10 @@ def simulate(
                     c_full[i] = spring.damping + dt * hard
                 push_full = a_full.copy()
                 push_full[arm] += beside
-                matrix = mass + np.diag(padded[0] + dt * c_full)
-                acceleration = np.linalg.solve(matrix, push_full - bias - c_full * velocity)
+                matrix = mass.copy()
+                matrix.flat[:: size + 1] += padded[0] + dt * c_full
+                # Positive definite: LAPACK straight, a third of numpy's time for such small systems.
+                acceleration = dposv(matrix, push_full - bias - c_full * velocity)[1]
                 link_guess = velocity + dt * acceleration
                 guess = link_guess[arm].copy()
                 for i, (a_s, c_s, stiff, free) in springs.items():

@@ -83,17 +83,18 @@ def joint_of(place: str, arm: NominalArm) -> int:
 
 
 def _effect(planned: PlannedEffect, item: PlanItem, arm: NominalArm, rng: np.random.Generator) -> Effect:
-    peak, weight, low, high = demands(item.arm, item.programme, item.duration_s)
+    asked = demands(item.arm, item.programme, item.duration_s)
     site = Site(
         spec=arm.spec,
         role=item.arm,
         model=arm.model,
         joint=joint_of(planned.place, arm),
         armature=ARMATURE[item.arm],
-        peak_torque=peak,
-        gravity_torque=weight,
-        lowest=low,
-        highest=high,
+        peak_torque=asked.torque,
+        gravity_torque=asked.gravity,
+        peak_rate=asked.rate,
+        lowest=asked.lowest,
+        highest=asked.highest,
         rng=rng,
     )
     return family(planned.family).make(site, planned.form, planned.severity)

@@ -26,4 +26,4 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     )
 
 
-FAMILY = Family("backlash", "joint", _make)
+FAMILY = Family("backlash", "joint", _make, needs_reversal=True)

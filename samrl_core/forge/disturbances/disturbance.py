@@ -34,6 +34,7 @@ class Site:
     armature: np.ndarray  # nominal rotor inertia [kg m2]
     peak_torque: np.ndarray  # of the nominal arm over its recordings [N m]
     gravity_torque: np.ndarray  # largest of gravity alone over its recordings [N m]
+    peak_rate: np.ndarray  # of the torque [N m/s]
     lowest: np.ndarray  # reached by the recordings' commands [rad]
     highest: np.ndarray
     rng: np.random.Generator  # for what severity does not fix: signs, phases, directions
@@ -77,6 +78,7 @@ class Family:
     outside: bool = False  # not in the catalogue: form T2
     onset: bool = False  # may be switched on within a recording
     also_arm: bool = False  # a joint effect that may also hold for all joints
+    needs_reversal: bool = False  # only where the nominal load changes its sign: else nothing moves
     first_joint: int = 0  # joints before it cannot show the effect: gravity does not act on a vertical axis
 
 

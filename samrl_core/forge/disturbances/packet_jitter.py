@@ -11,23 +11,28 @@ from samrl_core.forge.hooks import Hooks
 def _holds(form: str, share: float, longest: int, rng: np.random.Generator) -> np.ndarray:
     """Whether each of 40 000 ticks goes without a new packet."""
     lost = np.zeros(40_000, dtype=bool)
+    if share <= 0:
+        return lost
+    # Bad and good spells of a quarter second on average; all losses fall into the bad ones.
+    bad = np.cumsum(rng.random(len(lost)) < 0.004) % 2 == 0
     mean = 0.5 * (1 + longest)
     at = 0
-    bad = False
-    while at < len(lost) and share > 0:
-        if form == "T1" and rng.random() < 0.1:
-            bad = not bad
-        rate = share if form == "T0" else share * (2.0 if bad else 0.02)
+    while at < len(lost):
+        rate = share if form == "T0" else min(2.0 * share, 0.6)
         at += 1 + int(rng.exponential(mean * (1.0 - rate) / rate))
         held = int(rng.integers(1, longest + 1))
-        lost[at : at + held] = True
+        if form == "T0" or (at < len(lost) and bad[at]):
+            lost[at : at + held] = True
         at += held
     return lost
 
 
 class _Hold:
+    """The drives' last effort."""
+
     def __init__(self, lost: np.ndarray, period: float) -> None:
-        self._lost, self._period, self._last = lost, period, None
+        self._lost, self._period = lost, period
+        self._last: np.ndarray | None = None
 
     def __call__(self, t: float, u: np.ndarray) -> np.ndarray:
         if self._last is None or not self._lost[round(t / self._period) % len(self._lost)]:

@@ -15,14 +15,15 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     limit = floor + (peak - floor) * (1.0 - quantile(severity, 0.1, 0.85))
     if severity == 0.0:
         limit = 10.0 * peak
-    power = 8.0
+    power = 12.0
 
     def drive(t: float, u: np.ndarray) -> np.ndarray:
         out = u.copy()
         if form == "T0":
             out[i] = min(max(u[i], -limit), limit)
         else:
-            out[i] = u[i] / (1.0 + abs(u[i] / limit) ** power) ** (1.0 / power)
+            knee = 1.15 * limit  # so that little is lost where T0 loses nothing
+            out[i] = u[i] / (1.0 + abs(u[i] / knee) ** power) ** (1.0 / power)
         return out
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:

@@ -10,10 +10,11 @@ from samrl_core.forge.hooks import Hooks
 
 
 def _make(site: Site, form: str, severity: float) -> Effect:
-    width = quantile(severity, 2e-4, 4e-3)  # twist between loading and unloading [rad]; guessed .1-.5 mrad and up
-    base = 4e3 * site.size**2  # [N m/rad]; without loops the twist itself would show, small beside them
-    inner = 3.0 * base  # stiffness that is lost when the slider yields
-    force = base * width / 2.0
+    # Guessed at .1-.5 mrad of a joint of 1e4 N m/rad: 1..5 N m of loop.
+    force = quantile(severity, 0.5, 4.0) * site.size**2
+    base = 3e3 * site.size**2 if severity > 0 else 1e8  # [N m/rad] once the slider slips
+    inner = 2.0 * base  # lost when it does
+    width = 2.0 * force / base  # twist between loading and unloading [rad]
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         damping = 0.02 * float(np.sqrt(base * site.armature[site.joint]))
@@ -21,7 +22,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
             sliders = ((inner, force),)
         else:
             sliders = tuple((inner / 3.0, force / 3.0 * k) for k in (0.4, 1.0, 1.6))
-        hooks.transmission[site.joint] = LoopSpring(base * (1e3 if severity == 0 else 1.0), damping, sliders, form == "T1")
+        hooks.transmission[site.joint] = LoopSpring(base, damping, sliders, form == "T1")
 
     return Effect(
         {

@@ -18,6 +18,7 @@ DEGREES = 180.0 / np.pi
 _BEYOND = 0.2  # [rad or m] over a limit before units are suspected: offsets and soft limits are smaller
 _SHARE = 0.01  # of samples
 _CLEAR = 0.9  # correlation above which a ratio of two channels means something
+_UNLIKE = 0.5  # correlation below which they are not the same thing
 _VELOCITY_FACTORS = {
     DEGREES: "velocity in deg/s, or position in turns of rad",
     30.0 / np.pi: "velocity in rpm",
@@ -115,11 +116,12 @@ def velocity_notes(where: str, recording: ArmRecording) -> list[str]:
     for j in np.flatnonzero(moving & (recorded.std(axis=0) > 0)):
         ratio, likeness = _ratio(recorded[:, j], derived[:, j])
         joint = recording.arm.joints[j]
-        if abs(likeness) < _CLEAR:
+        if abs(likeness) < _UNLIKE:
             notes.append(
                 f"velocity of {joint} is not the derivative of its position (correlation {likeness:.2f})"
             )
-            continue
+        if abs(likeness) < _CLEAR:
+            continue  # small motion drowned in noise
         said = f"velocity of {joint} is {ratio:.4g} times the derivative of its position"
         if likeness < 0:
             raise InputError(f"{where}: {said}; one of them has the wrong sign, mend it")

@@ -71,8 +71,9 @@ def load_recordings(
     roles = [m[1] for t in bag.topics if (m := _STATES.match(t.name)) and t.count > 0]
     if not roles:
         present = ", ".join(f"{t.name} ({t.count})" for t in bag.topics) or "none"
+        cut = f"; it is truncated: {'; '.join(bag.damage)}" if bag.truncated else ""
         raise InputError(
-            f"bag {path} holds no joint states: none on /cell/<arm>/joint_states; topics present: {present}."
+            f"bag {path} holds no joint states{cut}: none on /cell/<arm>/joint_states; topics present: {present}."
             " Record or remap to the contract's names, or turn a log into a bag with `samrl bag import`"
         )
     bag, messages = _messages(bag, roles)

@@ -117,6 +117,12 @@ def test_velocity_of_the_wrong_sign(motion: ArmRecording, with_states: Change) -
         check_recording(with_states(motion, velocity=-motion.states.velocity))
 
 
+def test_velocity_of_something_else_is_suspected(motion: ArmRecording, with_states: Change) -> None:
+    assert motion.states.velocity is not None
+    notes = check_recording(with_states(motion, velocity=motion.states.velocity[:, ::-1].copy()))
+    assert any("is not the derivative of its position" in note for note in notes)
+
+
 def test_command_in_degrees(motion: ArmRecording) -> None:
     assert motion.command is not None and motion.command.position is not None
     command = replace(motion.command, position=motion.command.position * DEGREES)

@@ -257,7 +257,7 @@ def test_a_truncated_bag_says_what_was_lost(motion: ArmRecording, tmp_path: Path
     assert 100 < len(loaded.recordings[0].states) < 600
     assert any("truncated" in note and "bytes at the end" in note for note in loaded.notes["tool_arm"])
     (tmp_path / "hopeless.mcap").write_bytes(whole[:200])
-    with pytest.raises(InputError, match="no joint states"):
+    with pytest.raises(InputError, match="no joint states; it is truncated: "):
         load_recordings(tmp_path / "hopeless.mcap")
 
 

@@ -211,7 +211,7 @@ def test_two_files_side_by_side_and_a_coupling_matrix(run: Run, log: Callable[..
     )  # fmt: skip
     np.testing.assert_allclose(position(made), np.column_stack([Q, Q**2 + 0.1]), atol=1e-12)
     effort = made[0].recording.commanded_effort
-    assert effort is not None
+    assert effort is not None and effort.effort is not None
     np.testing.assert_allclose(effort.effort, np.column_stack([30 * Q, 40 * Q]))
 
 

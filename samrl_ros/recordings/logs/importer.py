@@ -17,9 +17,9 @@ from samrl_core.types.arm_description import ArmDescription, Tolerances
 from samrl_core.types.arm_recording import ArmRecording, JointSignal
 from samrl_ros.recordings.logs.formulas import evaluate
 from samrl_ros.recordings.logs.keys import Keys
-from samrl_ros.recordings.logs.mapping import ChannelSpec, Mapping, RecordingSpec
 from samrl_ros.recordings.logs.resampling import even, low_pass, resample
 from samrl_ros.recordings.logs.sources import SourceData, read_source
+from samrl_ros.recordings.logs.specs import ChannelSpec, Mapping, RecordingSpec
 from samrl_ros.recordings.logs.units import SI
 from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
 from samrl_ros.recordings.read import RAW, moving_joints

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from samrl_core.errors import InputError
-from samrl_ros.recordings.logs.mapping import Filter, Resample
+from samrl_ros.recordings.logs.specs import Filter, Resample
 
 _EVEN = 0.02  # relative jitter of the steps up to which a filter takes them as even
 _LEAST = 30  # samples a filter needs

@@ -10,7 +10,7 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_ros.recordings.logs.formulas import evaluate, names_in
-from samrl_ros.recordings.logs.mapping import RecordingSpec, SourceSpec
+from samrl_ros.recordings.logs.specs import RecordingSpec, SourceSpec
 from samrl_ros.recordings.logs.tables import Table, read_table
 
 

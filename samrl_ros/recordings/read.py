@@ -74,7 +74,8 @@ def load_recordings(
         cut = f"; it is truncated: {'; '.join(bag.damage)}" if bag.truncated else ""
         raise InputError(
             f"bag {path} holds no joint states{cut}: none on /cell/<arm>/joint_states; topics present:"
-            f" {present}. Record or remap to the contract's names, or turn a log into a bag with `samrl bag import`"
+            f" {present}. Record or remap to the contract's names, or turn a log into a bag with"
+            " `samrl bag import`"
         )
     bag, messages = _messages(bag, roles)
     damage = _damage_notes(bag)

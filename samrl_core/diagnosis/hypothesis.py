@@ -30,8 +30,8 @@ class Hypothesis:
     regressors: Regressors
     mean: np.ndarray  # (p,) prior
     spread: np.ndarray  # (p,)
-    gram: np.ndarray  # (p, p)
-    moment: np.ndarray  # (p,)
+    gram: np.ndarray  # (p, p) without tolerances
+    moment: np.ndarray  # (p,) likewise
     tried: int = 1  # shapes and forms that were searched
 
     @property
@@ -58,12 +58,12 @@ def hypothesis(
     regressors = likelihood.regressors(columns)
     if regressors.empty:
         return None
-    gram = likelihood.gram(regressors, regressors)
+    gram = likelihood.plain_gram(regressors, regressors)
     if not np.isfinite(gram).all() or float(np.max(np.diag(gram))) <= 0:
         return None
     mean, spread = effect.prior(likelihood.trials[0], place, form.name, shape)
     return Hypothesis(
-        effect, place, form, shape, regressors, mean, spread, gram, likelihood.moment(regressors)
+        effect, place, form, shape, regressors, mean, spread, gram, likelihood.plain_moment(regressors)
     )
 
 
@@ -86,12 +86,15 @@ class Evidence:
             gram[rows, rows] = a.gram
             for j in range(i + 1, len(hypotheses)):
                 columns = slice(starts[j], starts[j + 1])
-                cross = self.likelihood.gram(a.regressors, hypotheses[j].regressors)
+                cross = self.likelihood.plain_gram(a.regressors, hypotheses[j].regressors)
                 gram[rows, columns], gram[columns, rows] = cross, cross.T
         moment = np.concatenate([h.moment for h in hypotheses])
         mean = np.concatenate([h.mean for h in hypotheses])
         spread = np.concatenate([h.spread for h in hypotheses])
-        gram, moment = gram / k, moment / k
+        projected = np.hstack([h.regressors.projected for h in hypotheses])
+        shrink = self.likelihood.shrink(k)
+        gram = (gram - projected.T @ (shrink[:, None] * projected)) / k
+        moment = (moment - projected.T @ (shrink * self.likelihood.y_projected)) / k
         # In units of the prior's spread all scales are alike, whatever the physical units.
         scaled = spread[:, None] * gram * spread
         factor = linalg.cho_factor(scaled + np.eye(total))

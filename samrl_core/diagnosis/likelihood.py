@@ -6,7 +6,7 @@ inner products are taken in Sigma^-1, which costs one thin projection per regres
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,11 +53,11 @@ class Likelihood:
                     parts.append(ratio[:, j])
                     start += len(trial)
         self.y = np.concatenate(parts) if parts else np.zeros(0)
-        self._basis, self._shrink = self._factor()
+        self._basis, self._strength = self._factor()
         self._y_projected = self._basis.T @ self.y
 
     def _factor(self) -> tuple[np.ndarray, np.ndarray]:
-        """Orthonormal basis (N, k) of U / D and s^2 / (1 + s^2) of its singular values."""
+        """Orthonormal basis (N, k) of U / D and its squared singular values (k,)."""
         lists = [tolerance_columns(trial) for trial in self.trials]
         count = len(lists[0]) if lists else 0
         u = np.zeros((len(self.y), count))
@@ -69,7 +69,7 @@ class Likelihood:
         values, vectors = np.linalg.eigh(u.T @ u)
         kept = values > 1e-9 * max(values.max(initial=0.0), 1e-300)
         values, vectors = values[kept], vectors[:, kept]
-        return u @ (vectors / np.sqrt(values)), values / (1.0 + values)
+        return u @ (vectors / np.sqrt(values)), values
 
     def regressors(self, columns: Sequence[Columns]) -> Regressors:
         """Columns of an effect, one mapping per recording, in units of the noise."""
@@ -81,36 +81,56 @@ class Likelihood:
                 blocks[r, channel, j] = scaled
                 part = self._basis[self.blocks[r, channel, j]].T @ scaled.T
                 projected = part if projected is None else projected + part
-        return Regressors(blocks, np.zeros((len(self._shrink), 0)) if projected is None else projected)
+        return Regressors(blocks, np.zeros((len(self._strength), 0)) if projected is None else projected)
 
-    def gram(self, a: Regressors, b: Regressors) -> np.ndarray:
-        """A^T Sigma^-1 B, (p, q)."""
-        plain = np.zeros((a.projected.shape[1], b.projected.shape[1]))
+    def shrink(self, correlation: float) -> np.ndarray:
+        """Weight (k,) that tolerances take off a projection, when `correlation` samples count as one."""
+        return self._strength / (correlation + self._strength)
+
+    def plain_gram(self, a: Regressors, b: Regressors) -> np.ndarray:
+        """A^T D^-2 B, (p, q), without tolerances."""
+        out = np.zeros((a.projected.shape[1], b.projected.shape[1]))
         for block, rows in a.blocks.items():
             if block in b.blocks:
-                plain += rows @ b.blocks[block].T
-        return plain - a.projected.T @ (self._shrink[:, None] * b.projected)
+                out += rows @ b.blocks[block].T
+        return out
 
-    def moment(self, a: Regressors, y: np.ndarray | None = None) -> np.ndarray:
-        """A^T Sigma^-1 y, (p,) or (p, m) for responses (N, m); of the residuals by default."""
-        response = self.y if y is None else y
-        projected = self._y_projected if y is None else self._basis.T @ y
-        plain = np.zeros((a.projected.shape[1],) + response.shape[1:])
+    def plain_moment(self, a: Regressors) -> np.ndarray:
+        """A^T D^-2 y, (p,), without tolerances."""
+        out = np.zeros(a.projected.shape[1])
         for block, rows in a.blocks.items():
-            plain += rows @ response[self.blocks[block]]
-        shrunk = (self._shrink * projected.T).T
-        return plain - a.projected.T @ shrunk
+            out += rows @ self.y[self.blocks[block]]
+        return out
 
-    def energy(self, y: np.ndarray | None = None) -> float:
-        """y^T Sigma^-1 y."""
-        y = self.y if y is None else y
+    @property
+    def y_projected(self) -> np.ndarray:
+        """Residuals on the tolerances' basis (k,)."""
+        return self._y_projected
+
+    def deficit(self, y: np.ndarray, correlation: float, only: Collection[Block] | None = None) -> float:
+        """Log likelihood [nat] that a perfect explanation of residuals (N,) would win back.
+
+        Two parts: energy outside of the tolerances beyond one per sample, block by block so that quiet
+        blocks hide nothing, over the samples' correlation; and energy within them beyond one per tolerance.
+        `only` restricts it to some blocks.
+        """
+        if only is not None:
+            masked = np.zeros_like(y)
+            for block in only:
+                masked[self.blocks[block]] = y[self.blocks[block]]
+            y = masked
         projected = self._basis.T @ y
-        return float(y @ y - projected @ (self._shrink * projected))
+        outside = (y - self._basis @ projected) ** 2
+        parts = self.blocks.values() if only is None else [self.blocks[block] for block in only]
+        noise = sum(max(0.0, float(np.sum(outside[b])) - (b.stop - b.start)) for b in parts)
+        inside = projected**2 / (correlation + self._strength) - 1.0
+        strong = self._strength > correlation  # the others say nothing about tolerances
+        return 0.5 * noise / correlation + 0.5 * max(0.0, float(np.sum(inside[strong])))
 
     def whitened(self, y: np.ndarray | None = None) -> np.ndarray:
         """Sigma^-1/2 y (N,): what tolerances do not explain, in standard deviations."""
         y = self.y if y is None else y
-        root = 1.0 - np.sqrt(1.0 - self._shrink)
+        root = 1.0 - np.sqrt(1.0 - self.shrink(1.0))
         return y - self._basis @ (root * (self._basis.T @ y))
 
     def minus(self, a: Regressors, amplitudes: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:

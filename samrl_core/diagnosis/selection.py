@@ -22,7 +22,8 @@ class SelectionSettings:
     threshold: float = 12.0  # log evidence that a first effect needs against nothing [nat]
     second_threshold: float = 25.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
-    second_share: float = 0.08  # of all excess on fitted recordings, likewise
+    local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
+    local_rest: float = 0.2  # less left than this share of what there was: the first effect's formula
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Selection:
     singles: tuple[Fit, ...]  # best single fit of each family and place, best first
     rivals: tuple[Fit, ...]  # the chosen set with its first effect exchanged, best first; chosen excluded
     threshold: float
-    excess: float  # whitened energy beyond one per sample, before
+    excess: float  # log likelihood that a perfect explanation would win [nat], before
     remaining: float  # after
     held_out_excess: float
     held_out_remaining: float
@@ -63,7 +64,8 @@ def select(
         left = evidence.rest(singles[0])
         evidence.correlation_time = max(2.0, min(likelihood.correlation_time(left), 25.0))
         singles = _best_singles(evidence, pool)
-    excess, held_excess = excess_of(likelihood, likelihood.y), excess_of(held_out, held_out.y)
+    k = evidence.correlation_time
+    excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
     if not singles or singles[0].log_evidence < settings.threshold:
         return Selection(
             None, tuple(singles), (), settings.threshold, excess, excess, held_excess, held_excess,
@@ -73,25 +75,19 @@ def select(
     for _ in range(MOST_EFFECTS - 1):
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
         wider = _extend(evidence, pool, chosen)
-        if wider is None or not _worth(evidence, held_out, chosen, wider, settings, excess):
+        if wider is None or not _worth(evidence, held_out, chosen, wider, settings):
             break
         chosen = _swap(evidence, pool, wider)
     rivals = _rivals(evidence, pool, chosen, singles)
     if rivals and rivals[0].log_evidence > chosen.log_evidence:
         better, rivals = rivals[0], [chosen, *rivals[1:]]
         chosen = better
-    remaining = excess_of(likelihood, evidence.rest(chosen))
-    held_remaining = excess_of(held_out, held_out_rest(held_out, chosen))
+    remaining = likelihood.deficit(evidence.rest(chosen), k)
+    held_remaining = held_out.deficit(held_out_rest(held_out, chosen), k)
     return Selection(
         chosen, tuple(singles), tuple(rivals), settings.threshold, excess, remaining, held_excess,
         held_remaining, evidence.correlation_time,
     )  # fmt: skip
-
-
-def excess_of(likelihood: Likelihood, y: np.ndarray) -> float:
-    """Whitened energy beyond what noise leaves: block by block, so that quiet blocks hide nothing."""
-    z = likelihood.whitened(y) ** 2
-    return float(sum(max(0.0, float(np.sum(z[b])) - (b.stop - b.start)) for b in likelihood.blocks.values()))
 
 
 def held_out_rest(held_out: Likelihood, fit: Fit) -> np.ndarray:
@@ -159,18 +155,32 @@ def _worth(
     narrow: Fit,
     wide: Fit,
     settings: SelectionSettings,
-    excess: float,
 ) -> bool:
     """A further effect must be significant, matter on fitted data, and help on data that were not fitted."""
     if wide.log_evidence - narrow.log_evidence < settings.second_threshold:
         return False
-    before = excess_of(evidence.likelihood, evidence.rest(narrow))
-    after = excess_of(evidence.likelihood, evidence.rest(wide))
-    if before - after < settings.second_share * excess:
+    k = evidence.correlation_time
+    likelihood = evidence.likelihood
+    rest_narrow, rest_wide = evidence.rest(narrow), evidence.rest(wide)
+    added = wide.hypotheses[-1]
+    there = set(added.regressors.blocks)
+    # Where it acts, the further effect must explain most of what is left, or much of what there ever was:
+    # it may be small beside the first, but it must not merely mend the first one's formula.
+    before = likelihood.deficit(rest_narrow, k, there)
+    after = likelihood.deficit(rest_wide, k, there)
+    at_all = likelihood.deficit(likelihood.y, k, there)
+    mends = before < settings.local_rest * at_all
+    if before - after < (settings.local_share if not mends else 0.9) * before:
         return False
-    held_before = excess_of(held_out, held_out_rest(held_out, narrow))
-    held_after = excess_of(held_out, held_out_rest(held_out, wide))
-    return held_after < (1.0 - settings.held_out_share) * held_before
+    held_before = held_out.deficit(held_out_rest(held_out, narrow), k, _known(held_out, there))
+    held_after = held_out.deficit(held_out_rest(held_out, wide), k, _known(held_out, there))
+    return held_after <= (1.0 - settings.held_out_share) * held_before
+
+
+def _known(held_out: Likelihood, blocks: set[tuple[int, str, int]]) -> set[tuple[int, str, int]]:
+    """The same channels and joints on held-out recordings."""
+    pairs = {(channel, joint) for _, channel, joint in blocks}
+    return {block for block in held_out.blocks if block[1:] in pairs}
 
 
 def _rivals(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, singles: Sequence[Fit]) -> list[Fit]:

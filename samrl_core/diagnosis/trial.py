@@ -100,6 +100,17 @@ class Trial:
         return self.rigid.inverse_dynamics(self.motion.q, self.motion.dq, self.motion.ddq)
 
     @cached_property
+    def transmitted(self) -> np.ndarray:
+        """Torque through the transmissions (N, J) as the drives know it, without the link-side sensor.
+
+        Not the sensor's reading: its noise is in the link residual as well, and would seem to explain it.
+        Not the model's: it misses the resonance that an elastic joint is recognised by.
+        """
+        if self.motion.u is None:
+            return self.model_torque
+        return self.motion.u - self.rotor * self.motion.ddq
+
+    @cached_property
     def rotor(self) -> np.ndarray:
         """Nominal rotor inertia (J,)."""
         return armature(self.recording.arm)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, single
-from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, smooth_sign
+from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, bristle, smooth_sign
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
+
+STIFF = (3e-5, 1e-4)  # [rad] presliding distances below what encoders of arms resolve
 
 
 class CoulombFriction(DriveTorque):
@@ -26,11 +28,17 @@ class CoulombFriction(DriveTorque):
         return None if "tracking" in trial.channels else super().unobservable(trial)
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        """Width of the transition is searched."""
-        return single(("Fc",), tuple({"v": v} for v in SIGN_SPEEDS), v=(5e-4, 0.1))
+        """Width of the transition, or of the bristle, is searched."""
+        smooth = Form("smooth", ("Fc",), tuple({"v": v} for v in SIGN_SPEEDS), {"v": (5e-4, 0.1)})
+        if "tracking" in trial.channels:
+            return (smooth,)
+        # A bristle this stiff cannot be told from a jump, but parks where it stopped.
+        return smooth, Form("stiff bristle", ("Fc",), tuple({"xs": x} for x in STIFF), {"xs": (1e-5, 1.5e-4)})
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        """Smooth sign of the velocity."""
+        """Smooth sign of the velocity, or a stiff bristle along the position."""
+        if form == "stiff bristle":
+            return bristle(trial.motion.full_position[:, joint], shape["xs"])[None]
         return smooth_sign(trial.motion.full_velocity[:, joint], shape["v"])[None]
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
@@ -62,7 +70,7 @@ class CoulombFriction(DriveTorque):
         joints = self.joints_at(trial, place)
         return {
             "coulomb": at_joint(trial, joints, amplitudes[0]),
-            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
+            "coulomb_velocity": at_joint(trial, joints, shape.get("v", 0.003), 0.005),
         }
 
 

@@ -63,9 +63,7 @@ class Deflection(Effect):
         if "tracking" in trial.channels:
             assert trial.motion.u is not None
             return trial.tracking(joint, self.angle(trial, joint, form, shape, trial.motion.u[:, joint]))
-        # The model's torque, not the measured one: where the model expects none, measured torque is error
-        # itself, and would seem to explain itself.
-        angle = self.angle(trial, joint, form, shape, trial.model_torque[:, joint])
+        angle = self.angle(trial, joint, form, shape, trial.transmitted[:, joint])
         return trial.link(trial.deflection(joint, angle))
 
 

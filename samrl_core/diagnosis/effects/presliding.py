@@ -24,7 +24,7 @@ class Presliding(DriveTorque):
     )
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return single(("Fc",), tuple({"xs": x} for x in (2e-4, 6e-4, 2e-3, 6e-3)), xs=(1e-4, 0.03))
+        return single(("Fc",), tuple({"xs": x} for x in (2e-4, 6e-4, 2e-3, 6e-3)), xs=(1.5e-4, 0.03))
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return bristle(trial.motion.full_position[:, joint], shape["xs"])[None]

@@ -44,6 +44,13 @@ class TorqueSaturation(FixedResponse, DriveTorque):
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return np.ones(1)
 
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        # A drive that were in its limit most of the time would not be a limit, but another law.
+        x = trial.motion.raw_commanded if form == "drive" else trial.equations.law
+        (joint,) = self.joints_at(trial, place)
+        limited = x is None or np.mean(np.abs(x[:, joint]) > shape["L"]) > 0.4
+        return super().admissible(trial, place, form, shape, amplitudes) and not limited
+
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:

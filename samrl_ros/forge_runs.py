@@ -69,7 +69,8 @@ def make(job: Making) -> float:
     for name, recording in recordings.items():
         write_recording(recording, half / f"{name}.mcap")
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **oracle_arrays(recordings["C"], oracle))
+    arrays: dict[str, Any] = oracle_arrays(recordings["C"], oracle)
+    np.savez_compressed(buffer, **arrays)
     write_atomically(study.oracle(job.item.id), buffer.getvalue())
     write_atomically(study.label(job.item.id), (json.dumps(label, indent=1) + "\n").encode())
     move_folder(half, study.observations(job.item.id))
@@ -82,7 +83,9 @@ def oracle_arrays(held_out: ArmRecording, oracle: Any) -> dict[str, np.ndarray]:
 
     controller = held_out.arm.controller
     limit = controller.effort_limit if controller is not None else None
-    scales = channel_scales(held_out.arm, limit if limit is not None else RigidArm(held_out.arm).effort_limits())
+    scales = channel_scales(
+        held_out.arm, limit if limit is not None else RigidArm(held_out.arm).effort_limits()
+    )
     time_s = oracle.effect_states.time
     true = _channels(oracle.effect_states, oracle.effect_commanded, time_s)
     nominal = _channels(oracle.nominal_states, oracle.nominal_commanded, time_s)
@@ -109,7 +112,9 @@ def ask_baseline(job: BaselineJob) -> dict[str, Any]:
     code, output, report = 0, "", None
     try:
         bags = [study.observations(job.world) / f"{part}.mcap" for part in ("A", "B")]
-        report = baseline(job.name)([recording for bag in bags for recording in read_recordings(bag)]).as_report()
+        report = baseline(job.name)(
+            [recording for bag in bags for recording in read_recordings(bag)]
+        ).as_report()
     except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         code, output = 1, f"{type(error).__name__}: {error}"  # a crash is an answer, and a wrong one
     run = {"world": job.world, "exit_code": code, "seconds": time.monotonic() - began, "output": output}
@@ -132,7 +137,9 @@ def _channels(states: Any, commanded: Any, time_s: np.ndarray) -> dict[str, np.n
         "commanded_effort": (commanded, None if commanded is None else commanded.effort),
     }
     return {
-        name: np.stack([np.interp(time_s, found[name][0].time, column) for column in found[name][1].T], axis=1)
+        name: np.stack(
+            [np.interp(time_s, found[name][0].time, column) for column in found[name][1].T], axis=1
+        )
         for name in QUANTITIES
         if found[name][1] is not None
     }

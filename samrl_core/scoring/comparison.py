@@ -14,7 +14,7 @@ NAMES = ("argmin_rmse", "all_parameters", "sparse_regression", "mujoco_sysid")  
 
 
 def comparison(study: Study, sealed: Sealed, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """One row per baseline that was run, and before each other set of worlds the diagnosis on the same one."""
+    """One row per baseline that was run; the diagnosis on the same worlds stands before them."""
     rows: list[dict[str, Any]] = []
     shown: tuple[str, ...] = ()
     for name in NAMES:

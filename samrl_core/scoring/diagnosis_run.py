@@ -53,7 +53,17 @@ def diagnose_world(job: Job) -> dict[str, Any]:
         place = Path(name)
         for part in SETS:
             shutil.copyfile(study.observations(job.world) / f"{part}.mcap", place / f"{part}.mcap")
-        command = [*job.command, "A.mcap", "B.mcap", "--held-out", "C.mcap", "--out", "out", "--seed", str(job.seed)]
+        command = [
+            *job.command,
+            "A.mcap",
+            "B.mcap",
+            "--held-out",
+            "C.mcap",
+            "--out",
+            "out",
+            "--seed",
+            str(job.seed),
+        ]
         if job.library is not None:
             (place / "library.yaml").write_text(yaml.safe_dump({"families": list(job.library)}))
             command += ["--library", "library.yaml"]
@@ -82,7 +92,9 @@ def diagnose_world(job: Job) -> dict[str, Any]:
 
 
 def _run(command: list[str], place: Path, job: Job) -> tuple[int, str]:
-    threads = {name: str(job.threads) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+    threads = {
+        name: str(job.threads) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    }
     package = Path(__file__).resolve().parents[2]
     path = os.pathsep.join(p for p in (str(package), os.environ.get("PYTHONPATH", "")) if p)
     environment = {**os.environ, **threads, "PYTHONPATH": path, "PWD": str(place)}

@@ -23,7 +23,9 @@ def localisation(single: list[Outcome]) -> dict[str, Any]:
         "place": Share.of([o.place_right for o in single]).as_dict(),
         "where_first_joint_effects": Share.of([_where_first(o) for o in at_joint]).as_dict(),
         "onset_found": Share.of([e is not None for e in errors]).as_dict(),
-        "onset_within_half_second": Share.of([e is not None and e <= ONSET_TOLERANCE for e in errors]).as_dict(),
+        "onset_within_half_second": Share.of(
+            [e is not None and e <= ONSET_TOLERANCE for e in errors]
+        ).as_dict(),
         "onset_median_error_s": float(np.median(found)) if found else None,
         "onset_claimed_on_steady": Share.of([_stated_onset(o) is not None for o in steady]).as_dict(),
     }
@@ -49,7 +51,7 @@ def _where_first(o: Outcome) -> bool:
 
 
 def intervals(single: list[Outcome]) -> dict[str, Any]:
-    """Whether stated 95 % intervals hold the truth: right name, same form, parameters of equal name and unit."""
+    """Whether stated 95 % intervals hold the truth: right name, form T0, parameters of equal name, unit."""
     covered: list[bool] = []
     errors: list[float] = []
     per_parameter: dict[str, list[bool]] = {}
@@ -116,7 +118,9 @@ def ambiguity(known: list[Outcome]) -> dict[str, Any]:
     sizes = [len(set(g)) for g in groups]
     return {
         "ambiguous": Share.of([o.verdict == "ambiguous" for o in known]).as_dict(),
-        "coverage": Share.of([bool(set(o.truth.names) & set(g)) for o, g in zip(said, groups, strict=True)]).as_dict(),
+        "coverage": Share.of(
+            [bool(set(o.truth.names) & set(g)) for o, g in zip(said, groups, strict=True)]
+        ).as_dict(),
         "coverage_family": Share.of(
             [bool(set(o.truth.families) & f) for o, f in zip(said, families, strict=True)]
         ).as_dict(),

@@ -15,7 +15,12 @@ from samrl_core.scoring.study import Sealed, Study
 
 
 def load_outcomes(
-    study: Study, sealed: Sealed, stage: str, worlds: list[str], withheld: bool = False, unfinished: bool = False
+    study: Study,
+    sealed: Sealed,
+    stage: str,
+    worlds: list[str],
+    withheld: bool = False,
+    unfinished: bool = False,
 ) -> list[Outcome]:
     """One outcome per world of the list, whatever became of it.
 
@@ -29,11 +34,13 @@ def load_outcomes(
     missing = [w for w in worlds if not (study.run_folder(stage, w) / "run.json").exists()]
     if missing and not unfinished:
         raise InputError(
-            f"{len(missing)} of {len(worlds)} worlds have no result in {study.root / stage}; run samrl forge diagnose"
-            " again (it resumes), or score with --unfinished, which counts them as wrong"
+            f"{len(missing)} of {len(worlds)} worlds have no result in {study.root / stage}; run samrl forge"
+            " diagnose again (it resumes), or score with --unfinished, which counts them as wrong"
         )
     return [
-        _outcome(study.run_folder(stage, world), Truth.from_label(labels[world]), sealed.oracle(world), withheld)
+        _outcome(
+            study.run_folder(stage, world), Truth.from_label(labels[world]), sealed.oracle(world), withheld
+        )
         for world in worlds
     ]
 

@@ -23,7 +23,9 @@ def channel_scales(arm: ArmDescription, effort_limit: np.ndarray) -> dict[str, n
         InputError: no controller, or limits, stiffness or damping that are not positive and finite.
     """
     if arm.controller is None:
-        raise InputError(f"{arm.role} has no described controller; the gap metric needs stiffness and damping")
+        raise InputError(
+            f"{arm.role} has no described controller; the gap metric needs stiffness and damping"
+        )
     stiffness = np.asarray(arm.controller.stiffness, float)
     damping = np.asarray(arm.controller.damping, float)
     limit = np.asarray(effort_limit, float)

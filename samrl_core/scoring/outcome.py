@@ -100,7 +100,9 @@ class Outcome:
         if self.report is None or self.verdict not in ("effect", "ambiguous"):
             return ()
         listed = [*self.report.get("effects", ()), *self.report.get("runner_ups", ())]
-        ranked = sorted(listed, key=lambda e: (e.get("role") == "runner_up", -float(e.get("probability") or 0.0)))
+        ranked = sorted(
+            listed, key=lambda e: (e.get("role") == "runner_up", -float(e.get("probability") or 0.0))
+        )
         names = [f"{e['family']}@{e['place']}" for e in ranked]
         for group in self.report.get("ambiguity_set", ()):
             names += [name for name in group if name not in names]

@@ -14,9 +14,11 @@ from samrl_core.scoring.outcome import Outcome
 from samrl_core.scoring.table import Row, score_rows
 
 STYLE = """
-:root{color-scheme:light}body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;margin:0 auto;max-width:70rem;padding:1.5rem}
+:root{color-scheme:light}
+body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;margin:0 auto;max-width:70rem;padding:1.5rem}
 h1{font-size:1.5rem;margin:.2rem 0}h2{font-size:1.1rem;margin:2rem 0 .5rem;border-bottom:1px solid #d9e2ec}
-.scroll{overflow-x:auto}table{border-collapse:collapse;width:100%}td,th{padding:.2rem .6rem;text-align:left;font-size:.88rem}
+.scroll{overflow-x:auto}table{border-collapse:collapse;width:100%}
+td,th{padding:.2rem .6rem;text-align:left;font-size:.88rem}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}tr:nth-child(even){background:#f5f7fa}
 .met{color:#0b6e4f;font-weight:600}.missed{color:#c2410c;font-weight:600}figure{margin:0}figcaption{font-size:.85rem;color:#52606d}
 img{max-width:100%;height:auto}.grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(19rem,1fr));gap:1.2rem}
@@ -30,8 +32,14 @@ def figures(scores: dict[str, Any], outcomes: Sequence[Outcome]) -> dict[str, tu
         "severity": ("Seen, placed and named over severity", plots.severity_figure(scores["severity_curve"])),
         "families": ("Family right, per family", plots.family_figure(scores["which"]["per_family"])),
         "confusion": ("True family against what was said", plots.confusion_figure(scores["confusion"])),
-        "risk": ("Risk when only the most certain claims are kept", plots.risk_figure(scores["risk_coverage"])),
-        "calibration": ("Stated probability against frequency", plots.calibration_figure(scores["calibration"])),
+        "risk": (
+            "Risk when only the most certain claims are kept",
+            plots.risk_figure(scores["risk_coverage"]),
+        ),
+        "calibration": (
+            "Stated probability against frequency",
+            plots.calibration_figure(scores["calibration"]),
+        ),
         "shrink": ("Held-out shrink, named against true effect", plots.shrink_figure(outcomes)),
     }
 
@@ -55,10 +63,11 @@ def score_page(
         if k != "worlds"
     )
     return (
-        "<!doctype html><html lang='en'><meta charset='utf-8'><meta name='viewport' content='width=device-width,"
-        f"initial-scale=1'><title>Blind test</title><style>{STYLE}</style><h1>Blind test of the gap diagnosis</h1>"
-        f"<p>{escape(worlds)}. Every world counts, whatever was said of it; intervals are 95 %: Wilson for shares, "
-        "bootstrap for medians.</p>"
+        "<!doctype html><html lang='en'><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width,initial-scale=1'>"
+        f"<title>Blind test</title><style>{STYLE}</style><h1>Blind test of the gap diagnosis</h1>"
+        f"<p>{escape(worlds)}. Every world counts, whatever was said of it; intervals are 95 %: Wilson for "
+        "shares, bootstrap for medians.</p>"
         f"<h2>Scores</h2>{_table(score_rows(scores))}"
         f"{_apart(scores['apart'])}{_baselines(baselines)}"
         f"<h2>Pictures</h2><div class='grid'>{pictures}</div>"
@@ -77,7 +86,8 @@ def _table(rows: list[Row]) -> str:
             f"<td class='n {mark}'>{escape(aim)}</td></tr>"
         )
         group = row.group
-    head = "<tr><th></th><th>score</th><th class='n'>value</th><th class='n'>95 %</th><th class='n'>cases</th><th class='n'>aim</th></tr>"
+    head = "".join(f"<th class='n'>{name}</th>" for name in ("value", "95 %", "cases", "aim"))
+    head = f"<tr><th></th><th>score</th>{head}</tr>"
     return f"<div class='scroll'><table>{head}{body}</table></div>"
 
 
@@ -100,11 +110,13 @@ def _baselines(rows: Sequence[dict[str, Any]]) -> str:
     columns = ("top1_family", "top1_family_severe", "top1_family_place", "false_alarms", "unknown_named")
     head = "".join(f"<th class='n'>{c.replace('_', ' ').replace('top1', 'top-1')}</th>" for c in columns)
     body = "".join(
-        f"<tr><td>{escape(row['name'])}</td>" + "".join(f"<td class='n'>{share_text(row[c])}</td>" for c in columns)
+        f"<tr><td>{escape(row['name'])}</td>"
+        + "".join(f"<td class='n'>{share_text(row[c])}</td>" for c in columns)
         + "</tr>"
         for row in rows
-    )  # fmt: skip
-    return f"<h2>Baselines, same worlds</h2><div class='scroll'><table><tr><th></th>{head}</tr>{body}</table></div>"
+    )
+    table = f"<table><tr><th></th>{head}</tr>{body}</table>"
+    return f"<h2>Baselines, same worlds</h2><div class='scroll'>{table}</div>"
 
 
 def share_text(s: dict[str, Any]) -> str:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,7 +50,9 @@ def on_ray(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -> It
     try:
         ray = importlib.import_module("ray")
     except ImportError as error:
-        raise InputError("--ray needs the package ray, which is not installed: pip install 'ray>=2'") from error
+        raise InputError(
+            "--ray needs the package ray, which is not installed: pip install 'ray>=2'"
+        ) from error
     ray.init(ignore_reinit_error=True, log_to_driver=False)
     task = ray.remote(num_cpus=1, max_retries=1)(work)
     pending = {task.remote(item): item for item in items}

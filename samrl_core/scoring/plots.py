@@ -28,10 +28,30 @@ def severity_figure(curve: Sequence[dict[str, Any]]) -> Figure:
             continue
         x, y = [p[0] for p in points], np.array([p[1]["value"] for p in points])
         bounds = np.array([p[1]["ci95"] for p in points]).T
-        ax.errorbar(x, y, np.maximum(0, [y - bounds[0], bounds[1] - y]), color=colour, marker="o", capsize=3, label=label)
+        ax.errorbar(
+            x,
+            y,
+            np.maximum(0, [y - bounds[0], bounds[1] - y]),
+            color=colour,
+            marker="o",
+            capsize=3,
+            label=label,
+        )
     for c in curve:
-        ax.text(0.5 * (c["from"] + c["to"]), -0.02, f"n {c['detected']['trials']}", ha="center", va="top", fontsize=7)
-    ax.set(xlim=(0, 1), ylim=(-0.08, 1.04), xlabel="severity (quantile of the effect's range)", ylabel="share of worlds")
+        ax.text(
+            0.5 * (c["from"] + c["to"]),
+            -0.02,
+            f"n {c['detected']['trials']}",
+            ha="center",
+            va="top",
+            fontsize=7,
+        )
+    ax.set(
+        xlim=(0, 1),
+        ylim=(-0.08, 1.04),
+        xlabel="severity (quantile of the effect's range)",
+        ylabel="share of worlds",
+    )
     if ax.get_legend_handles_labels()[0]:
         ax.legend(frameon=False, fontsize=8, loc="lower right")
     return _plain(figure)
@@ -66,7 +86,12 @@ def risk_figure(table: dict[str, Any]) -> Figure:
     if table["curve"]:
         coverage, risk = np.array(table["curve"]).T
         ax.step(coverage, risk, where="post", color=ACCENT)
-    ax.set(xlim=(0, 1), ylim=(0, 1), xlabel="share of all worlds in which a cause is named", ylabel="wrong among them")
+    ax.set(
+        xlim=(0, 1),
+        ylim=(0, 1),
+        xlabel="share of all worlds in which a cause is named",
+        ylabel="wrong among them",
+    )
     return _plain(figure)
 
 
@@ -88,7 +113,9 @@ def shrink_figure(outcomes: Sequence[Outcome]) -> Figure:
     figure = Figure(figsize=(3.6, 3.2), layout="constrained")
     ax = figure.subplots()
     ax.plot([0, 1], [0, 1], color=SOFT, lw=1)
-    single = [o for o in outcomes if o.truth.set == "single" and o.shrinks and o.shrinks.oracle_shrink is not None]
+    single = [
+        o for o in outcomes if o.truth.set == "single" and o.shrinks and o.shrinks.oracle_shrink is not None
+    ]
     groups = (
         ("right", ACCENT, [o for o in single if o.family_right]),
         ("wrong", WARN, [o for o in single if o.primary is not None and not o.family_right]),
@@ -99,7 +126,12 @@ def shrink_figure(outcomes: Sequence[Outcome]) -> Figure:
         if pairs:
             ax.scatter(*zip(*pairs, strict=True), s=12, color=colour, label=f"{label} ({len(pairs)})")
             ax.legend(frameon=False, fontsize=7)
-    ax.set(xlim=(-0.1, 1), ylim=(-1.02, 1), xlabel="shrink with the true effect", ylabel="shrink with the named effect")
+    ax.set(
+        xlim=(-0.1, 1),
+        ylim=(-1.02, 1),
+        xlabel="shrink with the true effect",
+        ylabel="shrink with the named effect",
+    )
     return _plain(figure)
 
 
@@ -112,8 +144,8 @@ def family_figure(per_family: dict[str, Any]) -> Figure:
         s = per_family[family]
         ax.plot(s["ci95"], [k, k], color=SOFT, lw=2)
         ax.plot(s["value"], k, "o", color=ACCENT, ms=5)
-    ax.set_yticks(range(len(order)), [f"{f}  {per_family[f]['successes']}/{per_family[f]['trials']}" for f in order],
-                  fontsize=7)  # fmt: skip
+    labels = [f"{f}  {per_family[f]['successes']}/{per_family[f]['trials']}" for f in order]
+    ax.set_yticks(range(len(order)), labels, fontsize=7)
     ax.set(xlim=(-0.02, 1.02), xlabel="family right, first named")
     return _plain(figure)
 
@@ -129,6 +161,6 @@ def _plain(figure: Figure) -> Figure:
     for ax in figure.axes:
         ax.spines[["top", "right"]].set_visible(False)
         ax.tick_params(labelsize=8)
-        ax.xaxis.label.set_size(8)
-        ax.yaxis.label.set_size(8)
+        ax.xaxis.label.set_fontsize(8)
+        ax.yaxis.label.set_fontsize(8)
     return figure

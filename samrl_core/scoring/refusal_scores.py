@@ -61,7 +61,9 @@ def calibration(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     right = [o.name_right for o in named]
     bins = []
     for low in np.arange(10) / 10:
-        part = [r for p, r in zip(stated, right, strict=True) if low <= p < low + 0.1 or (low > 0.85 and p == 1)]
+        part = [
+            r for p, r in zip(stated, right, strict=True) if low <= p < low + 0.1 or (low > 0.85 and p == 1)
+        ]
         if part:
             bins.append({"from": float(low), "to": float(low + 0.1), "right": Share.of(part).as_dict()})
     return {"n": len(named), "ece": expected_calibration_error(stated, right), "brier": brier(stated, right),

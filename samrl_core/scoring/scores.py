@@ -99,7 +99,11 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     families = sorted({o.truth.families[0] for o in outcomes if o.truth.set == "single"} | set(claimed))
     columns = [*families, *VERDICT_COLUMNS]
     order = sorted(rows, key=lambda r: (r.startswith("("), r))
-    return {"rows": order, "columns": columns, "counts": [[rows[r].get(c, 0) for c in columns] for r in order]}
+    return {
+        "rows": order,
+        "columns": columns,
+        "counts": [[rows[r].get(c, 0) for c in columns] for r in order],
+    }
 
 
 def severity_curve(single: list[Outcome]) -> list[dict[str, Any]]:

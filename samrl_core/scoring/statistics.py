@@ -90,7 +90,14 @@ def summary(values: Sequence[float], rng: np.random.Generator, draws: int = 1000
     """Mean, median and quartiles with bootstrap 95 % intervals of mean and median; None without values."""
     data = np.asarray([v for v in values if np.isfinite(v)], float)
     if not len(data):
-        return {"n": 0, "mean": None, "mean_ci95": None, "median": None, "median_ci95": None, "quartiles": None}
+        return {
+            "n": 0,
+            "mean": None,
+            "mean_ci95": None,
+            "median": None,
+            "median_ci95": None,
+            "quartiles": None,
+        }
     resampled = data[rng.integers(0, len(data), (draws, len(data)))]
 
     def interval(x: np.ndarray) -> list[float]:

@@ -75,7 +75,9 @@ class Study:
             InputError: not there, so nothing was sealed yet.
         """
         if not self.forge_file.exists():
-            raise InputError(f"{self.forge_file} does not exist: the labels are not sealed; run samrl forge first")
+            raise InputError(
+                f"{self.forge_file} does not exist: the labels are not sealed; run samrl forge first"
+            )
         return json.loads(self.forge_file.read_text())
 
     def seal(self, worlds: list[str], facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -86,7 +88,9 @@ class Study:
                 for path in (self.label(world), self.oracle(world)):
                     if path.exists():
                         content = path.read_bytes()
-                        entry = tarfile.TarInfo(path.name)  # owner and time stay zero: the hash is reproducible
+                        entry = tarfile.TarInfo(
+                            path.name
+                        )  # owner and time stay zero: the hash is reproducible
                         entry.size = len(content)
                         tar.addfile(entry, io.BytesIO(content))
         write_atomically(self.tar, buffer.getvalue())
@@ -104,7 +108,9 @@ class Study:
         if not self.tar.exists():
             raise InputError(f"{self.tar} does not exist; nothing can be scored without it")
         if (found := sha256(self.tar)) != stated:
-            raise InputError(f"{self.tar} has sha256 {found}, but {stated} was published: labels were changed")
+            raise InputError(
+                f"{self.tar} has sha256 {found}, but {stated} was published: labels were changed"
+            )
         return Sealed(self.tar)
 
 

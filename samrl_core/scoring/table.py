@@ -64,7 +64,9 @@ def score_rows(scores: dict[str, Any]) -> list[Row]:
         _number("where", "onset error, median [s]", p["onset_median_error_s"]),
         _share("where", "onset stated though always there", p["onset_claimed_on_steady"]),
         _share("no", "unknown refused", r["unknown_rejected"]),
-        _share("no", "unknown refused, at 5 % of known refused", r["unknown_rejected_at_5_percent"], Aim(0.80)),
+        _share(
+            "no", "unknown refused, at 5 % of known refused", r["unknown_rejected_at_5_percent"], Aim(0.80)
+        ),
         _share("no", "unknown refused, outside the library", r["outside_rejected"]),
         _share("no", "unknown refused, family left out", r["left_out_rejected"]),
         _share("no", "unknown refused among gaps seen", r["unknown_rejected_among_seen"]),
@@ -112,7 +114,15 @@ def _spread(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) ->
         return Row(group, name, "–", "", "0", str(aim or ""))
     low, high = s["median_ci95"]
     value = f"{s['median']:.1%} (mean {s['mean']:.1%})"
-    return Row(group, name, value, f"{low:.1%} – {high:.1%}", str(s["n"]), str(aim or ""), aim and aim.met(s["median"]))
+    return Row(
+        group,
+        name,
+        value,
+        f"{low:.1%} – {high:.1%}",
+        str(s["n"]),
+        str(aim or ""),
+        aim and aim.met(s["median"]),
+    )
 
 
 def _number(group: str, name: str, value: float | None, aim: Aim | None = None, percent: bool = False) -> Row:

@@ -17,7 +17,9 @@ from samrl_core.types.arm_recording import ArmRecording
 
 
 def _arm_module() -> Any:
-    spec = importlib.util.spec_from_file_location("two_joint_arm", Path(__file__).with_name("two_joint_arm.py"))
+    spec = importlib.util.spec_from_file_location(
+        "two_joint_arm", Path(__file__).with_name("two_joint_arm.py")
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -74,7 +74,10 @@ def test_an_endless_diagnosis_is_stopped_and_counts(tmp_path: Path) -> None:
     study, job = study_with(tmp_path, body="import time; time.sleep(60)  # {secret} {code}")
     run = diagnose_world(Job(**{**job.__dict__, "timeout_s": 0.5}))
     assert run["exit_code"] == 124
-    assert "stopped after 0.5 s" in json.loads((study.run_folder("diagnosis", "w1") / "run.json").read_text())["output"]
+    assert (
+        "stopped after 0.5 s"
+        in json.loads((study.run_folder("diagnosis", "w1") / "run.json").read_text())["output"]
+    )
 
 
 def double(x: int) -> int:

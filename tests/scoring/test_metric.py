@@ -13,7 +13,10 @@ from samrl_core.types.arm_description import ArmController, ArmDescription, Tole
 
 def _arm(**changes: object) -> ArmDescription:
     controller = ArmController(
-        ("a", "b"), np.array([100.0, 200.0]), np.array([10.0, 5.0]), tolerances=Tolerances(**changes)  # type: ignore[arg-type]
+        ("a", "b"),
+        np.array([100.0, 200.0]),
+        np.array([10.0, 5.0]),
+        tolerances=Tolerances(**changes),  # type: ignore[arg-type]
     )
     return ArmDescription("tool_arm", ("a", "b"), None, controller)
 
@@ -37,7 +40,11 @@ def test_scales_refuse_no_tolerance_at_all() -> None:
 
 
 def test_metric_is_the_rms_over_channels_in_units_of_their_scales() -> None:
-    measured = {"position": np.array([[0.0], [0.0]]), "effort": np.array([[5.0], [np.nan]]), "extra": np.ones((2, 1))}
+    measured = {
+        "position": np.array([[0.0], [0.0]]),
+        "effort": np.array([[5.0], [np.nan]]),
+        "extra": np.ones((2, 1)),
+    }
     simulated = {"position": np.array([[0.1], [0.1]]), "effort": np.array([[1.0], [9.0]])}
     scales = {"position": np.array([0.1]), "effort": np.array([2.0])}
     assert gap_metric(measured, simulated, scales) == pytest.approx(np.sqrt((1 + 1 + 4) / 3))

@@ -12,7 +12,9 @@ from samrl_core.scoring.table import score_rows
 CF, VF = "coulomb_friction", "viscous_friction"
 
 
-def effect(family: str, place: str, severity: float = 0.6, onset: float | None = None, **more: Any) -> dict[str, Any]:
+def effect(
+    family: str, place: str, severity: float = 0.6, onset: float | None = None, **more: Any
+) -> dict[str, Any]:
     return {"family": family, "place": place, "form": "T0", "severity": severity, "onset": onset,
             "parameters": {}, **more}  # fmt: skip
 
@@ -25,20 +27,37 @@ def said(verdict: str, *effects: dict[str, Any], **more: Any) -> dict[str, Any]:
     return {"verdict": verdict, "effects": list(effects), "where": [], "unexplained_fraction": 0.1, **more}
 
 
-def named(family: str, place: str, probability: float = 0.9, role: str = "primary", **more: Any) -> dict[str, Any]:
-    return {"family": family, "place": place, "probability": probability, "role": role, "parameters": {}, **more}
+def named(
+    family: str, place: str, probability: float = 0.9, role: str = "primary", **more: Any
+) -> dict[str, Any]:
+    return {
+        "family": family,
+        "place": place,
+        "probability": probability,
+        "role": role,
+        "parameters": {},
+        **more,
+    }
 
 
 def single_set() -> list[Outcome]:
-    """Six worlds with Coulomb friction at j1: right; wrong place; wrong family; no_gap; ambiguous; crashed."""
+    """Six with Coulomb friction at j1: right; wrong place; wrong family; no_gap; ambiguous; crashed."""
     t = truth("single", effect(CF, "joint:j1"))
     return [
         Outcome(t, said("effect", named(CF, "joint:j1")), 10.0),
         Outcome(t, said("effect", named(CF, "joint:j2", 0.6)), 20.0),
-        Outcome(t, said("effect", named(VF, "joint:j1", 0.5), runner_ups=[named(CF, "joint:j1", 0.4, "runner_up")])),
+        Outcome(
+            t,
+            said("effect", named(VF, "joint:j1", 0.5), runner_ups=[named(CF, "joint:j1", 0.4, "runner_up")]),
+        ),
         Outcome(t, said("no_gap")),
         Outcome(
-            t, said("ambiguous", named(CF, "joint:j1"), ambiguity_set=[["coulomb_friction@joint:j1", "backlash@joint:j1"]])
+            t,
+            said(
+                "ambiguous",
+                named(CF, "joint:j1"),
+                ambiguity_set=[["coulomb_friction@joint:j1", "backlash@joint:j1"]],
+            ),
         ),
         Outcome(t, None, 30.0),
     ]
@@ -47,7 +66,10 @@ def single_set() -> list[Outcome]:
 def test_every_single_world_stays_in_the_denominator() -> None:
     s = all_scores(single_set())
     which = s["which"]
-    assert (which["top1_family"]["successes"], which["top1_family"]["trials"]) == (2, 6)  # ambiguous is no top-1
+    assert (which["top1_family"]["successes"], which["top1_family"]["trials"]) == (
+        2,
+        6,
+    )  # ambiguous is no top-1
     assert which["top1_family_place"]["successes"] == 1
     assert which["top3_family"]["successes"] == 4  # both right ones, the runner-up, the ambiguous
     assert (which["among_named"]["successes"], which["among_named"]["trials"]) == (2, 3)
@@ -74,8 +96,14 @@ def test_false_alarms_count_crashes_and_are_split_by_background() -> None:
     ]
     d = all_scores(worlds)["detection"]
     assert (d["false_alarms"]["successes"], d["false_alarms"]["trials"]) == (3, 5)
-    assert (d["false_alarms_within_tolerance"]["successes"], d["false_alarms_within_tolerance"]["trials"]) == (1, 3)
-    assert (d["false_alarms_beyond_tolerance"]["successes"], d["false_alarms_beyond_tolerance"]["trials"]) == (2, 2)
+    assert (
+        d["false_alarms_within_tolerance"]["successes"],
+        d["false_alarms_within_tolerance"]["trials"],
+    ) == (1, 3)
+    assert (
+        d["false_alarms_beyond_tolerance"]["successes"],
+        d["false_alarms_beyond_tolerance"]["trials"],
+    ) == (2, 2)
 
 
 def test_confusion_has_verdicts_as_columns_and_sums_to_all_worlds() -> None:
@@ -146,7 +174,11 @@ def test_the_same_family_twice_must_be_named_twice() -> None:
 
 
 def test_intervals_compare_equal_names_and_units_of_right_t0_claims_only() -> None:
-    true = {"Fc": {"value": 0.5, "unit": "N m"}, "ve": {"value": 0.01, "unit": "rad/s"}, "s": {"value": 1, "unit": "1"}}
+    true = {
+        "Fc": {"value": 0.5, "unit": "N m"},
+        "ve": {"value": 0.01, "unit": "rad/s"},
+        "s": {"value": 1, "unit": "1"},
+    }
     stated = {
         "Fc": {"value": 0.4, "unit": "N m", "ci95": [0.3, 0.6]},
         "ve": {"value": 0.03, "unit": "rad/s", "ci95": [0.02, 0.04]},
@@ -164,7 +196,9 @@ def test_intervals_compare_equal_names_and_units_of_right_t0_claims_only() -> No
 def test_onset_error_prefers_the_true_place() -> None:
     t = truth("single", effect(CF, "joint:j1", onset=4.0))
     where = [{"place": "joint:j2", "onset": 9.0}, {"place": "joint:j1", "onset": 4.3}]
-    p = all_scores([Outcome(t, said("effect", named(CF, "joint:j1"), where=where)), Outcome(t, said("no_gap"))])["place"]
+    p = all_scores(
+        [Outcome(t, said("effect", named(CF, "joint:j1"), where=where)), Outcome(t, said("no_gap"))]
+    )["place"]
     assert p["onset_median_error_s"] == pytest.approx(0.3)
     assert (p["onset_within_half_second"]["successes"], p["onset_within_half_second"]["trials"]) == (1, 2)
 
@@ -189,7 +223,10 @@ def test_margin_from_the_reports_own_numbers() -> None:
 
 
 def test_severity_curve_holds_every_world_once() -> None:
-    worlds = [Outcome(truth("single", effect(CF, "joint:j1", s)), said("no_gap")) for s in (0.0, 0.2, 0.59, 0.8, 1.0)]
+    worlds = [
+        Outcome(truth("single", effect(CF, "joint:j1", s)), said("no_gap"))
+        for s in (0.0, 0.2, 0.59, 0.8, 1.0)
+    ]
     curve = all_scores(worlds)["severity_curve"]
     assert [c["detected"]["trials"] for c in curve] == [1, 1, 1, 0, 2]
 

@@ -46,7 +46,8 @@ def test_rejection_at_a_share_of_known() -> None:
 
 
 def test_calibration_error_by_hand() -> None:
-    # bin 0.9: two stated .95, one right: |.95 - .5| = .45, weight 2/4; bin 0.2: .25, none right: .25, weight 2/4
+    # bin 0.9: two stated .95, one right: |.95 - .5| = .45, weight 2/4
+    # bin 0.2: two stated .25, none right: .25, weight 2/4
     error = expected_calibration_error([0.95, 0.95, 0.25, 0.25], [True, False, False, False])
     assert error == pytest.approx(0.5 * 0.45 + 0.5 * 0.25)
     assert expected_calibration_error([1.0], [True]) == 0.0

@@ -24,7 +24,8 @@ URDF = (
     "<limit lower='-3' upper='3' effort='40' velocity='3'/></joint>"
     "<joint name='j2' type='revolute'><origin xyz='0 0 0.3'/><parent link='upper'/><child link='fore'/>"
     "<axis xyz='0 1 0'/><limit lower='-3' upper='3' effort='20' velocity='3'/></joint>"
-    "<joint name='tip' type='fixed'><origin xyz='0 0 0.3'/><parent link='fore'/><child link='hand'/></joint></robot>"
+    "<joint name='tip' type='fixed'><origin xyz='0 0 0.3'/><parent link='fore'/><child link='hand'/></joint>"
+    "</robot>"
 )
 JOINTS = ("j1", "j2")
 
@@ -35,7 +36,9 @@ def arm() -> ArmDescription:
         JOINTS, np.array([400.0, 200.0]), np.array([20.0, 8.0]), effort_limit=np.array([40.0, 20.0]),
         armature=np.array([0.1, 0.05]),
     )  # fmt: skip
-    return ArmDescription("tool_arm", JOINTS, URDF, controller, Tool(0.3, np.array([0, 0, 0.05]), 1e-4 * np.eye(3)))
+    return ArmDescription(
+        "tool_arm", JOINTS, URDF, controller, Tool(0.3, np.array([0, 0, 0.05]), 1e-4 * np.eye(3))
+    )
 
 
 def record(
@@ -45,7 +48,7 @@ def record(
     gain: tuple[float, float] = (1.0, 1.0),
     duration: float = 8.0,
 ) -> ArmRecording:
-    """Multisine motion; `friction` (2,) of velocity opposes the drive, whose torque is `gain` times commanded."""
+    """Multisine motion; `friction` (2,) of velocity opposes the drive, which gives `gain` times commanded."""
     described = arm()
     c = described.controller
     assert c is not None

@@ -37,8 +37,8 @@ def candidates(s: Samples, delays: Sequence[float]) -> Iterator[Candidate]:
         yield from _joint(s, j, f"joint:{joint}", delays)
     both = tuple((r, j) for r in (DRIVE, LINK) for j in range(len(s.joints)))
     for k, link in enumerate(s.links):
-        nominal = np.array([0.05, 0.01, 0.01, 0.01, *[0.01] * 6])  # kg, kg m, kg m2: 5 % of links of about 1-3 kg
-        yield Candidate("link_inertia", f"link:{link}", both, _twice(s.regressor[:, :, k]), nominal)
+        spans = np.array([0.1, 0.02, 0.02, 0.02])  # kg, kg m: 5 % of links of about 2 kg, and 1 cm
+        yield Candidate("link_inertia", f"link:{link}", both, _twice(s.regressor[:, :, k, :4]), spans)
     payload = s.regressor[:, :, -1, :4]
     yield Candidate("payload", f"arm:{s.role}", both, _twice(payload), np.array([1.0, 0.1, 0.1, 0.1]))
     yield Candidate("base_tilt", f"arm:{s.role}", both, _twice(s.tilt), np.full(2, np.deg2rad(2.0)))
@@ -49,7 +49,9 @@ def _joint(s: Samples, j: int, place: str, delays: Sequence[float]) -> Iterator[
     sign, one = np.tanh(dq / SIGN_VELOCITY), np.ones_like(q)
     drive = ((DRIVE, j),)
 
-    def at(family: str, rows: tuple[tuple[int, int], ...], columns: list[np.ndarray], ranges: list[float]) -> Candidate:
+    def at(
+        family: str, rows: tuple[tuple[int, int], ...], columns: list[np.ndarray], ranges: list[float]
+    ) -> Candidate:
         return Candidate(family, place, rows, np.stack(columns, axis=-1)[:, None], np.array(ranges))
 
     yield at("coulomb_friction", drive, [sign], [1.5])
@@ -57,14 +59,18 @@ def _joint(s: Samples, j: int, place: str, delays: Sequence[float]) -> Iterator[
     yield at("stribeck_friction", drive, [sign, sign * np.exp(-((dq / STRIBECK_VELOCITY) ** 2))], [1.5, 0.5])
     yield at("load_dependent_friction", drive, [np.abs(s.rigid[:, j]) * sign], [0.1])
     yield at("friction_asymmetry", drive, [np.abs(sign)], [0.5])
-    yield at("position_dependent_friction", drive, [sign * np.sin(q), sign * np.cos(q), sign], [0.5, 0.5, 1.5])
+    yield at(
+        "position_dependent_friction", drive, [sign * np.sin(q), sign * np.cos(q), sign], [0.5, 0.5, 1.5]
+    )
     yield at("thermal_friction", drive, [sign, sign * s.time / max(s.time.max(), 1e-9)], [1.5, 0.5])
     yield at("reflected_inertia", drive, [s.ddq[:, j]], [0.1])
     yield at("actuator_gain", drive, [u], [0.1])
     for delay in delays:
         yield at("command_delay", drive, [u - s.delayed[delay][:, j]], [1.0])
         yield at("command_low_pass", drive, [u - s.lagged[delay][:, j]], [1.0])
-    yield at("controller_gain", ((CONTROLLER, j),), [s.gain_terms[0][:, j], s.gain_terms[1][:, j]], [0.3, 0.3])
+    yield at(
+        "controller_gain", ((CONTROLLER, j),), [s.gain_terms[0][:, j], s.gain_terms[1][:, j]], [0.3, 0.3]
+    )
     yield at("torque_sensor_error", ((LINK, j),), [s.rigid[:, j], one], [0.1, 0.5])
     both = ((DRIVE, j), (LINK, j))
     spring = np.stack([q - q.mean(), one], axis=-1)

@@ -1,4 +1,4 @@
-"""MuJoCo's own system identification, and the rule: named is what its 95 % interval holds apart from nominal."""
+"""MuJoCo's own system identification; named is what its 95 % interval holds apart from nominal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-import mujoco
+import mujoco as mujoco_module
 import numpy as np
 
 from samrl_core.dynamics.rigid_arm import RigidArm
@@ -17,15 +17,18 @@ from samrl_core.scoring.baselines.claim import NOTHING, Claim
 from samrl_core.types.arm_description import ArmDescription
 from samrl_core.types.arm_recording import ArmRecording
 
+mujoco: Any = mujoco_module  # its compiled names have no stubs
+
 TIMESTEP = 0.001  # [s]
-PIECE_S, PIECES = 2.0, 3  # length of a rollout [s], rollouts per recording: open-ended ones drift away
-ITERATIONS = 8
+PIECE_S, PIECES = 2.0, 2  # length of a rollout [s], rollouts per recording: open-ended ones drift away
+ITERATIONS = 6
+OFFSET = 0.01  # bound of a drive's torque offset, fraction of the effort limit; fitted, never named
 FRICTION, DAMPING, ARMATURE, GAIN, MASS, PAYLOAD = 1.5, 2.0, 0.1, 0.1, 0.05, 1.0  # upper ends of the ranges
 NOTHING_HELD = 1e-6  # mass [kg] and inertia [kg m2] of a tool where none is described
 
 
 def mujoco_sysid(fit: Sequence[ArmRecording]) -> Claim:
-    """Friction, damping, rotor inertia, drive gain and mass of every joint and link, and the payload, at once.
+    """Friction, damping, rotor inertia, drive gain, offset and mass of all joints and links, and payload.
 
     Rollouts in closed loop with the described controller, position and velocity compared, least squares and
     intervals by `mujoco.sysid` (MuJoCo 4.0, extra `sysid`).
@@ -57,10 +60,14 @@ def mujoco_sysid(fit: Sequence[ArmRecording]) -> Claim:
     return _named(x, parameters.as_nominal_vector(), np.asarray(half), meaning)
 
 
-def _named(x: np.ndarray, nominal: np.ndarray, half: np.ndarray, meaning: list[tuple[str, str, float]]) -> Claim:
+def _named(
+    x: np.ndarray, nominal: np.ndarray, half: np.ndarray, meaning: list[tuple[str, str, float]]
+) -> Claim:
     """Largest deviation over range among those whose interval excludes the nominal value."""
     best = NOTHING
     for value, zero, width, (family, place, span) in zip(x, nominal, half, meaning, strict=True):
+        if not family:
+            continue
         size = abs(value - zero) / span
         if abs(value - zero) > width and size > best.score:
             best = Claim(family, place, float(size))
@@ -110,14 +117,19 @@ def _spec(arm: ArmDescription) -> Any:
         actuator.gaintype, actuator.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
         actuator.gainprm[0] = stiffness
         actuator.biasprm[:3] = [0.0, -stiffness, -damping]
-    for kind, suffix in ((mujoco.mjtSensor.mjSENS_JOINTPOS, "pos"), (mujoco.mjtSensor.mjSENS_JOINTVEL, "vel")):
+    for kind, suffix in (
+        (mujoco.mjtSensor.mjSENS_JOINTPOS, "pos"),
+        (mujoco.mjtSensor.mjSENS_JOINTVEL, "vel"),
+    ):
         for name in arm.joints:
-            spec.add_sensor(name=f"{name}_{suffix}", type=kind, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=name)
+            spec.add_sensor(
+                name=f"{name}_{suffix}", type=kind, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=name
+            )
     return spec
 
 
 def _parameters(sysid: Any, arm: ArmDescription, spec: Any) -> tuple[Any, list[tuple[str, str, float]]]:
-    """The parameters, and what each stands for: family, place, range.
+    """The parameters, and what each stands for: family (empty: none), place, range.
 
     The toolbox applies them to the same spec again and again, so each sets a value and none changes one.
     """
@@ -125,6 +137,7 @@ def _parameters(sysid: Any, arm: ArmDescription, spec: Any) -> tuple[Any, list[t
     if controller is None:
         raise InputError(f"{arm.role} has no controller")
     armature = controller.armature if controller.armature is not None else np.zeros(len(arm.joints))
+    limits = controller.effort_limit if controller.effort_limit is not None else RigidArm(arm).effort_limits()
     parameters, meaning = sysid.ParameterDict(), []
 
     def add(name: str, low: float, nominal: float, high: float, apply: Callable[[Any, float], None],
@@ -136,7 +149,11 @@ def _parameters(sysid: Any, arm: ArmDescription, spec: Any) -> tuple[Any, list[t
 
     for k, joint in enumerate(arm.joints):
         at = f"joint:{joint}"
-        rotor, stiffness, drag = float(armature[k]), float(controller.stiffness[k]), float(controller.damping[k])
+        rotor, stiffness, drag = (
+            float(armature[k]),
+            float(controller.stiffness[k]),
+            float(controller.damping[k]),
+        )
 
         def friction(spec: Any, value: float, joint: str = joint) -> None:
             _set(spec.joint(joint), "frictionloss", value)
@@ -152,6 +169,11 @@ def _parameters(sysid: Any, arm: ArmDescription, spec: Any) -> tuple[Any, list[t
             actuator.gainprm[0] = k * (1 + value)
             actuator.biasprm[1], actuator.biasprm[2] = -k * (1 + value), -d * (1 + value)
 
+        def offset(spec: Any, value: float, joint: str = joint) -> None:
+            spec.actuator(joint).biasprm[0] = value
+
+        most = OFFSET * float(limits[k])
+        add(f"offset_{joint}", -most, 0.0, most, offset, "", at, most)
         add(f"friction_{joint}", 0.0, 0.0, 2 * FRICTION, friction, "coulomb_friction", at, FRICTION)
         add(f"damping_{joint}", 0.0, 0.0, 2 * DAMPING, damping, "viscous_friction", at, DAMPING)
         add(f"armature_{joint}", 0.0, rotor, rotor + 2 * ARMATURE, inertia, "reflected_inertia", at, ARMATURE)
@@ -202,7 +224,9 @@ def _pieces(sysid: Any, model: Any, recording: ArmRecording) -> list[tuple[np.nd
     steps = int(PIECE_S / TIMESTEP)
     first, last = states.time[0] + 0.2, states.time[-1] - PIECE_S - 0.2
     order = [model.actuator(name).id for name in arm.joints]
-    ahead = 0.5 * (TIMESTEP - arm.controller.period_s)  # a longer hold of the command lags by half the difference
+    ahead = 0.5 * (
+        TIMESTEP - arm.controller.period_s
+    )  # a longer hold of the command lags by half the difference
     pieces = []
     for start in np.linspace(first, max(first, last), PIECES):
         time = start + TIMESTEP * np.arange(steps)

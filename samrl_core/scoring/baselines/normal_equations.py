@@ -12,7 +12,9 @@ from samrl_core.scoring.baselines.samples import Samples
 
 NOISE = 0.004  # of the effort limit: residual that counts as nominal (default tolerance of a torque offset)
 CORRELATED = 50  # samples (1 s) that count as one; ASSUMPTION, measured on a real Panda: up to .8 at 0.2 s
-RIDGE = CORRELATED * NOISE**2  # with parameters in units of their ranges: a Gaussian prior as wide as the range
+RIDGE = (
+    CORRELATED * NOISE**2
+)  # with parameters in units of their ranges: a Gaussian prior as wide as the range
 
 
 @dataclass(frozen=True, eq=False)

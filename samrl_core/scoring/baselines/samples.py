@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, filtfilt, lfilter
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.errors import InputError
@@ -80,7 +80,9 @@ def make_samples(recordings: Sequence[ArmRecording], delays: Sequence[float]) ->
 def _one(recording: ArmRecording, delays: Sequence[float], number: int) -> Samples:
     arm, states, command = recording.arm, recording.states, recording.command
     if arm.controller is None or command is None or recording.commanded_effort is None:
-        raise InputError(f"{recording.name} has no controller, command or commanded effort; baselines need them")
+        raise InputError(
+            f"{recording.name} has no controller, command or commanded effort; baselines need them"
+        )
     channels = {
         "position": states.position,
         "velocity": states.velocity,
@@ -92,13 +94,13 @@ def _one(recording: ArmRecording, delays: Sequence[float], number: int) -> Sampl
     if lacking := [name for name, values in channels.items() if values is None]:
         raise InputError(f"{recording.name} lacks {lacking}; baselines need them")
     rate = (len(states.time) - 1) / (states.time[-1] - states.time[0])
-    b, a = butter(3, min(CUTOFF_HZ / (0.5 * rate), 0.9))
+    sections = butter(3, min(CUTOFF_HZ / (0.5 * rate), 0.9), output="sos")
     step = max(1, round(rate / RATE_HZ))
     margin = int(0.2 * rate)  # where the filter still knows its own ends
     keep = slice(margin, len(states.time) - margin, step)
 
     def smooth(values: np.ndarray | None) -> np.ndarray:
-        return filtfilt(b, a, np.asarray(values, float), axis=0)
+        return sosfiltfilt(sections, np.asarray(values, float), axis=0)
 
     q, dq = smooth(states.position), smooth(states.velocity)
     ddq = np.gradient(dq, states.time, axis=0)

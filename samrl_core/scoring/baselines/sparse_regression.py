@@ -12,7 +12,13 @@ from samrl_core.scoring.baselines.normal_equations import NormalEquations, norma
 from samrl_core.scoring.baselines.samples import make_samples
 from samrl_core.types.arm_recording import ArmRecording
 
-THRESHOLDS = (0.1, 0.15, 0.2, 0.3, 0.4)  # of a coefficient's range; chosen on the last quarter of each recording
+THRESHOLDS = (
+    0.1,
+    0.15,
+    0.2,
+    0.3,
+    0.4,
+)  # of a coefficient's range; chosen on the last quarter of each recording
 ROUNDS = 10
 
 

@@ -1,9 +1,13 @@
 """One step backwards: Warp's adjoints of the drive and of the update, and the rigid-body solution by hand.
 
 The solution ddq of (M + E) ddq = tau - bias is differentiated implicitly: with lambda = (M + E)^-1 g, a loss
-with gradient g in ddq has gradient lambda in tau, -lambda ddq in E, and that of -lambda . ID(q, dq, ddq) in all
-else, a scalar that one outward pass computes.
+with gradient g in ddq has gradient lambda in tau, -lambda ddq in E, and in all else the gradient of the scalar
+-lambda . ID(q, dq, ddq), which one outward pass computes.
 """
+
+# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
+# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
 
 from __future__ import annotations
 

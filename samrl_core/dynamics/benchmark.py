@@ -34,7 +34,7 @@ def benchmark(
         gradients: also time the adjoint (its kernels take half a minute to compile once).
 
     Returns:
-        Names with units; `*_ratio` is the other's time over that of a nominal rollout (above 1: ours is faster).
+        Names with units; `*_ratio` is the other's time over that of a nominal rollout (above 1 is faster).
     """
     loop = ClosedLoop(arm)
     start = np.asarray(start_position, dtype=float)
@@ -101,7 +101,9 @@ def _pinocchio(loop: ClosedLoop, command: JointSignal, start: np.ndarray, steps:
         hold = pin.computeGeneralizedGravity(model, data, q)
         u = loop.stiffness * (command.position[k] - q[: len(start)])
         u = u + loop.damping * (command.velocity[k] - v)
-        v = v + loop.step_s * pin.aba(model, data, q, v, np.clip(u + hold, -loop.effort_limit, loop.effort_limit))
+        v = v + loop.step_s * pin.aba(
+            model, data, q, v, np.clip(u + hold, -loop.effort_limit, loop.effort_limit)
+        )
         q = pin.integrate(model, q, v * loop.step_s)
 
 

@@ -28,7 +28,7 @@ class DivergenceError(LimitError):
     def __init__(self, plant: int, joint: str, time_s: float, others: int) -> None:
         more = f" ({others} other plants too)" if others else ""
         super().__init__(
-            f"plant {plant} diverged at {time_s:.4f} s in {joint}: speed above 1e4 rad/s or not a number{more}; "
+            f"plant {plant} diverged at {time_s:.4f} s in {joint}: faster than 1e4 rad/s or no number{more}; "
             f"its parameters make the loop unstable at this period: soften the gains or use substeps"
         )
         self.plant, self.joint, self.time_s = plant, joint, time_s
@@ -49,17 +49,18 @@ class ClosedLoop:
     """Simulator of one described arm.
 
     A controller period: command (delay, low-pass) -> controller at the measured position and velocity ->
-    commanded effort (delay, lost packets, low-pass, rate limit, saturation, gain, offset, ripple) -> rotor less
-    friction -> transmission -> link-side torque -> links, cable, mount -> reading. Friction and rotor inertia
-    act upstream of the torque sensor.
+    commanded effort (delay, lost packets, low-pass, rate limit, saturation, gain, offset, ripple) -> rotor
+    less friction -> transmission -> link-side torque -> links, cable, mount -> reading. Friction and rotor
+    inertia act upstream of the torque sensor.
 
-    Integration is semi-implicit Euler, dq' = dq + h ddq, q' = q + h dq', with friction, springs and dampers of
-    the drive implicit in dq'. Commands between two stamps are interpolated linearly, before the first and after
-    the last they are held; a command without velocity has zero velocity, one without effort no feed-forward.
+    Integration is semi-implicit Euler, dq' = dq + h ddq, q' = q + h dq', with friction, springs and dampers
+    of the drive implicit in dq'. Commands between two stamps are interpolated linearly, before the first and
+    after the last they are held; a command without velocity has zero velocity, one without effort no
+    feed-forward.
 
-    An effort of sample k acts over the period that starts at k (`efforts="start"`), or over the one that ends
-    there, as a driver publishes it that reports what it has just applied (`efforts="end"`; the first sample is
-    then the torque that holds the arm).
+    An effort of sample k acts over the period that starts at k (`efforts="start"`), or over the one that
+    ends there, as a driver publishes it that reports what it has just applied (`efforts="end"`; the first
+    sample is then the torque that holds the arm).
 
     Raises:
         InputError: a description without URDF or controller, or gains that do not fit its joints.
@@ -74,12 +75,13 @@ class ClosedLoop:
         efforts: str = "start",
         threads: int = 1,
     ) -> None:
-        """Read the URDF; `substeps` integration steps to a controller period, plants spread over `threads`."""
+        """Read the URDF; `substeps` integration steps to a period, plants spread over `threads`."""
         if arm.controller is None:
             raise InputError(f"{arm.role} has no controller; a closed loop needs one")
         if substeps < 1 or threads < 1 or efforts not in ("start", "end"):
             raise InputError(
-                f"substeps {substeps} and threads {threads} must be at least 1, efforts '{efforts}' 'start' or 'end'"
+                f"substeps {substeps} and threads {threads} must be at least 1; "
+                f"efforts '{efforts}' must be 'start' or 'end'"
             )
         self.arm = arm
         self.rigid = RigidArm(arm)
@@ -120,8 +122,8 @@ class ClosedLoop:
 
         Args:
             command: what the controller tracks; stamps in seconds, 0 is the start.
-            start_position: (J,) or (B, J), as measured at the start; encoder errors are taken off, and springs
-                start wound up by gravity.
+            start_position: (J,) or (B, J), as measured at the start; encoder errors are taken off, and
+                springs start wound up by gravity.
             start_velocity: (J,) or (B, J), as measured.
             plants: B of them.
             duration_s: of the rollout; sample times are 0, record_every periods, ... up to it.
@@ -153,7 +155,7 @@ class ClosedLoop:
         if self.threads > 1:
             run(jobs[0][0][:1], jobs[0][1])  # loads the kernels before the threads do, for good
             with ThreadPoolExecutor(self.threads) as pool:
-                results = list(pool.map(run, *zip(*jobs, strict=True)))
+                results = list(pool.map(lambda job: run(*job), jobs))
         else:
             results = [run(*job) for job in jobs]
         channels = [np.empty((len(plants), *part.shape[1:])) for part in results[0][0]]

@@ -4,113 +4,98 @@ Friction and springs are implicit in the next velocity: a drive's law is lineari
 velocity, and the slope joins the diagonal of the mass matrix. So a joint that is held by friction stands
 still, however light its link is.
 """
+# ruff: noqa: UP018, RUF046  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
+# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
+# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
 
 from __future__ import annotations
 
 import warp as wp
 
+from samrl_core.dynamics.friction_kernels import friction, spring_blend
+from samrl_core.dynamics.kernel_slots import (
+    BRISTLED,
+    CABLE_SLIP,
+    CABLED,
+    DELAYED,
+    ELASTIC,
+    ENCODER_WAVE,
+    FRICTION,
+    H_ADDED,
+    H_BRISTLE_CONSTANT,
+    H_BRISTLE_SLOPE,
+    H_CABLE,
+    H_COMMAND_Q,
+    H_COMMAND_V,
+    H_MOTOR_CONSTANT,
+    H_MOTOR_FOLLOWS,
+    H_OUTSIDE,
+    H_RATE,
+    H_RECEIVED,
+    H_REST_CONSTANT,
+    H_REST_SLOPE,
+    H_SMOOTH,
+    H_TAU,
+    HOLDING,
+    HYSTERETIC,
+    ONE,
+    P_ACTUATOR_GAIN,
+    P_BACKLASH,
+    P_CABLE_FRICTION,
+    P_CABLE_REST,
+    P_CABLE_STIFFNESS,
+    P_COMMAND_ALPHA,
+    P_COMMAND_DELAY,
+    P_DAMPING_SCALE,
+    P_EFFORT_ALPHA,
+    P_EFFORT_DELAY,
+    P_EFFORT_LIMIT,
+    P_EFFORT_RATE_LIMIT,
+    P_ENCODER_AMPLITUDE,
+    P_ENCODER_OFFSET,
+    P_ENCODER_PHASE,
+    P_ENCODER_RESOLUTION,
+    P_HARMONIC_AMPLITUDE,
+    P_HARMONIC_ORDER,
+    P_HARMONIC_PHASE,
+    P_HOLD_PROBABILITY,
+    P_HYSTERESIS_AMPLITUDE,
+    P_HYSTERESIS_TORQUE,
+    P_JOINT_DAMPING,
+    P_JOINT_STIFFNESS,
+    P_ROTOR_INERTIA,
+    P_SENSOR_BIAS,
+    P_SENSOR_DRIFT,
+    P_SENSOR_GAIN,
+    P_STIFFNESS_SCALE,
+    P_TORQUE_OFFSET,
+    PASSIVE,
+    QUANTISED,
+    QUASI,
+    READ_LINK,
+    RELAX,
+    S_BRISTLE,
+    S_CABLE,
+    S_COMMAND_Q,
+    S_COMMAND_V,
+    S_HYSTERESIS,
+    S_LINK_TORQUE,
+    S_Q,
+    S_QM,
+    S_RATE,
+    S_RECEIVED,
+    S_REST,
+    S_SMOOTH,
+    S_V,
+    S_VM,
+    SHARP,
+    TINY,
+    TORQUE_WAVE,
+    ZERO,
+)
 from samrl_core.dynamics.rigid_kernels import gravity_torque
-from samrl_core.dynamics.simulation_arrays import Arrays, F, H, P, S, f64
-
-ZERO = wp.constant(f64(0.0))
-HALF = wp.constant(f64(0.5))
-ONE = wp.constant(f64(1.0))
-TINY = wp.constant(f64(1.0e-12))
-CABLE_SLIP = wp.constant(f64(0.05))  # motion over which a cable's friction turns round [rad]. ASSUMPTION
-SHARP = wp.constant(f64(0.1))  # rounding of the backlash's corners, as a share of its half width
-RELAX = wp.constant(f64(1.0 / 3.0))  # share of its way that a massless motor goes in a step
-SOFT = wp.constant(f64(16.0))  # springs above sqrt of this, in (step x natural frequency)^2, are damped
-
-PASSIVE = wp.constant(int(F.PASSIVE))
-ELASTIC = wp.constant(int(F.ELASTIC))
-BRISTLED = wp.constant(int(F.BRISTLE))
-READ_LINK = wp.constant(int(F.READ_LINK))
-QUANTISED = wp.constant(int(F.QUANTISED))
-ENCODER_WAVE = wp.constant(int(F.ENCODER_WAVE))
-FRICTION = wp.constant(int(F.FRICTION))
-STRIBECK = wp.constant(int(F.STRIBECK))
-FRICTION_WAVE = wp.constant(int(F.FRICTION_WAVE))
-THERMAL = wp.constant(int(F.THERMAL))
-TORQUE_WAVE = wp.constant(int(F.TORQUE_WAVE))
-HYSTERETIC = wp.constant(int(F.HYSTERESIS))
-CABLED = wp.constant(int(F.CABLE))
-HOLDING = wp.constant(int(F.HOLD))
-DELAYED = wp.constant(int(F.DELAYED))
-QUASI = wp.constant(int(F.QUASI))
-
-P_ENCODER_OFFSET = wp.constant(int(P.ENCODER_OFFSET))
-P_ENCODER_AMPLITUDE = wp.constant(int(P.ENCODER_AMPLITUDE))
-P_ENCODER_PHASE = wp.constant(int(P.ENCODER_PHASE))
-P_ENCODER_RESOLUTION = wp.constant(int(P.ENCODER_RESOLUTION))
-P_STIFFNESS_SCALE = wp.constant(int(P.STIFFNESS_SCALE))
-P_DAMPING_SCALE = wp.constant(int(P.DAMPING_SCALE))
-P_COMMAND_DELAY = wp.constant(int(P.COMMAND_DELAY))
-P_COMMAND_ALPHA = wp.constant(int(P.COMMAND_ALPHA))
-P_EFFORT_DELAY = wp.constant(int(P.EFFORT_DELAY))
-P_EFFORT_ALPHA = wp.constant(int(P.EFFORT_ALPHA))
-P_HOLD_PROBABILITY = wp.constant(int(P.HOLD_PROBABILITY))
-P_EFFORT_RATE_LIMIT = wp.constant(int(P.EFFORT_RATE_LIMIT))
-P_EFFORT_LIMIT = wp.constant(int(P.EFFORT_LIMIT))
-P_ACTUATOR_GAIN = wp.constant(int(P.ACTUATOR_GAIN))
-P_COULOMB = wp.constant(int(P.COULOMB))
-P_COULOMB_VELOCITY = wp.constant(int(P.COULOMB_VELOCITY))
-P_VISCOUS = wp.constant(int(P.VISCOUS))
-P_STRIBECK_DROP = wp.constant(int(P.STRIBECK_DROP))
-P_STRIBECK_VELOCITY = wp.constant(int(P.STRIBECK_VELOCITY))
-P_LOAD_FRICTION = wp.constant(int(P.LOAD_FRICTION))
-P_FRICTION_ASYMMETRY = wp.constant(int(P.FRICTION_ASYMMETRY))
-P_PRESLIDING_STIFFNESS = wp.constant(int(P.PRESLIDING_STIFFNESS))
-P_HARMONIC_AMPLITUDE = wp.constant(int(P.HARMONIC_AMPLITUDE))
-P_HARMONIC_ORDER = wp.constant(int(P.HARMONIC_ORDER))
-P_HARMONIC_PHASE = wp.constant(int(P.HARMONIC_PHASE))
-P_FRICTION_HARMONIC_AMPLITUDE = wp.constant(int(P.FRICTION_HARMONIC_AMPLITUDE))
-P_FRICTION_HARMONIC_ORDER = wp.constant(int(P.FRICTION_HARMONIC_ORDER))
-P_FRICTION_HARMONIC_PHASE = wp.constant(int(P.FRICTION_HARMONIC_PHASE))
-P_THERMAL_RATIO = wp.constant(int(P.THERMAL_RATIO))
-P_THERMAL_TIME = wp.constant(int(P.THERMAL_TIME))
-P_THERMAL_OFFSET = wp.constant(int(P.THERMAL_OFFSET))
-P_TORQUE_OFFSET = wp.constant(int(P.TORQUE_OFFSET))
-P_BACKLASH = wp.constant(int(P.BACKLASH))
-P_JOINT_STIFFNESS = wp.constant(int(P.JOINT_STIFFNESS))
-P_JOINT_DAMPING = wp.constant(int(P.JOINT_DAMPING))
-P_HYSTERESIS_AMPLITUDE = wp.constant(int(P.HYSTERESIS_AMPLITUDE))
-P_HYSTERESIS_TORQUE = wp.constant(int(P.HYSTERESIS_TORQUE))
-P_ROTOR_INERTIA = wp.constant(int(P.ROTOR_INERTIA))
-P_SENSOR_GAIN = wp.constant(int(P.SENSOR_GAIN))
-P_SENSOR_BIAS = wp.constant(int(P.SENSOR_BIAS))
-P_SENSOR_DRIFT = wp.constant(int(P.SENSOR_DRIFT))
-P_CABLE_STIFFNESS = wp.constant(int(P.CABLE_STIFFNESS))
-P_CABLE_REST = wp.constant(int(P.CABLE_REST))
-P_CABLE_FRICTION = wp.constant(int(P.CABLE_FRICTION))
-S_Q = wp.constant(int(S.Q))
-S_V = wp.constant(int(S.V))
-S_QM = wp.constant(int(S.QM))
-S_VM = wp.constant(int(S.VM))
-S_COMMAND_Q = wp.constant(int(S.COMMAND_Q))
-S_COMMAND_V = wp.constant(int(S.COMMAND_V))
-S_RECEIVED = wp.constant(int(S.RECEIVED))
-S_SMOOTH = wp.constant(int(S.SMOOTH))
-S_RATE = wp.constant(int(S.RATE))
-S_LINK_TORQUE = wp.constant(int(S.LINK_TORQUE))
-S_REST = wp.constant(int(S.REST))
-S_BRISTLE = wp.constant(int(S.BRISTLE))
-S_HYSTERESIS = wp.constant(int(S.HYSTERESIS))
-S_CABLE = wp.constant(int(S.CABLE))
-H_TAU = wp.constant(int(H.TAU))
-H_ADDED = wp.constant(int(H.ADDED))
-H_OUTSIDE = wp.constant(int(H.OUTSIDE))
-H_COMMAND_Q = wp.constant(int(H.COMMAND_Q))
-H_COMMAND_V = wp.constant(int(H.COMMAND_V))
-H_RECEIVED = wp.constant(int(H.RECEIVED))
-H_SMOOTH = wp.constant(int(H.SMOOTH))
-H_RATE = wp.constant(int(H.RATE))
-H_MOTOR_CONSTANT = wp.constant(int(H.MOTOR_CONSTANT))
-H_MOTOR_FOLLOWS = wp.constant(int(H.MOTOR_FOLLOWS))
-H_REST_CONSTANT = wp.constant(int(H.REST_CONSTANT))
-H_REST_SLOPE = wp.constant(int(H.REST_SLOPE))
-H_BRISTLE_CONSTANT = wp.constant(int(H.BRISTLE_CONSTANT))
-H_BRISTLE_SLOPE = wp.constant(int(H.BRISTLE_SLOPE))
-H_CABLE = wp.constant(int(H.CABLE))
+from samrl_core.dynamics.simulation_arrays import Arrays, f64
 
 
 @wp.func
@@ -162,78 +147,6 @@ def control(a: Arrays, b: int, k: int, j: int, command_q: f64, command_v: f64):
     if a.compensate == 1:
         u = u + a.held[b, j]
     return wp.clamp(u, -a.limit[i], a.limit[i])
-
-
-@wp.func
-def friction(
-    a: Arrays, b: int, k: int, j: int, v: f64, q: f64, load: f64, bristle: f64, free: f64, inertia: f64
-):
-    """Friction as constant + slope x next velocity, and the next bristle in the same form.
-
-    `free` is the next velocity were there no friction, `inertia` what the joint then feels.
-
-    Level: Fc + drop exp(-(v / vs)^2) + Kl |load| + A sin(N q + phase), times the warm-up's factor.
-    Dry: level tanh(v / vc) + asymmetry tanh^2(v / vc). Bristle: dz/dt = v - s0 |v| z / level, F = s0 z
-    (C. Canudas de Wit et al., IEEE Trans. Automatic Control 40(3), 1995, with s1 = 0). Then viscous x v.
-    """
-    h = a.step
-    flags = a.flags[b, j]
-    warm = ONE
-    if (flags & THERMAL) != 0:
-        age = h * f64(k) + a.params[b, j, P_THERMAL_OFFSET]
-        warm = ONE + a.params[b, j, P_THERMAL_RATIO] * wp.exp(-age / a.params[b, j, P_THERMAL_TIME])
-    level = a.params[b, j, P_COULOMB] + a.params[b, j, P_LOAD_FRICTION] * wp.abs(load)
-    if (flags & FRICTION_WAVE) != 0:
-        level = level + a.params[b, j, P_FRICTION_HARMONIC_AMPLITUDE] * wp.sin(
-            a.params[b, j, P_FRICTION_HARMONIC_ORDER] * q + a.params[b, j, P_FRICTION_HARMONIC_PHASE]
-        )
-    drop = a.params[b, j, P_STRIBECK_DROP]
-    vs = a.params[b, j, P_STRIBECK_VELOCITY]
-    vc = a.params[b, j, P_COULOMB_VELOCITY]
-    # The next velocity under dry friction of this level, close enough to linearise there: `free` less
-    # what friction takes, or creeping where it takes all.
-    there = level
-    if (flags & STRIBECK) != 0:
-        there = there + drop * wp.exp(-v * v / (vs * vs))
-    take = h * warm * wp.abs(there) / inertia
-    beyond = wp.max(wp.abs(free) - take, ZERO)
-    x = free / (ONE + take / wp.sqrt(vc * vc + beyond * beyond))
-    if (flags & BRISTLED) != 0:
-        x = v  # a bristle holds without creeping, so only motion that is there may wear it
-    viscous = warm * a.params[b, j, P_VISCOUS]
-    fall = ZERO
-    if (flags & STRIBECK) != 0:
-        lift = drop * wp.exp(-x * x / (vs * vs))
-        level = level + lift
-        fall = -f64(2.0) * x / (vs * vs) * lift
-    s = wp.tanh(x / vc)
-    steep = (ONE - s * s) / vc
-    asymmetry = a.params[b, j, P_FRICTION_ASYMMETRY]
-    constant = warm * asymmetry * s * s
-    slope = viscous
-    z_constant = ZERO
-    z_slope = ZERO
-    if (flags & BRISTLED) != 0:
-        stiff = a.params[b, j, P_PRESLIDING_STIFFNESS]
-        strength = wp.max(warm * level, ZERO)
-        share = strength / (strength + h * stiff * wp.abs(x) + TINY)
-        z_constant = share * bristle
-        z_slope = share * h
-        constant = constant + stiff * z_constant
-        slope = slope + stiff * z_slope
-    else:
-        force = warm * (level * s + asymmetry * s * s)
-        tangent = wp.max(warm * (level * steep + f64(2.0) * asymmetry * s * steep + fall * s), ZERO)
-        constant = force - tangent * x
-        slope = slope + tangent
-    return wp.vec4d(constant, slope, z_constant, z_slope)
-
-
-@wp.func
-def spring_blend(stiffness: f64, inertia: f64, h: f64):
-    """How implicit a spring is: 0 keeps a slow one undamped, 1 keeps one faster than the step stable."""
-    x = h * h * stiffness / (inertia + TINY)
-    return x * x / (x * x + SOFT)
 
 
 @wp.func
@@ -324,7 +237,13 @@ def drive(a: Arrays, b: int, k: int):
                         wound = ZERO
                         contact = ZERO
                     elif beyond < corner:
-                        wound = stiffness * (beyond + corner) * (beyond + corner) / (f64(4.0) * corner) * wp.sign(d)
+                        wound = (
+                            stiffness
+                            * (beyond + corner)
+                            * (beyond + corner)
+                            / (f64(4.0) * corner)
+                            * wp.sign(d)
+                        )
                         contact = (beyond + corner) / (f64(2.0) * corner)
                     else:
                         wound = stiffness * beyond * wp.sign(d)

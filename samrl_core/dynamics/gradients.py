@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -71,7 +72,9 @@ def gradient(
     """
     groups = loop.groups(plants)
     if len(groups) != 1:
-        raise InputError("plants with and without a compliant mount in one gradient; ask for one after the other")
+        raise InputError(
+            "plants with and without a compliant mount in one gradient; ask for one after the other"
+        )
     mount = groups[0][1]
     count, steps, joints = len(plants), loop.steps(duration_s), len(loop.arm.joints)
     need = 2 * 8 * steps * count * (joints + mount) * (len(S) + 1)
@@ -111,7 +114,9 @@ def gradient(
             _scatter(weights, x.grad.numpy()[:, back], len(command.time)) if given is not None else None
             for x, given in ((a.command_q, command.position), (a.command_v, command.velocity))
         ),
-        effort=None if command.effort is None else _scatter(weights, a.command_u.grad.numpy()[:, back], len(command)),
+        effort=None
+        if command.effort is None
+        else _scatter(weights, a.command_u.grad.numpy()[:, back], len(command)),
     )
     return Gradient(np.asarray(value), rollouts, q_grad, v_grad, command_grad, pieces)
 
@@ -127,11 +132,13 @@ def _seed(simulation: Simulation, slope: Rollouts, shape: tuple[int, ...]) -> No
     for name, values, array in pairs:
         values = np.asarray(values, dtype=float)
         if values.shape != shape:
-            raise InputError(f"the loss gave derivatives {values.shape} with respect to {name}, must be {shape}")
+            raise InputError(
+                f"the loss gave derivatives {values.shape} with respect to {name}, must be {shape}"
+            )
         array.grad.assign(np.ascontiguousarray(values[:, :, order]))
 
 
-def _motion(simulation: Simulation) -> Motion:
+def _motion(simulation: Simulation) -> Any:
     count, n, device = len(simulation.plants), simulation.tree.joints, simulation.loop.device
     m = Motion()
     base = np.zeros((count, n + 1, 3, 3))
@@ -147,7 +154,10 @@ def _motion(simulation: Simulation) -> Motion:
 
 
 def _backwards(simulation: Simulation) -> np.ndarray:
-    """All steps backwards (empty adjoint structs: gradients go to the arrays' own); returns the gradient of the first state (B, n, S)."""
+    """All steps backwards; returns the gradient of the first state (B, n, S).
+
+    The adjoint structures are empty, so that gradients go to the arrays' own.
+    """
     a, s, m = simulation.arrays, simulation.bodies, _motion(simulation)
     launch = {"dim": len(simulation.plants), "device": simulation.loop.device, "record_cmd": True}
     back = {"adjoint": True, "adj_outputs": [], **launch}
@@ -206,7 +216,12 @@ def _start_backwards(
     launch = {"dim": len(q), "device": simulation.loop.device}
     wp.launch(power_kernel, inputs=[a, m, spare], **launch)
     wp.launch(
-        power_kernel, inputs=[a, m, spare], adjoint=True, adj_inputs=[Arrays(), Motion(), 0], adj_outputs=[], **launch
+        power_kernel,
+        inputs=[a, m, spare],
+        adjoint=True,
+        adj_inputs=[Arrays(), Motion(), 0],
+        adj_outputs=[],
+        **launch,
     )
     q_grad = driven[..., S.Q] + driven[..., S.QM] + a.state.grad.numpy()[spare][:, mount:, S.Q]
     v_grad = driven[..., S.V] + driven[..., S.VM]
@@ -217,7 +232,9 @@ def _start_backwards(
     q_grad = q_grad + v_grad * speed * amplitude * sine
     total[:, mount:, P.ENCODER_OFFSET] -= q_grad / scale
     total[:, mount:, P.ENCODER_AMPLITUDE] -= q_grad * sine / scale + v_grad * speed * cosine
-    total[:, mount:, P.ENCODER_PHASE] += -q_grad * amplitude * cosine / scale + v_grad * speed * amplitude * sine
+    total[:, mount:, P.ENCODER_PHASE] += (
+        -q_grad * amplitude * cosine / scale + v_grad * speed * amplitude * sine
+    )
     back = np.argsort(tree.order)
     return (q_grad / scale)[:, back], (v_grad / scale)[:, back], total
 

@@ -19,7 +19,12 @@ Parameter = tuple[str, int | tuple[int, int] | None]
 RELATIVE = 1e-5  # of the larger of the value and its scale: truncation and rounding both below 1e-6
 SCALES = {"rad": 0.02, "N m": 1.0, "s": 0.05, "1/rev": 1.0, "N m/rad": 100.0, "kg m2": 0.1, "Hz": 10.0}
 _DELAYS = ("command_delay", "effort_delay")
-_PARTS = {"joint_stiffness": np.inf, "command_cutoff": np.inf, "effort_cutoff": np.inf, "presliding_stiffness": 0.0}
+_PARTS = {
+    "joint_stiffness": np.inf,
+    "command_cutoff": np.inf,
+    "effort_cutoff": np.inf,
+    "presliding_stiffness": 0.0,
+}
 _NEVER = ("encoder_resolution", "hold_probability")
 
 
@@ -84,16 +89,24 @@ def _step(loop: ClosedLoop, plant: PlantParameters, parameter: Parameter) -> tup
     joints = len(loop.arm.joints)
     if name in table and name not in _NEVER:
         value = float(plant.joint_values(name, joints)[_index(parameter, joints)])
-        if name == "backlash" and value == 0 and np.isinf(plant.joint_values("joint_stiffness", joints)[place]):
-            raise InputError(f"backlash of joint {place} is 0 and the joint rigid: no derivative there; start above 0")
+        if (
+            name == "backlash"
+            and value == 0
+            and np.isinf(plant.joint_values("joint_stiffness", joints)[place])
+        ):
+            raise InputError(
+                f"backlash of joint {place} is 0 and the joint rigid: no derivative there; start above 0"
+            )
         if name in _PARTS and value == _PARTS[name]:
-            raise InputError(f"{name} of joint {place} is {value}: that part is absent; start from another value")
+            raise InputError(
+                f"{name} of joint {place} is {value}: that part is absent; start from another value"
+            )
         if name in _DELAYS:  # piecewise linear: any step within a period does, a large one rounds least
             return value, 0.02 * loop.step_s, 0.0
         scale = SCALES.get(table[name]["unit"], 0.1)
         if name == "coulomb_velocity":
             scale = 0.0
-        low = -loop.armature[place] if name == "rotor_inertia" else table[name]["low"]
+        low = -float(loop.armature[place]) if name == "rotor_inertia" else table[name]["low"]
         return value, RELATIVE * max(abs(value), scale), low
     if name == "inertial_delta":
         if not (isinstance(place, tuple) and 0 <= place[0] < joints and 0 <= place[1] < 10):
@@ -107,7 +120,9 @@ def _step(loop: ClosedLoop, plant: PlantParameters, parameter: Parameter) -> tup
             raise InputError(f"{name}: the mount is rigid; start from a finite mount_stiffness")
         value = float(getattr(plant, name))
         return value, RELATIVE * max(value, 1.0), 0.0
-    known = sorted({*table, "inertial_delta", "payload", "gravity", "start_position", "start_velocity"} - {*_NEVER})
+    known = sorted(
+        {*table, "inertial_delta", "payload", "gravity", "start_position", "start_velocity"} - {*_NEVER}
+    )
     raise InputError(f"no derivative with respect to '{name}'; known are {known} and those of the mount")
 
 
@@ -136,7 +151,11 @@ def _moved(
         values: object = getattr(plant, name) + change
     else:
         if name == "inertial_delta":
-            array = np.zeros((joints, 10)) if plant.inertial_delta is None else np.array(plant.inertial_delta, float)
+            array = (
+                np.zeros((joints, 10))
+                if plant.inertial_delta is None
+                else np.array(plant.inertial_delta, float)
+            )
         elif name == "payload":
             array = np.zeros(10) if plant.payload is None else np.array(plant.payload, dtype=float)
         elif name == "gravity":

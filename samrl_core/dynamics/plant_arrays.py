@@ -81,7 +81,9 @@ def pack(
         rigid_slack = slack & np.isinf(values["joint_stiffness"])
         values["joint_stiffness"] = np.where(rigid_slack, teeth, values["joint_stiffness"])
         # A sampled damper of the controller throws a rotor lighter than half of this back and forth.
-        apart = values["rotor_inertia"] * MOST_DAMPING >= np.maximum(damping * values["damping_scale"] * step_s, 1e-9)
+        apart = values["rotor_inertia"] * MOST_DAMPING >= np.maximum(
+            damping * values["damping_scale"] * step_s, 1e-9
+        )
         flags[b, mount:] = _flags(plant, values, apart, everything)[order]
         values["joint_stiffness"] = np.where(
             np.isinf(values["joint_stiffness"]), 0.0, values["joint_stiffness"]

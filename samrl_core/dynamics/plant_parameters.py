@@ -26,12 +26,12 @@ def _joint(default: float, unit: str, text: str, low: float = -_INF, positive: b
 class PlantParameters:
     """One plant. Joint fields are one number or an array (J,) in the description's joint order; SI units.
 
-    For prismatic joints read m for rad and N for N m. q, dq are a joint's position and velocity, u the commanded
-    effort, tau the torque through the transmission, h the controller's period.
+    For prismatic joints read m for rad and N for N m. q, dq are a joint's position and velocity, u the
+    commanded effort, tau the torque through the transmission, h the controller's period.
 
-    A part that is not there at all has no derivative there: joint_stiffness at infinity (and backlash, which
-    needs it), presliding_stiffness at 0, mount_stiffness at infinity, effort_limit and effort_rate_limit where
-    they do not bind. encoder_resolution, hold_probability and seed never have one.
+    A part that is not there at all has no derivative there: joint_stiffness at infinity, backlash at 0,
+    presliding_stiffness at 0, mount_stiffness at infinity, effort_limit and effort_rate_limit where they do
+    not bind. encoder_resolution, hold_probability and seed never have one.
 
     Raises:
         InputError: a value that is not finite (infinity is allowed where it is neutral), or below its bound.
@@ -133,8 +133,8 @@ class PlantParameters:
                 raise InputError(f"{name} has shape {array.shape}; it must be {size} and finite")
         if not self.mount_stiffness > 0 or not self.mount_damping >= 0 or not self.mount_inertia >= 0:
             raise InputError(
-                f"mount stiffness {self.mount_stiffness} N m/rad must be positive, damping {self.mount_damping} "
-                f"and inertia {self.mount_inertia} not negative"
+                f"mount stiffness {self.mount_stiffness} N m/rad must be positive, "
+                f"damping {self.mount_damping} and inertia {self.mount_inertia} not negative"
             )
         if self.reading not in ("motor", "link"):
             raise InputError(f"reading is '{self.reading}'; it must be 'motor' or 'link'")

@@ -4,6 +4,10 @@ Composite-rigid-body algorithm and recursive Newton-Euler after R. Featherstone,
 Algorithms (2008), chapters 5 and 6, with every spatial vector taken about the world's origin.
 """
 
+# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
+# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
+
 from __future__ import annotations
 
 import warp as wp
@@ -21,6 +25,7 @@ OUTSIDE = wp.constant(int(H.OUTSIDE))
 
 @wp.func
 def skew(a: Vec3):
+    """Matrix of the cross product with a."""
     return Mat3(ZERO, -a[2], a[1], a[2], ZERO, -a[0], -a[1], a[0], ZERO)
 
 
@@ -41,6 +46,7 @@ def joint_rotation(axis: Vec3, angle: f64):
 
 @wp.func
 def moment_of(parameters: wp.array3d(dtype=f64), b: int, j: int):
+    """First moment m c of a link in its own frame."""
     return Vec3(parameters[b, j, 1], parameters[b, j, 2], parameters[b, j, 3])
 
 

@@ -85,12 +85,22 @@ class Simulation:
         tree = self.tree
         n, count, order = tree.joints, len(plants), tree.order
         self.packed = pack(
-            plants, loop.rigid, order, loop.armature, loop.damping, loop.teeth, loop.gravity, loop.step_s, mount, full
+            plants,
+            loop.rigid,
+            order,
+            loop.armature,
+            loop.damping,
+            loop.teeth,
+            loop.gravity,
+            loop.step_s,
+            mount,
+            full,
         )
         delays = self.packed.params[:, :, P.EFFORT_DELAY]
         slots = steps + 1 if full else int(np.ceil(delays.max())) + 3
         records = (steps - 1) // every + 1
-        self.arrays = a = Arrays()
+        a: Any = Arrays()
+        self.arrays = a
         self._full = full
         self.motion: Any = None  # scratch of the way back, made by it
         a.joints, a.mount = n, mount
@@ -122,7 +132,8 @@ class Simulation:
         a.g_mass, a.g_moment = self._zeros(count, n), self._zeros(count, n, dtype=Vec3)
         a.every, a.shift = every, loop.shift
         a.out_q, a.out_v, a.out_u, a.out_t = (self._zeros(count, records, n - mount) for _ in range(4))
-        self.bodies = s = Bodies()
+        s: Any = Bodies()
+        self.bodies = s
         for name in ("rotation", "inertia"):
             setattr(s, name, wp.zeros((count, n), dtype=Mat3, device=loop.device))
         for name in ("origin", "w", "v", "aw", "av", "sw", "sv", "fw", "fv", "moment"):
@@ -134,7 +145,7 @@ class Simulation:
         a.inertia_hint = self.numbers(loop.hints[mount])
 
     def start(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Put every plant where it was measured, (B, J) in the description's order; keeps the state's start."""
+        """Put every plant where it was measured, (B, J) in the description's order."""
         self._write_first(self.first_state(position, velocity))
 
     def first_state(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -1,4 +1,8 @@
-"""Memory of the simulator: slots of the parameter, state and hand-over vectors, and the arrays they live in."""
+"""Memory of the simulator: slots of the parameter, state and hand-over vectors, and their arrays."""
+
+# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
+# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ Mat3 = wp.mat33d
 
 
 class P(enum.IntEnum):
-    """Slots of `params` (plant, joint, slot): what the kernels read per joint, already in controller periods."""
+    """Slots of `params` (plant, joint, slot): what the kernels read per joint, delays in steps."""
 
     ENCODER_OFFSET = 0  # [rad]
     ENCODER_AMPLITUDE = 1  # [rad]
@@ -122,6 +126,8 @@ class F(enum.IntFlag):
 
 @wp.struct
 class Arrays:
+    """Everything that a thread, one plant, reads and writes, but for the bodies."""
+
     # the tree: joints of the mount first, parents before children
     joints: int
     mount: int

@@ -127,7 +127,8 @@ def simulate(
         q_true = engine.position[arm].copy()
         v_true = engine.velocity[arm].copy()
         q_true[elastic], v_true[elastic] = theta[elastic], omega[elastic]
-        q_read, v_read = q_true, v_true
+        # Semi-implicit Euler steps the position with the new velocity: it stands half a step ahead of it.
+        q_read, v_read = q_true - 0.5 * dt * v_true, v_true
         for read in hooks.encoder:
             q_read, v_read = read(t, q_read, v_read)
         q_read = q_read + noise[0, k + settle]

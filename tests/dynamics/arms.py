@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from samrl_core.robots.panda.spec import PANDA
@@ -13,7 +15,8 @@ from samrl_core.types.arm_recording import JointSignal
 _LINK = """<link name="{name}"><inertial><origin xyz="{com}" rpy="0.3 -0.2 0.5"/><mass value="{mass}"/>
 <inertia ixx="{i[0]}" iyy="{i[1]}" izz="{i[2]}" ixy="0.0004" ixz="-0.0003" iyz="0.0002"/></inertial></link>"""
 _JOINT = """<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
-<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/><limit lower="-2" upper="2" effort="60" velocity="5"/></joint>"""
+<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>
+<limit lower="-2" upper="2" effort="60" velocity="5"/></joint>"""
 
 
 def _link(name: str, mass: float, com: str, i: tuple[float, float, float]) -> str:
@@ -47,20 +50,22 @@ TREE = (
 def description(
     urdf: str,
     joints: tuple[str, ...],
-    stiffness: object,
-    damping: object,
+    stiffness: Any,
+    damping: Any,
     tool: Tool | None = None,
-    **controller: object,
+    **controller: Any,
 ) -> ArmDescription:
     count = len(joints)
     control = ArmController(
-        joints, np.broadcast_to(stiffness, count).astype(float), np.broadcast_to(damping, count).astype(float),
+        joints,
+        np.broadcast_to(stiffness, count).astype(float),
+        np.broadcast_to(damping, count).astype(float),
         **controller,  # type: ignore[arg-type]
     )  # fmt: skip
     return ArmDescription("tool_arm", joints, urdf, control, tool)
 
 
-def of_spec(spec: RobotSpec, tool: Tool | None = None, **controller: object) -> ArmDescription:
+def of_spec(spec: RobotSpec, tool: Tool | None = None, **controller: Any) -> ArmDescription:
     gains = spec.controller
     return description(
         spec.urdf.read_text(), spec.joint_names, gains.stiffness, gains.damping, tool, **controller

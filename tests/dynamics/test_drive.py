@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ def panda() -> ClosedLoop:
     return ClosedLoop(of_spec(PANDA))
 
 
-def _slide(stiffness: float = 0.0, damping: float = 0.0, **options: int) -> ClosedLoop:
+def _slide(stiffness: float = 0.0, damping: float = 0.0, **options: Any) -> ClosedLoop:
     return ClosedLoop(description(SLIDE, ("slide",), stiffness, damping), **options)
 
 
@@ -131,7 +132,10 @@ def test_spring_rings_at_its_natural_frequency() -> None:
     run = loop.rollout(_push(0.0), np.zeros(1), np.zeros(1), [plant], 1.0)
     assert np.abs(run.velocity).max() < 1e-9  # starts wound up by gravity, so nothing moves
     kick = JointSignal(
-        np.array([0.0, 0.005, 0.006]), np.zeros((3, 1)), np.zeros((3, 1)), effort=np.array([[20.0], [20.0], [0.0]])
+        np.array([0.0, 0.005, 0.006]),
+        np.zeros((3, 1)),
+        np.zeros((3, 1)),
+        effort=np.array([[20.0], [20.0], [0.0]]),
     )
     run = loop.rollout(kick, np.zeros(1), np.zeros(1), [plant], 2.0)
     torque = run.effort[0, 100:, 0] - run.effort[0, 100:, 0].mean()
@@ -142,7 +146,9 @@ def test_spring_rings_at_its_natural_frequency() -> None:
 
 def test_backlash_lets_the_motor_move_alone() -> None:
     """Motor and sled collide within the play; between collisions no torque passes."""
-    loop = ClosedLoop(description(SLIDE, ("slide",), 0.0, 0.0, armature=np.array([0.5]), gravity=(0.0, 0.0, 0.0)))
+    loop = ClosedLoop(
+        description(SLIDE, ("slide",), 0.0, 0.0, armature=np.array([0.5]), gravity=(0.0, 0.0, 0.0))
+    )
     plant = PlantParameters(backlash=0.01)
     run = loop.rollout(_push(1.0), np.zeros(1), np.zeros(1), [plant], 0.1)
     # in the middle of its play the motor is alone: 1 N on 0.5 kg until it has gone the half width
@@ -161,7 +167,9 @@ def test_efforts_at_the_end_of_their_period_are_one_sample_later() -> None:
     )
     np.testing.assert_array_equal(last.effort[0, 1:], first.effort[0, :-1])
     np.testing.assert_array_equal(last.commanded_effort[0, 1:], first.commanded_effort[0, :-1])
-    np.testing.assert_allclose(last.effort[0, 0], ClosedLoop(arm).rigid.gravity(PANDA.home[None])[0], atol=1e-9)
+    np.testing.assert_allclose(
+        last.effort[0, 0], ClosedLoop(arm).rigid.gravity(PANDA.home[None])[0], atol=1e-9
+    )
 
 
 def test_records_are_samples_of_the_whole(panda: ClosedLoop) -> None:

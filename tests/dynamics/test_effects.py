@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,11 +22,11 @@ JOINT = 3
 class Case:
     """Values that are not neutral, and the channels in which they must show; no other may."""
 
-    values: dict[str, object]
+    values: dict[str, Any]
     shows: frozenset[str]
 
 
-def _case(shows: str, **values: object) -> Case:
+def _case(shows: str, **values: Any) -> Case:
     return Case(values, frozenset(shows.split()))
 
 
@@ -57,7 +58,9 @@ CASES: dict[str, Case] = {
     "stribeck_velocity": _case("drive", stribeck_drop=0.3, stribeck_velocity=0.3),
     "load_friction": _case("drive", load_friction=0.05),
     "friction_asymmetry": _case("drive", friction_asymmetry=0.1),
-    "friction_harmonic_amplitude": _case("drive", friction_harmonic_amplitude=0.2, friction_harmonic_order=9.0),
+    "friction_harmonic_amplitude": _case(
+        "drive", friction_harmonic_amplitude=0.2, friction_harmonic_order=9.0
+    ),
     "friction_harmonic_order": _case("drive", friction_harmonic_amplitude=0.2, friction_harmonic_order=3.0),
     "friction_harmonic_phase": _case("drive", friction_harmonic_amplitude=0.2, friction_harmonic_phase=0.5),
     "presliding_stiffness": _case("drive", coulomb=0.4, presliding_stiffness=500.0),
@@ -105,7 +108,9 @@ def _residuals(loop: ClosedLoop, run: Rollouts) -> dict[str, float]:
     q, v = run.position[0, :-1], run.velocity[0, :-1]
     ddq = np.diff(run.velocity[0], axis=0) / 0.001
     count = len(q)
-    law = control.stiffness * (command.position[:count] - q) + control.damping * (command.velocity[:count] - v)
+    law = control.stiffness * (command.position[:count] - q) + control.damping * (
+        command.velocity[:count] - v
+    )
     law = np.clip(law + loop.rigid.gravity(q), -loop.effort_limit, loop.effort_limit)
     u, torque = run.commanded_effort[0, :-1], run.effort[0, :-1]
     return {
@@ -143,7 +148,7 @@ def test_effect_shows_where_it_acts(loop: ClosedLoop, name: str) -> None:
 def test_effect_of_one_joint_starts_at_that_joint(loop: ClosedLoop, name: str) -> None:
     """What differs first, before dynamics couple the joints, is the stated joint's own chain."""
     case = CASES[name]
-    values = {
+    values: dict[str, Any] = {
         key: np.where(np.arange(7) == JOINT, value, joint_fields()[key]["default"])
         for key, value in case.values.items()
         if key in joint_fields()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ RICH = PlantParameters(
     coulomb=0.3, coulomb_velocity=0.02, viscous=0.2, stribeck_drop=0.1, load_friction=0.02,
     friction_asymmetry=0.05, friction_harmonic_amplitude=0.05, friction_harmonic_order=5.0, thermal_ratio=0.3,
     thermal_time=1.0, thermal_offset=0.2, hysteresis_amplitude=3e-4, sensor_gain=0.02, sensor_bias=0.1,
-    sensor_drift=0.5, cable_stiffness=1.0, cable_rest=0.2, cable_friction=0.2, gravity=np.array([0.1, -0.05, -9.8]),
+    sensor_drift=0.5, cable_stiffness=1.0, cable_rest=0.2, cable_friction=0.2,
+    gravity=np.array([0.1, -0.05, -9.8]),
     payload=np.array([0.3, 0.003, 0.001, 0.02, 0.001, 0, 0.001, 0, 0, 0.001]),
 )  # fmt: skip
 PLANTS = {
@@ -53,7 +55,7 @@ class Problem:
     weights: Rollouts
     gradient: Gradient
 
-    def value(self, **changed: object) -> float:
+    def value(self, **changed: Any) -> float:
         """The functional after changes of the plant, `command`, `start` or `speed`."""
         named = {key: changed.pop(key, getattr(self, key)) for key in ("command", "start", "speed")}
         plant = replace(self.plant, **changed)  # type: ignore[arg-type]
@@ -69,7 +71,7 @@ def _functional(weights: Rollouts, run: Rollouts) -> np.ndarray:
     return np.array([sum(np.sum(w[0] * c[b]) for w, c in pairs) for b in range(len(run.position))])
 
 
-def _problem(arm: str, plant: PlantParameters, **options: object) -> Problem:
+def _problem(arm: str, plant: PlantParameters, **options: Any) -> Problem:
     about, start = ARMS[arm]
     loop = ClosedLoop(about, **options)  # type: ignore[arg-type]
     joints = len(start)
@@ -107,8 +109,20 @@ def _check_all(problem: Problem, fields: list[str] | None = None) -> None:
     unit = np.eye(joints)[j]
     found, plant = problem.gradient, problem.plant
     noise = 100 * max(1.0, abs(problem.value()))
-    _compare("start position", found.start_position[0, j], lambda h: problem.value(start=problem.start + h * unit), 1e-5, noise)
-    _compare("start velocity", found.start_velocity[0, j], lambda h: problem.value(speed=problem.speed + h * unit), 1e-5, noise)
+    _compare(
+        "start position",
+        found.start_position[0, j],
+        lambda h: problem.value(start=problem.start + h * unit),
+        1e-5,
+        noise,
+    )
+    _compare(
+        "start velocity",
+        found.start_velocity[0, j],
+        lambda h: problem.value(speed=problem.speed + h * unit),
+        1e-5,
+        noise,
+    )
     for channel in ("position", "velocity", "effort"):
 
         def commanded(h: float, channel: str = channel) -> float:
@@ -127,21 +141,49 @@ def _check_all(problem: Problem, fields: list[str] | None = None) -> None:
             continue
         step = 1e-5 * max(abs(values[j]), 0.01)
         _compare(
-            name, found.plants[0][name][j], lambda h, n=name, v=values: problem.value(**{n: v + h * unit}), step, noise
+            name,
+            found.plants[0][name][j],
+            lambda h, n=name, v=values: problem.value(**{n: v + h * unit}),
+            step,
+            noise,
         )
     for i in range(10):
         at = np.zeros((joints, 10))
         at[j, i] = 1.0
-        _compare(f"inertia {i}", found.plants[0]["inertial_delta"][j, i], lambda h, at=at: problem.value(inertial_delta=h * at), 1e-5, noise)
+        _compare(
+            f"inertia {i}",
+            found.plants[0]["inertial_delta"][j, i],
+            lambda h, at=at: problem.value(inertial_delta=h * at),
+            1e-5,
+            noise,
+        )
         payload = np.zeros(10) if plant.payload is None else plant.payload
-        _compare(f"payload {i}", found.plants[0]["payload"][i], lambda h, i=i, p=payload: problem.value(payload=p + h * np.eye(10)[i]), 1e-5, noise)
+        _compare(
+            f"payload {i}",
+            found.plants[0]["payload"][i],
+            lambda h, i=i, p=payload: problem.value(payload=p + h * np.eye(10)[i]),
+            1e-5,
+            noise,
+        )
     gravity = problem.loop.gravity if plant.gravity is None else plant.gravity
     for i in range(3):
-        _compare(f"gravity {i}", found.plants[0]["gravity"][i], lambda h, i=i: problem.value(gravity=gravity + h * np.eye(3)[i]), 1e-4, noise)
+        _compare(
+            f"gravity {i}",
+            found.plants[0]["gravity"][i],
+            lambda h, i=i: problem.value(gravity=gravity + h * np.eye(3)[i]),
+            1e-4,
+            noise,
+        )
     if np.isfinite(plant.mount_stiffness):
         for name in ("mount_stiffness", "mount_damping", "mount_inertia"):
             value = getattr(plant, name)
-            _compare(name, float(found.plants[0][name]), lambda h, n=name, v=value: problem.value(**{n: v + h}), 1e-5 * value, noise)
+            _compare(
+                name,
+                float(found.plants[0][name]),
+                lambda h, n=name, v=value: problem.value(**{n: v + h}),
+                1e-5 * value,
+                noise,
+            )
 
 
 @pytest.mark.parametrize(
@@ -217,4 +259,12 @@ def test_clipping_stops_the_gradient() -> None:
 def test_a_history_too_large_for_memory_is_refused() -> None:
     about, start = ARMS["panda"]
     with pytest.raises(InputError, match="GB"):
-        gradient(ClosedLoop(about), swing(start, 0.1), start, np.zeros(7), [PlantParameters()] * 900, 10.0, lambda r: (r.time, r))
+        gradient(
+            ClosedLoop(about),
+            swing(start, 0.1),
+            start,
+            np.zeros(7),
+            [PlantParameters()] * 900,
+            10.0,
+            lambda r: (r.time, r),
+        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.forge import nominal, world
+from samrl_core.forge import nominal, simulate, world
 from samrl_core.types.arm_recording import JointSignal
 
 
@@ -25,5 +25,6 @@ def short_command(role: str, number: int, letter: str, duration_s: float) -> Joi
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nominal, "world_command", short_command)
     monkeypatch.setattr(world, "world_command", short_command)
+    monkeypatch.setattr(simulate, "SETTLE_S", 0.1)
     world._nominal.cache_clear()
     nominal.demands.cache_clear()

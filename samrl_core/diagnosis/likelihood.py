@@ -102,6 +102,27 @@ class Likelihood:
             out += rows @ self.y[self.blocks[block]]
         return out
 
+    def combined(self, a: Regressors, amplitudes: np.ndarray) -> Regressors:
+        """The prediction of fitted amplitudes as one regressor."""
+        blocks = {block: (amplitudes @ rows)[None] for block, rows in a.blocks.items()}
+        return Regressors(blocks, (a.projected @ amplitudes)[:, None])
+
+    def prediction(self, a: Regressors, amplitudes: np.ndarray) -> np.ndarray:
+        """The same stacked (N,)."""
+        return -self.minus(a, amplitudes, np.zeros_like(self.y))
+
+    def tempered_gram(self, a: Regressors, b: Regressors, correlation: float) -> np.ndarray:
+        """A^T Sigma^-1 B (p, q), with `correlation` samples counted as one."""
+        shrink = self.shrink(correlation)
+        return (self.plain_gram(a, b) - a.projected.T @ (shrink[:, None] * b.projected)) / correlation
+
+    def tempered_moment(self, a: Regressors, y: np.ndarray, correlation: float) -> np.ndarray:
+        """A^T Sigma^-1 y (p,), likewise."""
+        plain = np.zeros(a.projected.shape[1])
+        for block, rows in a.blocks.items():
+            plain += rows @ y[self.blocks[block]]
+        return (plain - a.projected.T @ (self.shrink(correlation) * (self._basis.T @ y))) / correlation
+
     @property
     def y_projected(self) -> np.ndarray:
         """Residuals on the tolerances' basis (k,)."""

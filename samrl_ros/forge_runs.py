@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.diagnosis.gap_metric import QUANTITIES, channel_scales, gap_metric, shrink
 from samrl_core.errors import InputError
 from samrl_core.forge.plan import PlanItem
-from samrl_core.diagnosis.gap_metric import QUANTITIES, channel_scales, gap_metric, shrink
 from samrl_core.scoring.study import Study, move_folder, write_atomically
 from samrl_core.types.arm_recording import ArmRecording
 

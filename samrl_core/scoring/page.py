@@ -21,9 +21,11 @@ h1{font-size:1.5rem;margin:.2rem 0}h2{font-size:1.1rem;margin:2rem 0 .5rem;borde
 td,th{padding:.2rem .6rem;text-align:left;font-size:.88rem}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}tr:nth-child(even){background:#f5f7fa}
 .met{color:#0b6e4f;font-weight:600}.missed{color:#c2410c;font-weight:600}figure{margin:0}figcaption{font-size:.85rem;color:#52606d}
-img{max-width:100%;height:auto}.grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(19rem,1fr));gap:1.2rem}
+td:nth-child(2){min-width:11rem}img{max-width:100%;height:auto}.wide{grid-column:1/-1}
+.grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(19rem,1fr));gap:1.2rem}
 code{word-break:break-all;font-size:.8rem}
 """
+WIDE = ("confusion",)  # pictures that need the page's whole width
 
 
 def figures(scores: dict[str, Any], outcomes: Sequence[Outcome]) -> dict[str, tuple[str, Figure]]:
@@ -52,9 +54,9 @@ def score_page(
 ) -> str:
     """The whole page; `facts` is forge.json, `baselines` the rows of the comparison."""
     pictures = "".join(
-        f"<figure><img alt='{escape(caption)}' src='data:image/png;base64,"
-        f"{base64.b64encode(plots.png(figure)).decode()}'><figcaption>{escape(caption)}</figcaption></figure>"
-        for caption, figure in figures(scores, outcomes).values()
+        f"<figure class='{'wide' if name in WIDE else ''}'><img alt='{escape(caption)}' src="
+        f"'data:image/png;base64,{base64.b64encode(plots.png(figure)).decode()}'><figcaption>{escape(caption)}</figcaption></figure>"
+        for name, (caption, figure) in figures(scores, outcomes).items()
     )
     worlds = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in scores["worlds"].items())
     provenance = "".join(

@@ -16,12 +16,12 @@ INK, ACCENT, SOFT, WARN = "#1f2933", "#0b6e99", "#9fb3c8", "#c2410c"
 
 def severity_figure(curve: Sequence[dict[str, Any]]) -> Figure:
     """Detected, family and place against severity, with Wilson intervals."""
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    figure = Figure(figsize=(4.8, 3.6), layout="constrained")
     ax = figure.subplots()
     for name, label, colour in (
         ("detected", "gap seen", SOFT),
         ("place", "place right", INK),
-        ("top1_family", "family right (first named)", ACCENT),
+        ("top1_family", "family right", ACCENT),
     ):
         points = [(0.5 * (c["from"] + c["to"]), c[name]) for c in curve if c[name]["trials"]]
         if not points:
@@ -53,7 +53,7 @@ def severity_figure(curve: Sequence[dict[str, Any]]) -> Figure:
         ylabel="share of worlds",
     )
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(frameon=False, fontsize=8, loc="lower right")
+        ax.legend(frameon=False, fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return _plain(figure)
 
 

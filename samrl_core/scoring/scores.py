@@ -170,7 +170,7 @@ def share(outcomes: Sequence[Outcome], test: Callable[[Outcome], bool]) -> dict[
 
 def _row(o: Outcome) -> str:
     if o.withheld:
-        return f"(left out) {o.truth.families[0]}"
+        return "(left out)"
     return o.truth.families[0] if o.truth.set == "single" else f"({o.truth.set})"
 
 

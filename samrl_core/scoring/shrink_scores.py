@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.errors import InputError
 from samrl_core.diagnosis.gap_metric import QUANTITIES, gap_metric, shrink
+from samrl_core.errors import InputError
 from samrl_core.scoring.outcome import Outcome, Shrinks
 from samrl_core.scoring.statistics import summary
 

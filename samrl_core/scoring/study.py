@@ -124,15 +124,15 @@ class Sealed:
         """World to label."""
         with tarfile.open(self.path) as tar:
             files = [m for m in tar.getmembers() if m.name.endswith(".json")]
-            return {m.name.removesuffix(".json"): json.loads(_content(tar, m)) for m in files}
+            return {Path(m.name).stem: json.loads(_content(tar, m)) for m in files}
 
     def oracle(self, world: str) -> dict[str, np.ndarray] | None:
         """Arrays of one world's oracle; None where the forge made none."""
         with tarfile.open(self.path) as tar:
-            name = f"{world}.npz"
-            if name not in tar.getnames():
+            found = [m for m in tar.getmembers() if Path(m.name).name == f"{world}.npz"]
+            if not found:
                 return None
-            with np.load(io.BytesIO(_content(tar, tar.getmember(name)))) as file:
+            with np.load(io.BytesIO(_content(tar, found[0]))) as file:
                 return {k: np.asarray(file[k], float) for k in file.files}
 
 

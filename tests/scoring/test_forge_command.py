@@ -25,7 +25,8 @@ JOINT = "joint:panda_joint1"
 
 def put_world(study: Study, world: str, kind: str, family: str | None, severity: float = 0.75) -> None:
     effects = [] if family is None else [
-        {"family": family, "place": JOINT, "form": "T0", "severity": severity, "onset": None, "parameters": {}}
+        {"family": family, "place": JOINT, "form": "T0", "severity": severity, "onset": None,
+         "parameters": {}}
     ]  # fmt: skip
     label = {"schema": 1, "id": world, "set": kind, "engine": "pybullet", "arm": "tool_arm",
              "programme": 0,
@@ -58,8 +59,8 @@ def put_run(study: Study, stage: str, world: str, report: dict[str, Any] | None,
 
 
 def claim(family: str) -> dict[str, Any]:
-    return {"verdict": "effect", "where": [], "unexplained_fraction": 0.1,
-            "effects": [{"family": family, "place": JOINT, "probability": 0.9, "parameters": {}}]}  # fmt: skip
+    named = {"family": family, "place": JOINT, "probability": 0.9, "parameters": {}}
+    return {"verdict": "effect", "where": [], "unexplained_fraction": 0.1, "effects": [named]}
 
 
 @pytest.fixture

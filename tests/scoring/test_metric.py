@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError
 from samrl_core.diagnosis.gap_metric import channel_scales, gap_metric, shrink
+from samrl_core.errors import InputError
 from samrl_core.scoring.shrink_scores import shrinks_of
 from samrl_core.types.arm_description import ArmController, ArmDescription, Tolerances
 

@@ -1,8 +1,8 @@
 """One step backwards: Warp's adjoints of the drive and of the update, and the rigid-body solution by hand.
 
-The solution ddq of (M + E) ddq = tau - bias is differentiated implicitly: with lambda = (M + E)^-1 g, a loss
-with gradient g in ddq has gradient lambda in tau, -lambda ddq in E, and in all else the gradient of the scalar
--lambda . ID(q, dq, ddq), which one outward pass computes.
+The solution ddq of (M + E) ddq = tau - bias is differentiated implicitly: with lambda = (M + E)^-1 g, a
+loss with gradient g in ddq has gradient lambda in tau, -lambda ddq in E, and in all else the gradient of
+-lambda . ID(q, dq, ddq), a scalar that one outward pass computes.
 """
 
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false

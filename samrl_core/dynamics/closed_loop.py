@@ -164,7 +164,7 @@ class ClosedLoop:
             failures += [(members[row], int(k), int(j)) for row, (k, j) in enumerate(failed) if k >= 0]
             for whole, part in zip(channels, parts, strict=True):
                 whole[members] = part
-        time = np.arange(channels[0].shape[1]) * (every * self.step_s)
+        time = np.arange(len(channels[0][0])) * (every * self.step_s)
         if failures and not keep_diverged:
             plant, k, joint = min(failures)
             raise DivergenceError(

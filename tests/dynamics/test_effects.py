@@ -132,7 +132,8 @@ def test_nominal_plant_has_no_residual_anywhere(loop: ClosedLoop) -> None:
 def test_neutral_is_exactly_nothing(loop: ClosedLoop, name: str) -> None:
     default = joint_fields()[name]["default"]
     plain = _run(loop, PlantParameters())
-    stated = _run(loop, PlantParameters(**{name: np.full(7, default)}))
+    values: dict[str, Any] = {name: np.full(7, default)}
+    stated = _run(loop, PlantParameters(**values))
     np.testing.assert_array_equal(plain.position, stated.position)
     np.testing.assert_array_equal(plain.effort, stated.effort)
 

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.trial import Trial
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
 FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
+COMPLIANCE = 1e-3  # [rad] twist at the effort limit: no joint is quite rigid
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 
@@ -49,6 +50,9 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
     if {"link", "dynamics"} & set(trial.channels):
         out += _bodies(trial)
         out += [(trial.link(axis[None]), tolerances.base_tilt) for axis in trial.tilt]
+        for j in joints:
+            soft = trial.link(trial.deflection(j, trial.transmitted[None, :, j]))
+            out.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
     out += _stamps(trial)
     return [(columns, std) for columns, std in out if std > 0]
 

@@ -19,7 +19,7 @@ MOST_EFFECTS = 3
 class SelectionSettings:
     """When an effect is believed. Figures come from calibration worlds (`samrl_core.scoring.calibrate`)."""
 
-    threshold: float = 12.0  # log evidence that a first effect needs against nothing [nat]
+    threshold: float = 16.0  # log evidence that a first effect needs against nothing [nat]
     second_threshold: float = 25.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings

@@ -60,8 +60,9 @@ def read_report(folder: Path) -> dict[str, Any] | None:
 def _outcome(folder: Path, truth: Truth, oracle: dict[str, np.ndarray] | None, withheld: bool) -> Outcome:
     run = json.loads((folder / "run.json").read_text()) if (folder / "run.json").exists() else {}
     report, shrinks, detail = read_report(folder), None, {"output": run.get("output", "")}
-    if oracle is not None and "oracle_shrink" in oracle:
-        detail["oracle_shrink"] = float(oracle["oracle_shrink"])
+    for key in ("oracle_shrink", "oracle_nominal", "oracle_effect"):
+        if oracle is not None and key in oracle:
+            detail[key] = float(oracle[key])
     if report is not None and oracle is not None and (folder / "resimulation.npz").exists():
         shrinks, problem = _shrinks(folder / "resimulation.npz", oracle)
         detail["resimulation"] = problem

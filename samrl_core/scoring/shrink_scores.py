@@ -48,7 +48,7 @@ def shrinks_of(resimulation: Path, oracle: Mapping[str, np.ndarray]) -> Shrinks:
         base = gap_metric(common, nominal, scales)
         best = gap_metric(common, true, scales)
         mine = shrink(base, gap_metric(common, named, scales)) if named else 0.0
-        return Shrinks(before, after, best, mine, shrink(base, best))
+        return Shrinks(base, base * (1 - mine), best, mine, shrink(base, best))
     return Shrinks(before, after, None, shrink(before, after), None)
 
 
@@ -65,6 +65,7 @@ def shrink_scores(single: list[Outcome], rng: np.random.Generator) -> dict[str, 
             "shrink": summary(measured, rng),
             "oracle_shrink": summary([s for o in part if (s := _oracle(o)) is not None], rng),
             "ratio": summary(ratios, rng),
+            "energy_ratio_pooled": _pooled_energy(part),
             "ratio_pooled": sum(_shrink(o) for o in known) / total if total > 0 else None,
             "oracle_missing": len(part) - len(known),
             "effect_invisible_on_held_out": len(known) - len(ratios),
@@ -97,6 +98,24 @@ def _oracle(o: Outcome) -> float | None:
         return o.shrinks.oracle_shrink
     stored = o.detail.get("oracle_shrink")
     return None if stored is None else float(stored)
+
+
+def _pooled_energy(part: list[Outcome]) -> float | None:
+    """Squared gap removed by the named effects over what the true ones remove, summed over the worlds.
+
+    Background within tolerance stays in both gaps and drops out here; in a ratio of RMS values it does not.
+    """
+    removed, possible = 0.0, 0.0
+    for o in part:
+        s = o.shrinks
+        before = s.nominal if s is not None else o.detail.get("oracle_nominal")
+        best = s.oracle if s is not None else o.detail.get("oracle_effect")
+        if before is None or best is None:
+            continue
+        possible += max(before**2 - best**2, 0.0)
+        if s is not None and o.primary is not None:
+            removed += before**2 - min(s.with_effect, 2 * before) ** 2
+    return removed / possible if possible > 0 else None
 
 
 def _stated(o: Outcome, key: str) -> float | None:

@@ -10,6 +10,7 @@ import shutil
 import tarfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -120,27 +121,29 @@ class Sealed:
 
     path: Path
 
+    @cached_property
+    def _places(self) -> dict[str, tuple[int, int]]:
+        """File name to offset and size in the archive, so that it is searched once."""
+        with tarfile.open(self.path) as tar:
+            return {Path(m.name).name: (m.offset_data, m.size) for m in tar.getmembers() if m.isfile()}
+
+    def _content(self, name: str) -> bytes:
+        offset, size = self._places[name]
+        with self.path.open("rb") as stream:
+            stream.seek(offset)
+            return stream.read(size)
+
     def labels(self) -> dict[str, dict[str, Any]]:
         """World to label."""
-        with tarfile.open(self.path) as tar:
-            files = [m for m in tar.getmembers() if m.name.endswith(".json")]
-            return {Path(m.name).stem: json.loads(_content(tar, m)) for m in files}
+        files = [name for name in self._places if name.endswith(".json")]
+        return {Path(name).stem: json.loads(self._content(name)) for name in files}
 
     def oracle(self, world: str) -> dict[str, np.ndarray] | None:
         """Arrays of one world's oracle; None where the forge made none."""
-        with tarfile.open(self.path) as tar:
-            found = [m for m in tar.getmembers() if Path(m.name).name == f"{world}.npz"]
-            if not found:
-                return None
-            with np.load(io.BytesIO(_content(tar, found[0]))) as file:
-                return {k: np.asarray(file[k], float) for k in file.files}
-
-
-def _content(tar: tarfile.TarFile, member: tarfile.TarInfo) -> bytes:
-    stream = tar.extractfile(member)
-    if stream is None:
-        raise InputError(f"{member.name} in the sealed labels is not a file")
-    return stream.read()
+        if f"{world}.npz" not in self._places:
+            return None
+        with np.load(io.BytesIO(self._content(f"{world}.npz"))) as file:
+            return {k: np.asarray(file[k], float) for k in file.files}
 
 
 def sha256(path: Path) -> str:

@@ -84,6 +84,12 @@ def score_rows(scores: dict[str, Any]) -> list[Row]:
         _spread("how far", "shrink over the true effect's, all", h["all"]["ratio"], Aim(0.85)),
         _spread("how far", "shrink over the true effect's, right name", h["named_right"]["ratio"], Aim(0.85)),
         _spread("how far", "shrink over the true effect's, wrong name", h["named_wrong"]["ratio"]),
+        _number(
+            "how far",
+            "squared gap removed, over the true effects'",
+            h["all"]["energy_ratio_pooled"],
+            percent=True,
+        ),
         _spread("how far", "margin to the runner-up", h["margin_to_runner_up"], Aim(0.20)),
         _share("how far", "95 % intervals hold the truth", i["coverage"], Aim(0.85, 0.99)),
         _number("how far", "parameter error, median", i["median_relative_error"], percent=True),

@@ -207,12 +207,13 @@ def test_shrink_of_unnamed_worlds_is_zero_and_the_ratio_keeps_them() -> None:
     t = truth("single", effect(CF, "joint:j1"))
     good = Outcome(t, said("effect", named(CF, "joint:j1")), shrinks=Shrinks(5, 1, 0.5, 0.8, 0.9))
     silent = Outcome(t, said("no_gap"), shrinks=Shrinks(5, 5, 0.5, 0.0, 0.9))
-    crashed = Outcome(t, None, detail={"oracle_shrink": 0.9})
+    crashed = Outcome(t, None, detail={"oracle_shrink": 0.9, "oracle_nominal": 5.0, "oracle_effect": 0.5})
     h = all_scores([good, silent, crashed])["how_far"]
     assert h["all"]["shrink"]["mean"] == pytest.approx(0.8 / 3)
     assert h["all"]["ratio"]["n"] == 3
     assert h["all"]["ratio_pooled"] == pytest.approx(0.8 / 2.7)
     assert h["named_right"]["ratio"]["median"] == pytest.approx(0.8 / 0.9)
+    assert h["all"]["energy_ratio_pooled"] == pytest.approx((25 - 1) / (3 * (25 - 0.25)))
 
 
 def test_margin_from_the_reports_own_numbers() -> None:

@@ -46,7 +46,7 @@ def record(
     seed: int,
     friction: Callable[[np.ndarray], np.ndarray] = lambda dq: np.zeros(2),
     gain: tuple[float, float] = (1.0, 1.0),
-    duration: float = 8.0,
+    duration: float = 5.0,
 ) -> ArmRecording:
     """Multisine motion; `friction` (2,) of velocity opposes the drive, which gives `gain` times commanded."""
     described = arm()

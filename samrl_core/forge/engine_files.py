@@ -56,12 +56,12 @@ def mjcf_text(body: ArmBody, timestep: float) -> str:
     head, tail = [], []
     for link in body.links:
         moments, axes = principal(link)
-        pose = link.placement_in_parent
+        pose, kind = link.placement_in_parent, "slide" if link.slides else "hinge"
         head.append(
             f'<body name="{link.name}" pos="{_text(pose.position)}" quat="{_wxyz(pose.quat_xyzw)}">'
             f'<inertial pos="{_text(link.center_of_mass)}" quat="{_wxyz(quaternion_from_rotation(axes))}" '
             f'mass="{link.mass:.12g}" diaginertia="{_text(moments)}"/>'
-            f'<joint name="{link.joint}" type="{"slide" if link.slides else "hinge"}" axis="{_text(link.axis)}"/>'
+            f'<joint name="{link.joint}" type="{kind}" axis="{_text(link.axis)}"/>'
         )
         tail.append("</body>")
     return (

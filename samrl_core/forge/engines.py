@@ -140,7 +140,7 @@ class MujocoEngine(Engine):
     """MuJoCo, with rotors (`armature`), and with the friction floor by its own solver."""
 
     def __init__(self, body: ArmBody, timestep: float, coulomb: np.ndarray, viscous: np.ndarray) -> None:
-        """Load the arm; `coulomb` [N m] and `viscous` [N m s/rad] (n,) are MuJoCo's frictionloss and damping."""
+        """Load the arm; `coulomb` [N m] and `viscous` [N m s/rad] (n,) are frictionloss and damping."""
         self.timestep = timestep
         self._model = mujoco.MjModel.from_xml_string(mjcf_text(body, timestep))
         self._data = mujoco.MjData(self._model)

@@ -58,12 +58,16 @@ def forge(
     begun = folder / "settings.json"
     wanted = asdict(settings)
     if begun.is_file() and json.loads(begun.read_text()) != wanted:
-        raise InputError(f"{folder} holds a forge of other settings; give another folder or the same settings")
+        raise InputError(
+            f"{folder} holds a forge of other settings; give another folder or the same settings"
+        )
     begun.write_text(json.dumps(wanted, indent=1) + "\n")
     plan = plan_worlds(settings)
     # Worlds of one arm and programme follow each other: what is kept of a trajectory is then used again.
     due = sorted((i for i in plan if not is_done(folder, i.id)), key=lambda i: (i.arm, i.programme, i.id))
-    _make(due, folder, write_recording, workers, suffix, lambda n: progress(len(plan) - len(due) + n, len(plan)))
+    _make(
+        due, folder, write_recording, workers, suffix, lambda n: progress(len(plan) - len(due) + n, len(plan))
+    )
     sha256 = seal(folder)
     published = {"schema": 1, **wanted, "worlds": [i.id for i in plan], "sealed_sha256": sha256}
     (folder / "forge.json").write_text(json.dumps(published, indent=1) + "\n")

@@ -50,7 +50,9 @@ class Law:
     stiffness: np.ndarray  # (J,)
     damping: np.ndarray  # (J,)
     gravity: np.ndarray  # (J,) factors of the gravity torque, one where it is compensated
-    extra: list[Callable[[float, np.ndarray, np.ndarray], np.ndarray]] = field(default_factory=list)  # (t, e, de)
+    extra: list[Callable[[float, np.ndarray, np.ndarray], np.ndarray]] = field(
+        default_factory=list
+    )  # (t, e, de)
 
 
 @dataclass
@@ -70,7 +72,9 @@ class Hooks:
     transmission: dict[int, Transmission] = field(default_factory=dict)
     # Torque on the links beside the sensor: (t, q, v).
     external: list[Callable[[float, np.ndarray, np.ndarray], np.ndarray]] = field(default_factory=list)
-    gravity: list[Callable[[float, np.ndarray], np.ndarray]] = field(default_factory=list)  # (t, g (3,)) base axes
+    gravity: list[Callable[[float, np.ndarray], np.ndarray]] = field(
+        default_factory=list
+    )  # (t, g (3,)) base axes
     mount: list[MountSpring] = field(default_factory=list)
     # (t, q, v) -> (q, v) as the encoders say.
     encoder: list[Callable[[float, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = field(

@@ -1,9 +1,9 @@
-"""The two nominal arms of sealed worlds, their controllers and what they are commanded; made once, then kept."""
+"""The two nominal arms of sealed worlds, their controllers and their commands; made once, then kept."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class NominalArm:
     urdf: str
 
 
-@lru_cache(maxsize=None)
+@cache
 def nominal_arm(role: str) -> NominalArm:
     """The arm in a role.
 
@@ -66,7 +66,7 @@ def payload_of(tool: Tool) -> Payload:
     return Payload(tool.mass, tool.center_of_mass, tool.inertia)
 
 
-@lru_cache(maxsize=None)
+@cache
 def world_command(role: str, number: int, letter: str, duration_s: float) -> JointSignal:
     """Command of set `letter` in programme `number`; the same in every forge."""
     arm = nominal_arm(role)
@@ -96,29 +96,26 @@ class Demands:
 
     torque: np.ndarray  # largest [N m]
     gravity: np.ndarray  # largest of gravity alone [N m]
-    rate: np.ndarray  # largest change of torque [N m/s]
     lowest: np.ndarray  # [rad]
     highest: np.ndarray  # [rad]
 
 
-@lru_cache(maxsize=None)
+@cache
 def demands(role: str, number: int, duration_s: float) -> Demands:
     """Of sets A, B and C of a programme, every tenth tick."""
     arm = nominal_arm(role)
-    torques, weights, rates, positions = [], [], [], []
+    torques, weights, positions = [], [], []
     for letter in SETS:
         c = world_command(role, number, letter, duration_s)
         q, v, a = (np.asarray(x)[::10] for x in (c.position, c.velocity, c.acceleration))
         torque = np.stack([arm.model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
         torques.append(np.abs(torque))
         weights.append(np.abs([arm.model.gravity(row) for row in q]))
-        rates.append(np.abs(np.diff(torque, axis=0)) / (10 * arm.spec.controller.period_s))
         positions.append(q)
     joined = np.concatenate(positions)
     return Demands(
         np.concatenate(torques).max(axis=0),
         np.concatenate(weights).max(axis=0),
-        np.concatenate(rates).max(axis=0),
         joined.min(axis=0),
         joined.max(axis=0),
     )

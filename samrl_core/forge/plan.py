@@ -112,9 +112,7 @@ def plan_worlds(settings: ForgeSettings) -> list[PlanItem]:
         kinds.append(("none", ()))
     for i in range(settings.outside):
         severity = _STRONG[(i // len(OUTSIDE)) % 3]
-        kinds.append(
-            ("outside", (_effect(OUTSIDE[i % len(OUTSIDE)], "T2", severity, arm(), settings, rng),))
-        )
+        kinds.append(("outside", (_effect(OUTSIDE[i % len(OUTSIDE)], "T2", severity, arm(), settings, rng),)))
     for i in range(settings.double):
         kinds.append(("double", _pair(i, 3 * i < settings.double, arm(), settings, rng)))
 

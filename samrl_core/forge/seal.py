@@ -111,5 +111,7 @@ def check_seal(folder: Path) -> dict:
     published = json.loads(path.read_text())
     found = archive_hash(folder)
     if found != published["sealed_sha256"]:
-        raise InputError(f"{folder / ARCHIVE} has SHA-256 {found}, published was {published['sealed_sha256']}")
+        raise InputError(
+            f"{folder / ARCHIVE} has SHA-256 {found}, published was {published['sealed_sha256']}"
+        )
     return published

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv  # pyright: ignore[reportAttributeAccessIssue]
 
 from samrl_core.errors import InputError
 from samrl_core.forge.arm_body import ArmBody
@@ -15,6 +15,8 @@ from samrl_core.robots.arm_model import ArmModel
 from samrl_core.types.arm_description import ArmController
 from samrl_core.types.arm_recording import JointSignal
 
+_FASTEST = 15.0  # [rad/s], and
+_FARTHEST = 1.0  # [rad] behind the command: no arm under control does that
 SETTLE_S = 0.8  # held at the first command before the recording begins
 
 
@@ -86,7 +88,7 @@ def simulate(
     size = mount + n_joints
     arm = slice(mount, size)
     elastic = sorted(hooks.transmission)
-    # Two bodies on a stiff spring, or a mount, want finer steps; MuJoCo steps finer anyway: it is the other engine.
+    # Two bodies on a stiff spring, or a mount, want finer steps; the other engine takes them anyway.
     substeps = 2 if elastic or mount or engine_name == "mujoco" else 1
     dt = period / substeps
     rotor = reality.armature + sum(hooks.rotor_inertia, np.zeros(n_joints))
@@ -133,9 +135,12 @@ def simulate(
             q_read, v_read = read(t, q_read, v_read)
         q_read = q_read + noise[0, k + settle]
         v_read = v_read + noise[1, k + settle]
-        if not (np.abs(v_read).max() < 60.0):  # NaN too
+        lag = np.abs(shaped.position[row] - q_read).max()  # type: ignore[index]
+        if not (np.abs(v_read).max() < _FASTEST and lag < _FARTHEST):  # NaN too
             engine.close()
-            raise DivergedError(f"joint velocity {v_read} rad/s at {t:.3f} s; narrow the disturbance's range")
+            raise DivergedError(
+                f"velocity {v_read} rad/s, lag {lag:.2f} rad at {t:.3f} s; narrow the disturbance's range"
+            )
         law = Law(controller.stiffness, controller.damping, np.ones(n_joints))
         for alter in hooks.law:
             alter(law, t)

@@ -1,4 +1,7 @@
-"""One sealed world: three recordings as a real arm could have made them, the truth, and the best possible answer."""
+"""One sealed world.
+
+Three recordings as a real arm could have made them, the truth, and the best possible answer.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,15 @@ from samrl_core.forge.background import Background, draw_background
 from samrl_core.forge.disturbances.disturbance import Effect, Site
 from samrl_core.forge.disturbances.registry import attach, family
 from samrl_core.forge.hooks import Hooks
-from samrl_core.forge.nominal import ARMATURE, SETS, NominalArm, demands, description, nominal_arm, world_command
+from samrl_core.forge.nominal import (
+    ARMATURE,
+    SETS,
+    NominalArm,
+    demands,
+    description,
+    nominal_arm,
+    world_command,
+)
 from samrl_core.forge.plan import PlanItem, PlannedEffect
 from samrl_core.forge.simulate import Reality, Trace, simulate
 from samrl_core.types.arm_description import STANDARD_GRAVITY, Tolerances
@@ -34,7 +45,9 @@ class Oracle:
     nominal_commanded: JointSignal
 
 
-def make_world(item: PlanItem, tolerances: Tolerances | None = None) -> tuple[dict[str, ArmRecording], dict, Oracle]:
+def make_world(
+    item: PlanItem, tolerances: Tolerances | None = None
+) -> tuple[dict[str, ArmRecording], dict, Oracle]:
     """Recordings A, B and C, the label to be sealed, and the oracle.
 
     Raises:
@@ -48,14 +61,15 @@ def make_world(item: PlanItem, tolerances: Tolerances | None = None) -> tuple[di
         arm.spec, arm.bare, arm.tool, ARMATURE[item.arm], stated, item.scale, streams[0]
     )
     effects = [
-        _effect(planned, item, arm, stream)
-        for planned, stream in zip(item.effects, streams[2:], strict=True)
+        _effect(planned, item, arm, stream) for planned, stream in zip(item.effects, streams[2:], strict=True)
     ]
     seeds = streams[1].integers(2**62, size=(len(SETS), 3)).tolist()
     recordings = {}
     for letter, (noise_seed, effect_seed, stamp_seed) in zip(SETS, seeds, strict=True):
         trace = _run(item, letter, effects, effect_seed, background, noise_seed)
-        recordings[letter] = _recorded(item, letter, trace, background, stated, np.random.default_rng(stamp_seed))
+        recordings[letter] = _recorded(
+            item, letter, trace, background, stated, np.random.default_rng(stamp_seed)
+        )
     held_out_effects = seeds[list(SETS).index(HELD_OUT)][1]
     nominal = _nominal(item.arm, item.programme, item.duration_s, item.engine)
     best = _run(item, HELD_OUT, effects, held_out_effects, None, 0) if effects else nominal
@@ -78,7 +92,9 @@ def joint_of(place: str, arm: NominalArm) -> int:
     if kind == "arm" and name == arm.role:
         return -1
     if name not in names.get(kind, []):
-        raise InputError(f"{arm.role} has no place '{place}'; joints are {names['joint']}, links {names['link']}")
+        raise InputError(
+            f"{arm.role} has no place '{place}'; joints are {names['joint']}, links {names['link']}"
+        )
     return names[kind].index(name)
 
 
@@ -92,7 +108,7 @@ def _effect(planned: PlannedEffect, item: PlanItem, arm: NominalArm, rng: np.ran
         armature=ARMATURE[item.arm],
         peak_torque=asked.torque,
         gravity_torque=asked.gravity,
-        peak_rate=asked.rate,
+        peak_rate=lambda: _peak_rate(item.arm, item.programme, item.duration_s),
         lowest=asked.lowest,
         highest=asked.highest,
         rng=rng,
@@ -117,7 +133,9 @@ def _run(
     controller = description(item.arm, letter, Tolerances()).controller
     assert controller is not None
     reality = (
-        Reality.ideal(ARMATURE[item.arm], np.array(STANDARD_GRAVITY)) if background is None else background.reality
+        Reality.ideal(ARMATURE[item.arm], np.array(STANDARD_GRAVITY))
+        if background is None
+        else background.reality
     )
     return simulate(
         arm.model,
@@ -129,6 +147,14 @@ def _run(
         item.engine,
         np.random.default_rng(noise_seed),
     )
+
+
+@lru_cache(maxsize=64)
+def _peak_rate(role: str, programme: int, duration_s: float) -> np.ndarray:
+    """Slope over 10 ms that set B's nominal commanded torque exceeds 1 % of the time, (J,) [N m/s]."""
+    item = PlanItem("", "none", "pybullet", role, programme, (), 1.0, 0, duration_s)
+    trace = _run(item, "B", [], 0, None, 0)
+    return np.quantile(np.abs(trace.commanded[10:] - trace.commanded[:-10]), 0.99, axis=0) / 0.01
 
 
 @lru_cache(maxsize=64)

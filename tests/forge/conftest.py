@@ -27,4 +27,5 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world, "world_command", short_command)
     monkeypatch.setattr(simulate, "SETTLE_S", 0.1)
     world._nominal.cache_clear()
+    world._peak_rate.cache_clear()
     nominal.demands.cache_clear()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import pytest
@@ -45,8 +45,10 @@ CHANNEL = {
 }
 
 
-@lru_cache(maxsize=None)
-def _trace(name: str | None, form: str, severity: float, joint: int = JOINT, onset: float | None = None) -> Trace:
+@cache
+def _trace(
+    name: str | None, form: str, severity: float, joint: int = JOINT, onset: float | None = None
+) -> Trace:
     effects = ()
     if name is not None:
         effects = (PlannedEffect(name, place_of(name, "tool_arm", joint), form, severity, onset),)
@@ -142,7 +144,9 @@ def test_every_parameter_has_a_unit(name: str) -> None:
 
 
 def test_quantiles() -> None:
-    assert quantile(0.0, 2.0, 4.0) == 0.0 and quantile(0.5, 2.0, 4.0) == 3.0 and quantile(1.0, 2.0, 4.0) == 4.0
+    assert (
+        quantile(0.0, 2.0, 4.0) == 0.0 and quantile(0.5, 2.0, 4.0) == 3.0 and quantile(1.0, 2.0, 4.0) == 4.0
+    )
     assert log_quantile(0.0, 1.0, 100.0) == 0.0 and log_quantile(0.5, 1.0, 100.0) == pytest.approx(10.0)
     with pytest.raises(InputError, match="quantile"):
         quantile(1.5, 0.0, 1.0)

@@ -62,7 +62,9 @@ def test_altered_bodies_stay_real() -> None:
         for link in nominal_arm(role).body.links:
             inertia = scaled_inertia(link.inertia, 1.0 + 0.06 * rng.uniform(-1, 1, size=3))
             assert np.linalg.eigvalsh(second_moments(inertia))[0] > 0
-            joined = join_mass(link, 0.5, rng.normal(size=3) * 0.1, 1e-4 * np.eye(3), link.placement_in_parent)
+            joined = join_mass(
+                link, 0.5, rng.normal(size=3) * 0.1, 1e-4 * np.eye(3), link.placement_in_parent
+            )
             assert np.linalg.eigvalsh(second_moments(joined.inertia))[0] > 0
             assert joined.mass == pytest.approx(link.mass + 0.5)
 

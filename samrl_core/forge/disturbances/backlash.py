@@ -1,4 +1,7 @@
-"""10. Backlash. T0: a gap between stiff linear flanks. T1: Hertz flanks, grease in the gap: a hysteretic gear."""
+"""10. Backlash.
+
+T0: a gap between stiff linear flanks. T1: Hertz flanks, grease in the gap: a hysteretic gear.
+"""
 
 from __future__ import annotations
 

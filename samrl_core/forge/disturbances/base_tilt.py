@@ -1,4 +1,7 @@
-"""26. A tilted base: gravity turns in its frame. T0: constant. T1: a base that settles during the recording."""
+"""26. A tilted base: gravity turns in its frame.
+
+T0: constant. T1: a base that settles during the recording.
+"""
 
 from __future__ import annotations
 

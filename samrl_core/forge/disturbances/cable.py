@@ -1,4 +1,7 @@
-"""28. A cable along the arm. T0: spring k (q - q0) with a Dahl loop. T1: slack, then taut and hardening, with drag."""
+"""28. A cable along the arm.
+
+T0: spring k (q - q0) with a Dahl loop. T1: slack, then taut and hardening, with drag.
+"""
 
 from __future__ import annotations
 

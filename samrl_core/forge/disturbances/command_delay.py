@@ -1,4 +1,7 @@
-"""18. Delay of the command or of the effort. T0: constant. T1: a queue whose delay wanders and jumps about its mean."""
+"""18. Delay of the command or of the effort.
+
+T0: constant. T1: a queue whose delay wanders and jumps about its mean.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,9 @@ from samrl_core.forge.hooks import Hooks
 
 def _jittered(mean: float, count: int, period: float, rng: np.random.Generator) -> np.ndarray:
     """Delays (count,): a slow wander of 15 % and a new extra each 10 ms; data never overtake data."""
-    slow = np.interp(np.arange(count), np.arange(0, count + 500, 500), rng.normal(size=len(range(0, count + 500, 500))))
+    slow = np.interp(
+        np.arange(count), np.arange(0, count + 500, 500), rng.normal(size=len(range(0, count + 500, 500)))
+    )
     extra = np.repeat(rng.exponential(0.25, size=count // 10 + 1), 10)[:count]
     delay = mean * np.clip(0.75 + 0.15 * slow + extra, 0.2, 2.0)
     sent = np.maximum.accumulate(np.arange(count) * period - delay)

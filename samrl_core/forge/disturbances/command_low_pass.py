@@ -24,7 +24,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         keep = float(np.exp(-w * period))
         b, a = np.array([1.0 - keep]), np.array([1.0, -keep])
     else:
-        b, a = bilinear([w * w], [1.0, 1.4 * w, w * w], 1.0 / period)
+        b, a = (np.asarray(x) for x in bilinear([w * w], [1.0, 1.4 * w, w * w], 1.0 / period))
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         if on_command:

@@ -13,7 +13,9 @@ from samrl_core.types.arm_recording import JointSignal
 _FIELDS = ("position", "velocity", "acceleration", "effort")
 
 
-def map_command(command: JointSignal, joints: list[int], change: Callable[[np.ndarray], np.ndarray]) -> JointSignal:
+def map_command(
+    command: JointSignal, joints: list[int], change: Callable[[np.ndarray], np.ndarray]
+) -> JointSignal:
     """The command with `change` (N, j) -> (N, j) done to some joints' channels."""
     changed = {}
     for name in _FIELDS:
@@ -43,6 +45,7 @@ class RunningFilter:
         self._y: np.ndarray | None = None
 
     def __call__(self, t: float, u: np.ndarray) -> np.ndarray:
+        """Filtered effort (J,)."""
         now = u[self._joints]
         if self._x is None or self._y is None:
             self._x = np.repeat(now[None], len(self._b), axis=0)
@@ -63,6 +66,7 @@ class Queue:
         self._past: list[np.ndarray] = []
 
     def __call__(self, t: float, u: np.ndarray) -> np.ndarray:
+        """Delayed effort (J,)."""
         self._past.append(u[self._joints])
         if len(self._past) > 200:
             self._past.pop(0)

@@ -34,14 +34,14 @@ class Site:
     armature: np.ndarray  # nominal rotor inertia [kg m2]
     peak_torque: np.ndarray  # of the nominal arm over its recordings [N m]
     gravity_torque: np.ndarray  # largest of gravity alone over its recordings [N m]
-    peak_rate: np.ndarray  # of the torque [N m/s]
+    peak_rate: Callable[[], np.ndarray]  # of the commanded torque; worked out when asked for [N m/s]
     lowest: np.ndarray  # reached by the recordings' commands [rad]
     highest: np.ndarray
     rng: np.random.Generator  # for what severity does not fix: signs, phases, directions
 
     @property
     def size(self) -> float:
-        """Strength of the joint's drive against a Panda's shoulder, as a square root: friction grows slower."""
+        """Root of the drive's strength against a Panda's shoulder: friction grows slower."""
         return float(np.sqrt(self.spec.limits.effort[self.joint] / 87.0))
 
     @property
@@ -70,7 +70,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Family:
-    """One file of this folder. `make(site, form, severity)` gives the effect; severity 0 is no effect at all."""
+    """One file of this folder. `make(site, form, severity)`: severity 0 is no effect at all."""
 
     name: str
     place: str  # `joint`, `arm` or `link`

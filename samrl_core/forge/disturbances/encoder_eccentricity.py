@@ -9,8 +9,8 @@ from samrl_core.forge.hooks import Hooks
 
 
 def _make(site: Site, form: str, severity: float) -> Effect:
-    # Below 0.2 mrad on good encoders; cheap ones reach 3 mrad (ASSUMPTION). The encoder sits on the motor's side
-    # of a gear, so the error repeats many times a turn; once a turn no joint-side channel could show it.
+    # Below 0.2 mrad on good encoders; cheap ones reach 3 mrad (ASSUMPTION). On the motor's side of a gear the
+    # error repeats many times a turn; once a turn no joint-side channel could show it.
     height = log_quantile(severity, 2e-4, 3e-3)
     wave = float(site.rng.choice([16.0, 32.0, 50.0, 80.0]))
     phase = float(site.rng.uniform(-np.pi, np.pi))

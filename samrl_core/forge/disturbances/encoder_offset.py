@@ -1,4 +1,7 @@
-"""21. Encoder offset. T0: q + e. T1: an offset that creeps by a third over the recording (a slipping disc)."""
+"""21. Encoder offset.
+
+T0: q + e. T1: an offset that creeps by a third over the recording (a slipping disc).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""6. Friction that differs by direction. T0: Gaz et al. 2019, A/(1+exp(-a(v+b))) - A/(1+exp(-a b)). T1: two levels."""
+"""6. Friction that differs by direction.
+
+T0: Gaz et al. 2019, A/(1+exp(-a(v+b))) - A/(1+exp(-a b)). T1: two levels.
+"""
 
 from __future__ import annotations
 

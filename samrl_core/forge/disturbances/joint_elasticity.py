@@ -1,4 +1,7 @@
-"""11. Joint elasticity: rotor and link as two masses, encoder on the rotor. T0: linear. T1: hardening (cubic)."""
+"""11. Joint elasticity: rotor and link as two masses, encoder on the rotor.
+
+T0: linear. T1: hardening (cubic).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""25. A link unlike its figures. T0: mass, centre and inertia off. T1: a forgotten part bolted to one side of it."""
+"""25. A link unlike its figures.
+
+T0: mass, centre and inertia off. T1: a forgotten part bolted to one side of it.
+"""
 
 from __future__ import annotations
 

@@ -32,7 +32,16 @@ def _make(site: Site, form: str, severity: float) -> Effect:
                 slides = name.startswith("sway")
                 own = 4.0 if name == names[-1] else 0.5  # [kg], the last one is the plate under the arm
                 links.append(
-                    MovingLink(f"mount_{name}", f"mount_{name}", base, _AXES[axis], own, np.zeros(3), 0.02 * np.eye(3), slides)
+                    MovingLink(
+                        f"mount_{name}",
+                        f"mount_{name}",
+                        base,
+                        _AXES[axis],
+                        own,
+                        np.zeros(3),
+                        0.02 * np.eye(3),
+                        slides,
+                    )
                 )
                 carried = body.mass + 5.0 if slides else float(inertia[axis, axis]) + 0.05
                 # Sway is kept stiffer than rocking, as on legs that bend little and tilt more (ASSUMPTION).

@@ -1,4 +1,7 @@
-"""19. Late or lost packets: the drives hold their last effort. T0: independent losses. T1: bursts (Gilbert 1960)."""
+"""19. Late or lost packets: the drives hold their last effort.
+
+T0: independent losses. T1: bursts (Gilbert 1960).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""7. Friction that varies over the turn. T0: harmonics of q on a level. T1: worn and tight sectors with soft edges."""
+"""7. Friction that varies over the turn.
+
+T0: harmonics of q on a level. T1: worn and tight sectors with soft edges.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""5. Presliding: friction as a spring before it slips. T0: LuGre, soft bristles. T1: four Maxwell-slip elements."""
+"""5. Presliding: friction as a spring before it slips.
+
+T0: LuGre, soft bristles. T1: four Maxwell-slip elements.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""13. Reflected inertia other than nominal. T0: J more. T1: a flywheel that the rotor drags through a viscous coupling."""
+"""13. Reflected inertia other than nominal.
+
+T0: J more. T1: a flywheel that the rotor drags through a viscous coupling.
+"""
 
 from __future__ import annotations
 

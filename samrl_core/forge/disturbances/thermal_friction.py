@@ -1,4 +1,7 @@
-"""9. Friction that falls as the drive warms. T0: Finf + (F0 - Finf) exp(-t/T). T1: heat from the friction itself."""
+"""9. Friction that falls as the drive warms.
+
+T0: Finf + (F0 - Finf) exp(-t/T). T1: heat from the friction itself.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""16. The drive's torque changes at most so fast. T0: slope clip. T1: slower up than down (current rise against decay)."""
+"""16. The drive's torque changes at most so fast.
+
+T0: slope clip. T1: slower up than down (current rise against decay).
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,9 @@ class _Slope:
 
 
 def _make(site: Site, form: str, severity: float) -> Effect:
-    # A described limit of 1000 N m/s is never met here; this one lies below what the motion asks for.
-    rate = float(site.peak_rate[site.joint]) / max(log_quantile(severity, 1.2, 6.0), 1e-6)
+    # A described limit of 1000 N m/s is never met here; this one about what the motion asks for:
+    # a little lower, and the loop would run away.
+    rate = float(site.peak_rate()[site.joint]) / max(log_quantile(severity, 0.9, 1.4), 1e-6)
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         down = rate if form == "T0" else 2.0 * rate

@@ -1,4 +1,7 @@
-"""23. Torque sensor: (1+g) tau + b. T1: the bias drifts as the strain gauges warm, the gain differs by direction."""
+"""23. Torque sensor: (1+g) tau + b.
+
+T1: the bias drifts as the strain gauges warm, the gain differs by direction.
+"""
 
 from __future__ import annotations
 

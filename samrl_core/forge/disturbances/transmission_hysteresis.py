@@ -1,4 +1,7 @@
-"""12. Transmission hysteresis: loops of twist over torque. T0: Bouc-Wen. T1: three sliders (Prandtl-Ishlinskii)."""
+"""12. Transmission hysteresis: loops of twist over torque.
+
+T0: Bouc-Wen. T1: three sliders (Prandtl-Ishlinskii).
+"""
 
 from __future__ import annotations
 

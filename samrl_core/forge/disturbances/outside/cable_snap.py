@@ -1,4 +1,7 @@
-"""A cable winds up as the arm moves, and lets go: a spring whose rest position jumps when its pull is too much."""
+"""A cable winds up as the arm moves, and lets go.
+
+A spring whose rest position jumps when its pull is too much.
+"""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     k = quantile(severity, 10.0, 60.0) * site.size**2
     low, high = float(site.lowest[site.joint]), float(site.highest[site.joint])
     way = site.sign()
-    edge = 0.5 * (low + high) + way * 0.25 * (high - low)
+    edge = 0.5 * (low + high) + way * 0.15 * (high - low)
     i = site.joint
 
     def stop(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -108,6 +108,41 @@ def excite(
 
 
 @app.command()
+def diagnose(
+    bags: Annotated[
+        list[Path], typer.Argument(help="Bags to fit (.mcap, bag folders, or a folder of bags).")
+    ],
+    held_out: Annotated[
+        list[Path] | None, typer.Option(help="Bags never fitted; without it, the last of several is one.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for report.json and report.html.")] = Path("out/diagnosis"),
+    arm: Annotated[str | None, typer.Option(help="tool_arm or camera_arm; else the one that moves.")] = None,
+    urdf: Annotated[Path | None, typer.Option(help="Nominal model, in place of the bags' own.")] = None,
+    tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None,
+    library: Annotated[Path | None, typer.Option(help="Families that may be named (YAML list).")] = None,
+    seed: Annotated[int, typer.Option(help="Of bootstrap and sampling.", min=0)] = 0,
+    fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 when there is a gap.")] = False,
+) -> None:
+    """Say where simulation and recordings differ, which effect causes it, and how far the gap shrinks."""
+    from samrl_ros.diagnose_command import DiagnoseOptions, diagnose_bags
+
+    options = DiagnoseOptions(
+        tuple(bags), tuple(held_out or ()), out, arm, urdf, tolerances, library, seed, fail_on_gap
+    )
+    raise typer.Exit(diagnose_bags(options))
+
+
+@app.command()
+def effects(
+    family: Annotated[str | None, typer.Argument(help="One family in full; without it, the table.")] = None,
+) -> None:
+    """List the effects that the diagnosis knows: formula, parameters, ranges, source, excitation."""
+    from samrl_ros.effects_command import show_effects
+
+    show_effects(family, Console())
+
+
+@app.command()
 def interfaces() -> None:
     """Build the project's ROS 2 interfaces into this environment."""
     from samrl_ros.interfaces.build import main as build

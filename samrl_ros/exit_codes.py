@@ -4,4 +4,5 @@ OK = 0
 FAILED = 1  # the run could not go on: a node died, a fault, a stall
 USAGE = 2
 INPUT_REFUSED = 3
+GAP_FOUND = 4  # `samrl diagnose --fail-on-gap` found one
 INTERRUPTED = 130

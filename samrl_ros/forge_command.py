@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,6 +31,7 @@ from samrl_ros.forge_show import line, show
 from samrl_ros.forge_study import (
     LEFT_OUT_FILE,
     commit_before,
+    commit_or_none,
     head,
     left_out,
     same_as_before,
@@ -138,23 +139,25 @@ def diagnose(
     ] = 0,
     timeout: Annotated[float, typer.Option(help="Seconds after which a world counts as crashed.")] = 1200.0,
     seed: Annotated[int, typer.Option(help="Seed of every diagnosis.", min=0)] = 0,
+    again: Annotated[bool, typer.Option("--again", help="Do anew what crashed or was refused.")] = False,
     ray: OnRay = False,
 ) -> None:
     """Diagnose every world in a process without access to the labels; finished worlds are kept."""
     study = Study(folder.resolve())
     listed: list[str] = study.published()["worlds"]
-    threads = max(1, (os.cpu_count() or 1) // workers)
-    jobs = [
-        Job(study.root, world, threads=threads, timeout_s=timeout, seed=seed)
-        for world in listed[: worlds or len(listed)]
-    ]
+    every = Job(
+        study.root,
+        world="",
+        threads=max(1, (os.cpu_count() or 1) // workers),
+        timeout_s=timeout,
+        seed=seed,
+        commit=commit_or_none(),
+    )
+    jobs = [replace(every, world=world) for world in listed[: worlds or len(listed)]]
     if leave_one_out:
         for world, family in left_out(study, leave_one_out).items():
-            library = without(family)
-            jobs.append(
-                Job(study.root, world, LEFT_OUT_STAGE, library, threads=threads, timeout_s=timeout, seed=seed)
-            )
-    todo = [job for job in jobs if not job.finished]
+            jobs.append(replace(every, world=world, stage=LEFT_OUT_STAGE, library=without(family)))
+    todo = [job for job in jobs if not job.finished or (again and job.crashed)]
     for stage in (STAGE, LEFT_OUT_STAGE):
         study.sweep(stage)
     crashed = 0

@@ -61,6 +61,14 @@ def head() -> str:
     return found.stdout.strip()
 
 
+def commit_or_none() -> str | None:
+    """Hash of the commit that runs, where there is a checkout."""
+    try:
+        return head()
+    except InputError:
+        return None
+
+
 def versions() -> dict[str, str]:
     """Of Python and of what the worlds are made with."""
     found = {name: version for name in VERSIONS if (version := _version(name))}

@@ -108,7 +108,8 @@ def invariance_alarms(
                 difference, typical = abs(va - vb), max(abs(va), abs(vb), 1e-12)
                 if difference > 3.0 * np.hypot(ea, eb) and difference > SAME_WITHIN * typical:
                     alarms.append(
-                        f"{h.name} would have {va:.2f} times its fitted size in {first} but {vb:.2f} in {second}"
+                        f"{h.name} would have {va:.2f} times its fitted size in {first}"
+                        f" but {vb:.2f} in {second}"
                     )
     return alarms
 

@@ -22,7 +22,7 @@ BINS = 80
 
 
 def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
-    """Data and fit in the block where the effect acts most strongly; the other named effects are taken out."""
+    """Data and fit where the effect acts most strongly; other named effects are taken out."""
     likelihood = evidence.likelihood
     index = fit.hypotheses.index(h)
     rest = evidence.rest(fit)

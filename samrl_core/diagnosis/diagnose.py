@@ -17,7 +17,7 @@ from samrl_core.diagnosis.experiment import next_experiment
 from samrl_core.diagnosis.how_far import HowFar, how_far
 from samrl_core.diagnosis.hypothesis import Evidence, Fit, on_bound
 from samrl_core.diagnosis.likelihood import Likelihood
-from samrl_core.diagnosis.result import Diagnosis, InputFile, NamedEffect
+from samrl_core.diagnosis.result import Curve, Diagnosis, InputFile, NamedEffect
 from samrl_core.diagnosis.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.signature import couplings, signatures
 from samrl_core.diagnosis.trial import Trial
@@ -103,7 +103,8 @@ def diagnose(
     )
     empty = Diagnosis(
         "not_testable", ("no channel of the recordings can be compared with a model",), (), (), (), (), None,
-        None, 0.0, untestable, inputs, settings.seed, _version(), first.recording.arm.role, notes=tuple(notes),
+        None, 0.0, untestable, inputs, settings.seed, _version(), first.recording.arm.role,
+        notes=tuple(notes),
     )  # fmt: skip
     if not first.channels:
         return empty, HowFar(None, ())
@@ -187,9 +188,7 @@ def _conclude(
         couplings=couplings(likelihood, rest),
         heatmap=grid,
         timelines=timelines(likelihood, z, onsets),
-        curves=tuple(
-            c for h in (chosen.hypotheses if chosen else ()) if (c := curve_of(evidence, chosen, h))
-        ),
+        curves=_curves(evidence, chosen),
         overlays=far.overlays,
         timings=timings,
         settings={
@@ -201,6 +200,12 @@ def _conclude(
     )
     done("report")
     return diagnosis, far
+
+
+def _curves(evidence: Evidence, chosen: Fit | None) -> tuple[Curve, ...]:
+    if chosen is None:
+        return ()
+    return tuple(c for h in chosen.hypotheses if (c := curve_of(evidence, chosen, h)) is not None)
 
 
 def _trials(fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]) -> tuple[list[Trial], list[Trial]]:

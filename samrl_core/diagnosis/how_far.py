@@ -1,4 +1,4 @@
-"""How far the gap shrinks on held-out recordings: in closed loop where it can be simulated, else along the log."""
+"""How far the gap shrinks on held-out recordings: in closed loop if possible, else along the log."""
 
 from __future__ import annotations
 
@@ -225,7 +225,8 @@ def _log_overlays(
             out.append(
                 Overlay(
                     trial.recording.name, trial.recording.arm.joints[j], "residual", CHANNEL_UNITS[channel],
-                    trial.motion.t - trial.motion.time[0], before[r][:, j], np.zeros(len(before[r])), predicted,
+                    trial.motion.t - trial.motion.time[0], before[r][:, j], np.zeros(len(before[r])),
+                    predicted,
                 )
             )  # fmt: skip
     return tuple(out)

@@ -15,7 +15,7 @@ from samrl_core.diagnosis.trial import Trial
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
 FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
-COMPLIANCE = 1e-3  # [rad] twist at the effort limit: no joint is quite rigid
+COMPLIANCE = 3e-4  # [rad] twist at the effort limit: no joint is quite rigid
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 

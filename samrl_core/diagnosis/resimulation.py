@@ -12,7 +12,7 @@ from samrl_core.diagnosis.hypothesis import Fit
 from samrl_core.diagnosis.trial import Trial
 from samrl_core.dynamics.closed_loop import ClosedLoop
 from samrl_core.dynamics.plant_parameters import PlantParameters
-from samrl_core.errors import LimitError
+from samrl_core.errors import InputError, LimitError
 from samrl_core.types.arm_recording import JointSignal
 
 BLOCK_S = 0.5  # of the bootstrap; longer than residuals stay correlated
@@ -61,7 +61,10 @@ def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
             additive = np.isfinite(base) & (base == 0)
             merged = np.where(now != base, now, before)
             changes[name] = np.where(additive, before + now, merged)
-    return replace(neutral, **changes)
+    try:
+        return replace(neutral, **changes)
+    except InputError:
+        return None  # a fit so far out that no plant is like it; its interval and alarms say so
 
 
 def resimulate(trial: Trial, plants: dict[str, PlantParameters]) -> Resimulation:

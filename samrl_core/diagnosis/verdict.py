@@ -68,7 +68,8 @@ def decide(
         left = selection.held_out_remaining / selection.held_out_excess
         if left > settings.held_out_unexplained:
             refusals.append(
-                f"on held-out recordings {left:.0%} stay unexplained, more than {settings.held_out_unexplained:.0%}"
+                f"on held-out recordings {left:.0%} stay unexplained,"
+                f" more than {settings.held_out_unexplained:.0%}"
             )
     elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
         refusals.append("with it, held-out recordings fit worse than without")

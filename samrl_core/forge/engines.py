@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from abc import ABC, abstractmethod
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ from samrl_core.forge.arm_body import ArmBody
 from samrl_core.forge.engine_files import mjcf_text, urdf_text
 
 ENGINES = ("pybullet", "mujoco")
+_MUJOCO: Any = mujoco  # a compiled module without type stubs
 
 
 class Engine(ABC):
@@ -142,8 +144,8 @@ class MujocoEngine(Engine):
     def __init__(self, body: ArmBody, timestep: float, coulomb: np.ndarray, viscous: np.ndarray) -> None:
         """Load the arm; `coulomb` [N m] and `viscous` [N m s/rad] (n,) are frictionloss and damping."""
         self.timestep = timestep
-        self._model = mujoco.MjModel.from_xml_string(mjcf_text(body, timestep))
-        self._data = mujoco.MjData(self._model)
+        self._model = _MUJOCO.MjModel.from_xml_string(mjcf_text(body, timestep))
+        self._data = _MUJOCO.MjData(self._model)
         self._model.dof_frictionloss[:] = coulomb
         self._model.dof_damping[:] = viscous
         self._mass = np.zeros((self._model.nv, self._model.nv))
@@ -161,8 +163,8 @@ class MujocoEngine(Engine):
 
     def dynamics(self) -> tuple[np.ndarray, np.ndarray]:
         """As `Engine`."""
-        mujoco.mj_step1(self._model, self._data)
-        mujoco.mj_fullM(self._model, self._data, self._mass)
+        _MUJOCO.mj_step1(self._model, self._data)
+        _MUJOCO.mj_fullM(self._model, self._data, self._mass)
         return self._mass - np.diag(self._rotor), self._data.qfrc_bias.copy()
 
     def step(self, effort: np.ndarray, rotor: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
@@ -170,10 +172,10 @@ class MujocoEngine(Engine):
         if not np.array_equal(rotor, self._rotor):
             self._rotor = rotor.copy()
             self._model.dof_armature[:] = rotor
-            mujoco.mj_step1(self._model, self._data)
+            _MUJOCO.mj_step1(self._model, self._data)
         data = self._data
         data.qfrc_applied[:] = effort
-        mujoco.mj_step2(self._model, data)
+        _MUJOCO.mj_step2(self._model, data)
         # The step's mean acceleration: `implicitfast` adds implicit damping to what `qacc` says.
         change = (data.qvel - self.velocity) / self.timestep
         drag = self._model.dof_damping * data.qvel

@@ -19,7 +19,7 @@ from samrl_core.types.pose import Pose
 
 SETS = {"A": "slow", "B": "multisine", "C": "task"}
 PROGRAMMES = 6  # distinct ones per arm, so that what is worked out per trajectory can be kept
-# Rotors as geared drives have them. Panda: MuJoCo menagerie's panda.xml. Rizon: ASSUMPTION, of the same order;
+# Rotors as geared drives have them. Panda: menagerie's panda.xml. Rizon: ASSUMPTION, same order;
 # menagerie's 3.17 kg m2 at the shoulder would make the described gains sluggish.
 ARMATURE = {
     "tool_arm": np.full(7, 0.1),

@@ -35,7 +35,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     rate = float(site.peak_rate()[site.joint]) / max(log_quantile(severity, 0.9, 1.4), 1e-6)
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        down = rate if form == "T0" else 2.0 * rate
+        down = rate if form == "T0" else 1.3 * rate
         hooks.drive.append(_Slope(site.joint, rate, down, site.spec.controller.period_s))
 
     return Effect({"rate": Quantity(rate, "N m/s")}, attach)

@@ -6,6 +6,7 @@ import json
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,7 @@ import yaml
 from samrl_core.scoring.study import SETS, Study, move_folder
 
 STAGE, LEFT_OUT_STAGE = "diagnosis", "left_out"
+INTERRUPTED = (130, -signal.SIGINT, -signal.SIGTERM)  # somebody stopped it: no result, neither good nor bad
 KEPT_OUTPUT = 4000  # characters of the process' last words that are stored
 
 
@@ -35,15 +37,28 @@ class Job:
     timeout_s: float = 1200.0
     threads: int = 1
     seed: int = 0
+    commit: str | None = None  # of the code that diagnoses, for the record
 
     @property
     def finished(self) -> bool:
         """Whether there is a result, a crash included."""
-        return (Study(self.root).run_folder(self.stage, self.world) / "run.json").exists()
+        return self._run_file.exists()
+
+    @property
+    def crashed(self) -> bool:
+        """Whether there is a result, and it is no diagnosis."""
+        return self.finished and json.loads(self._run_file.read_text())["exit_code"] != 0
+
+    @property
+    def _run_file(self) -> Path:
+        return Study(self.root).run_folder(self.stage, self.world) / "run.json"
 
 
 def diagnose_world(job: Job) -> dict[str, Any]:
     """Copy the bags away, run the command there, and store report, re-simulation, exit code and wall time.
+
+    Raises:
+        InterruptedError: it was stopped from outside; nothing is stored.
 
     Where the kernel allows it, the process has a mount namespace in which the study's folder is empty;
     else only the copied bags and no path to the study are handed to it. run.json says which it was.
@@ -70,12 +85,15 @@ def diagnose_world(job: Job) -> dict[str, Any]:
         hidden = can_hide()
         began = time.monotonic()
         code, output = _run(_hiding(study.root, command) if hidden else command, place, job)
+        if code in INTERRUPTED:
+            raise InterruptedError(f"the diagnosis of {job.world} was stopped; it is done anew next time")
         run = {
             "world": job.world,
             "stage": job.stage,
             "exit_code": code,
             "seconds": time.monotonic() - began,
             "threads": job.threads,
+            "commit": job.commit,
             "isolation": "mount namespace" if hidden else "copied recordings",
             "library": job.library,
             "output": output[-KEPT_OUTPUT:],

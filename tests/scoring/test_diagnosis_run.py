@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -67,7 +68,16 @@ def test_a_crash_is_a_result(tmp_path: Path) -> None:
     study, job = study_with(tmp_path, code=1)
     assert diagnose_world(job)["exit_code"] == 1
     assert job.finished
+    assert job.crashed
     assert read_report(study.run_folder("diagnosis", "w1")) is None
+
+
+def test_an_interrupted_diagnosis_is_not_a_result(tmp_path: Path) -> None:
+    study, job = study_with(tmp_path, code=130)
+    with pytest.raises(InterruptedError, match="anew"):
+        diagnose_world(job)
+    assert not job.finished
+    assert not list((study.root / "diagnosis").glob("*"))
 
 
 def test_an_endless_diagnosis_is_stopped_and_counts(tmp_path: Path) -> None:
@@ -97,3 +107,35 @@ def test_ray_without_ray_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(InputError, match="pip install 'ray"):
         list(parallel.on_ray(double, [1], 1))
+
+
+def test_ray_results_and_failures_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against a stand-in with Ray's calls: submission, waiting, and errors raised by `get`."""
+
+    class RayError(Exception):
+        pass
+
+    class Task:
+        def __init__(self, work: object) -> None:
+            self.work = work
+
+        def remote(self, item: int) -> tuple[object, int]:
+            return (self.work, item)
+
+    def get(reference: tuple[object, int]) -> object:
+        try:
+            return reference[0](reference[1])  # type: ignore[operator]
+        except InputError as error:
+            raise RayError(str(error)) from error
+
+    fake = types.SimpleNamespace(
+        init=lambda **options: None,
+        remote=lambda **options: Task,
+        wait=lambda references, num_returns: (references[:num_returns], references[num_returns:]),
+        get=get,
+        exceptions=types.SimpleNamespace(RayError=RayError),
+    )
+    monkeypatch.setitem(sys.modules, "ray", fake)
+    ends = list(parallel.on_ray(double, [1, 2, 3], 2))
+    assert {d.item: d.result for d in ends if d.error is None} == {1: 2, 2: 4}
+    assert [str(d.error) for d in ends if d.error is not None] == ["three"]

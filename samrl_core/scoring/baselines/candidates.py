@@ -37,7 +37,7 @@ def candidates(s: Samples, delays: Sequence[float]) -> Iterator[Candidate]:
         yield from _joint(s, j, f"joint:{joint}", delays)
     both = tuple((r, j) for r in (DRIVE, LINK) for j in range(len(s.joints)))
     for k, link in enumerate(s.links):
-        spans = np.array([0.1, 0.02, 0.02, 0.02])  # kg, kg m: 5 % of links of about 2 kg, and 1 cm
+        spans = np.array([0.4, 0.04, 0.04, 0.04])  # kg, kg m: 20 % of links of about 2 kg, and 2 cm
         yield Candidate("link_inertia", f"link:{link}", both, _twice(s.regressor[:, :, k, :4]), spans)
     payload = s.regressor[:, :, -1, :4]
     yield Candidate("payload", f"arm:{s.role}", both, _twice(payload), np.array([1.0, 0.1, 0.1, 0.1]))

@@ -23,7 +23,7 @@ TIMESTEP = 0.001  # [s]
 PIECE_S, PIECES = 2.0, 2  # length of a rollout [s], rollouts per recording: open-ended ones drift away
 ITERATIONS = 6
 OFFSET = 0.01  # bound of a drive's torque offset, fraction of the effort limit; fitted, never named
-FRICTION, DAMPING, ARMATURE, GAIN, MASS, PAYLOAD = 1.5, 2.0, 0.1, 0.1, 0.05, 1.0  # upper ends of the ranges
+FRICTION, DAMPING, ARMATURE, GAIN, MASS, PAYLOAD = 1.5, 2.0, 0.1, 0.1, 0.2, 1.0  # upper ends of the ranges
 NOTHING_HELD = 1e-6  # mass [kg] and inertia [kg m2] of a tool where none is described
 
 
@@ -191,7 +191,7 @@ def _parameters(sysid: Any, arm: ArmDescription, spec: Any) -> tuple[Any, list[t
         def mass(spec: Any, value: float, link: str = link, known: float = known) -> None:
             weigh(spec.body(link), known, known * value)
 
-        add(f"mass_{link}", -4 * MASS, 0.0, 4 * MASS, mass, "link_inertia", f"link:{link}", MASS)
+        add(f"mass_{link}", -2 * MASS, 0.0, 2 * MASS, mass, "link_inertia", f"link:{link}", MASS)
 
     held = float(spec.body("samrl_tool").mass)
 

@@ -115,13 +115,15 @@ def diagnose(
     held_out: Annotated[
         list[Path] | None, typer.Option(help="Bags never fitted; without it, the last of several is one.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for report.json and report.html.")] = Path("out/diagnosis"),
+    out: Annotated[Path, typer.Option(help="Folder of report.json and report.html.")] = Path(
+        "out/diagnosis"
+    ),
     arm: Annotated[str | None, typer.Option(help="tool_arm or camera_arm; else the one that moves.")] = None,
     urdf: Annotated[Path | None, typer.Option(help="Nominal model, in place of the bags' own.")] = None,
     tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None,
     library: Annotated[Path | None, typer.Option(help="Families that may be named (YAML list).")] = None,
     seed: Annotated[int, typer.Option(help="Of bootstrap and sampling.", min=0)] = 0,
-    fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 when there is a gap.")] = False,
+    fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 if a gap is found.")] = False,
 ) -> None:
     """Say where simulation and recordings differ, which effect causes it, and how far the gap shrinks."""
     from samrl_ros.diagnose_command import DiagnoseOptions, diagnose_bags

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from samrl_core.errors import InputError
 from samrl_core.recordings import check_held_out, check_recording, split
-from samrl_core.recordings.check import no_motion
+from samrl_core.recordings.motion import no_motion
 from samrl_core.types.arm_recording import ArmRecording
 from samrl_ros.exit_codes import GAP_FOUND, INTERRUPTED, OK
 
@@ -123,7 +123,7 @@ def read_library(path: Path) -> tuple[str, ...]:
         raise InputError(f"library {path} cannot be read: {error}") from error
     names = content.get("families") if isinstance(content, dict) else content
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise InputError(f"library {path} must be a list of families, or `families: [...]`; see samrl effects")
+        raise InputError(f"library {path} must list families, plain or under `families:`; see samrl effects")
     return tuple(names)
 
 

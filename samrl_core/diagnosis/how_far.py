@@ -95,7 +95,7 @@ def _closed_loop(held_out: Likelihood, selection: Selection, rng: np.random.Gene
         "1", nominal, with_effect, other, runner_up if other is not None else None, share,
         None if with_effect is None else shrink_interval(runs, "with_effect", rng),
         None if share is None or other is None else share - shrink(nominal, other),
-        tuple((q, UNITS[q], _rms(runs, "nominal", q), _rms(runs, "with_effect", q)) for q in quantities),
+        tuple((q, UNITS[q], _rms(runs, "nominal", q), _rms(runs, "with_effect", q) if "with_effect" in plants else None) for q in quantities),
         tuple(r.trial.recording.name for r in runs),
     )  # fmt: skip
     alarms = _size_alarm(runs, chosen, plants, share) if chosen is not None else ()
@@ -131,9 +131,7 @@ def _size_alarm(
     return ()
 
 
-def _rms(runs: tuple[Resimulation, ...], plant: str, quantity: str) -> float | None:
-    if plant not in runs[0].simulated:
-        return None
+def _rms(runs: tuple[Resimulation, ...], plant: str, quantity: str) -> float:
     squares = [(r.measured[quantity] - r.simulated[plant][quantity]) ** 2 for r in runs]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 

@@ -166,8 +166,9 @@ def _conclude(
     done("how far")
     outcome = rules.decide(selection, named, runner_ups, alarms, far, settings.verdict)
     rest = evidence.rest(chosen) if chosen is not None else likelihood.y
-    ambiguity, experiment = (), None
-    if outcome.verdict == "ambiguous":
+    ambiguity: tuple[tuple[str, ...], ...] = ()
+    experiment = None
+    if outcome.verdict == "ambiguous" and chosen is not None:
         ambiguity = (tuple(dict.fromkeys([named[0].name, *outcome.tied])),)
         experiment = next_experiment(likelihood, [chosen, *rivals], ambiguity[0], settings.seed)
     signs = signatures(likelihood, rest, evidence) if outcome.verdict == "none_of_mine" else ()

@@ -91,7 +91,9 @@ def form_equations(motion: Motion) -> Equations:
     model = rigid.inverse_dynamics(motion.q, motion.dq, motion.ddq)
     link_noise = _acceleration_noise(motion, rigid)
     noise = motion.noise
-    variation = np.std(u if u is not None else tau, axis=0)
+    torque = u if u is not None else tau
+    assert torque is not None
+    variation = np.std(torque, axis=0)
     floor = TORQUE_FLOOR * variation
     if motion.command is not None and arm.controller is not None and u is not None:
         law, lag, raw = _controller_residual(motion, rigid)

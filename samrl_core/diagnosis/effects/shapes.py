@@ -57,6 +57,5 @@ def low_passed(x: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
 def resonant(x: np.ndarray, frequency: float, damping: float, dt: float) -> np.ndarray:
     """Response (N, ...) of a unit-gain second-order system, started in equilibrium with the first sample."""
     w = 2 * np.pi * frequency
-    system = signal.cont2discrete(([w * w], [1.0, 2 * damping * w, w * w]), dt, method="bilinear")
-    b, a = np.ravel(system[0]), np.ravel(system[1])
+    b, a = signal.bilinear([w * w], [1.0, 2 * damping * w, w * w], fs=1.0 / dt)
     return x[:1] + np.asarray(signal.lfilter(b, a, x - x[:1], axis=0))

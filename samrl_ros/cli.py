@@ -123,7 +123,7 @@ def diagnose(
     tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None,
     library: Annotated[Path | None, typer.Option(help="Families that may be named (YAML list).")] = None,
     seed: Annotated[int, typer.Option(help="Of bootstrap and sampling.", min=0)] = 0,
-    fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 if a gap is found.")] = False,
+    fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 on a gap.")] = False,
 ) -> None:
     """Say where simulation and recordings differ, which effect causes it, and how far the gap shrinks."""
     from samrl_ros.diagnose_command import DiagnoseOptions, diagnose_bags

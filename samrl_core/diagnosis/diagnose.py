@@ -15,7 +15,7 @@ from samrl_core.diagnosis.curves import curve_of
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
 from samrl_core.diagnosis.experiment import next_experiment
 from samrl_core.diagnosis.how_far import HowFar, how_far
-from samrl_core.diagnosis.hypothesis import Evidence, Fit, on_bound
+from samrl_core.diagnosis.hypothesis import ONSET, Evidence, Fit, on_bound
 from samrl_core.diagnosis.likelihood import Likelihood
 from samrl_core.diagnosis.result import Curve, Diagnosis, InputFile, NamedEffect
 from samrl_core.diagnosis.selection import Selection, SelectionSettings, select
@@ -152,7 +152,8 @@ def _conclude(
             alarms += implausible(h, effect.parameters)
             alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
         prediction = likelihood.prediction(chosen.hypotheses[0].regressors, chosen.amplitudes[0])
-        onsets = [onset(likelihood, prediction, r, k) for r in range(len(likelihood.trials))]
+        begun = chosen.hypotheses[0].shape.get(ONSET)
+        onsets = [begun or onset(likelihood, prediction, r, k) for r in range(len(likelihood.trials))]
         items = tuple(
             replace(i, onset=onsets[r])
             for i in items

@@ -14,8 +14,11 @@ import numpy as np
 from scipy import linalg, optimize
 
 from samrl_core.diagnosis.effects.effect import Effect, Form, Shape
+from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.likelihood import Likelihood, Regressors
+from samrl_core.diagnosis.trial import Trial
 
+ONSET = "onset"  # shape of any effect that was switched on within the recordings [s]
 BOUND_MARGIN = 0.02  # of the log range: a shape this close to its bound counts as on it
 
 
@@ -55,6 +58,8 @@ def hypothesis(
 ) -> Hypothesis | None:
     """Evaluate an effect's regressors; None where nothing of it is seen in these recordings."""
     columns = [effect.columns(trial, place, form.name, shape) for trial in likelihood.trials]
+    if ONSET in shape:
+        columns = [_from(trial, c, shape[ONSET]) for trial, c in zip(likelihood.trials, columns, strict=True)]
     regressors = likelihood.regressors(columns)
     if regressors.empty:
         return None
@@ -65,6 +70,12 @@ def hypothesis(
     return Hypothesis(
         effect, place, form, shape, regressors, mean, spread, gram, likelihood.plain_moment(regressors)
     )
+
+
+def _from(trial: Trial, columns: Columns, onset: float) -> Columns:
+    """Columns that are zero until an onset [s] after the start of their recording."""
+    there = trial.motion.t - trial.motion.time[0] >= onset
+    return {key: rows * there for key, rows in columns.items()}
 
 
 class Evidence:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from samrl_core.diagnosis.gap_metric import QUANTITIES, channel_scales, shrink
-from samrl_core.diagnosis.hypothesis import Fit
+from samrl_core.diagnosis.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.trial import Trial
 from samrl_core.dynamics.closed_loop import ClosedLoop
 from samrl_core.dynamics.plant_parameters import PlantParameters
@@ -47,6 +47,8 @@ def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
     changes: dict[str, np.ndarray | float] = {}
     neutral = PlantParameters()
     for h, a in zip(fit.hypotheses, fit.amplitudes, strict=True):
+        if ONSET in h.shape:
+            return None
         fields = h.effect.plant(trial, h.place, h.form.name, h.shape, a)
         if fields is None:
             return None

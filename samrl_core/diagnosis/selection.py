@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
-from samrl_core.diagnosis.hypothesis import Evidence, Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis
 from samrl_core.diagnosis.likelihood import Likelihood
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 MOST_EFFECTS = 3
+ONSETS = 17  # times that are tried first
+CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,7 @@ class SelectionSettings:
     second_threshold: float = 25.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
+    onset_rest: float = 0.15  # share left by the best effect from which on it may have been switched on
     local_rest: float = 0.2  # less left than this share of what there was: the first effect's formula
 
 
@@ -72,6 +75,12 @@ def select(
             evidence.correlation_time,
         )  # fmt: skip
     chosen = singles[0]
+    progress("looking for an onset")
+    left = likelihood.deficit(evidence.rest(chosen), k) / max(excess, 1e-9)
+    if left > settings.onset_rest and (switched := _switched(evidence, singles)) is not None:
+        if switched.log_evidence > chosen.log_evidence + settings.second_threshold:
+            chosen = switched
+            singles = [switched, *(f for f in singles if f.hypotheses[0].name != switched.hypotheses[0].name)]
     for _ in range(MOST_EFFECTS - 1):
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
         wider = _extend(evidence, pool, chosen)
@@ -98,6 +107,36 @@ def held_out_rest(held_out: Likelihood, fit: Fit) -> np.ndarray:
         if there is not None:
             y = held_out.minus(there.regressors, amplitudes, y)
     return y
+
+
+def _switched(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
+    """The best single effect that begins within the recordings, at one time after each one's start."""
+    shortest = min(float(t.motion.time[-1] - t.motion.time[0]) for t in evidence.likelihood.trials)
+    best: Fit | None = None
+
+    def attempt(fit: Fit, onset: float) -> Fit | None:
+        h = fit.hypotheses[0]
+        shape = {**h.shape, ONSET: onset}
+        later = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
+        return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
+
+    for fit in singles[:CANDIDATES_FOR_ONSET]:
+        for onset in np.linspace(0.1, 0.9, ONSETS) * shortest:
+            found = attempt(fit, float(onset))
+            if found is not None and (best is None or found.log_evidence > best.log_evidence):
+                best = found
+    if best is None:
+        return None
+    step = 0.4 * shortest / ONSETS
+    while step > 0.02:
+        onset = best.hypotheses[0].shape[ONSET]
+        around = [attempt(best, onset + d) for d in (-step, step)]
+        better = max((f for f in around if f is not None), key=lambda f: f.log_evidence, default=None)
+        if better is not None and better.log_evidence > best.log_evidence:
+            best = better
+        else:
+            step /= 2.0
+    return evidence.refine(best, 0)
 
 
 def _best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:

@@ -24,6 +24,10 @@ class LinkInertia(Effect):
         Parameter("first_moment", "kg m", 0.0, 0.2, "length of the change of mass times centre"),
     )
 
+    def places(self, trial: Trial) -> tuple[str, ...]:
+        # A mass on the last link and one in the gripper are the same to every joint: that is a payload.
+        return super().places(trial)[:-1]
+
     def unobservable(self, trial: Trial) -> str | None:
         if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
             return "needs a torque and a dynamic model"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.effects.families import DriveTorque
 from samrl_core.diagnosis.effects.shapes import smooth_sign
 from samrl_core.diagnosis.trial import Trial
 
@@ -25,11 +25,18 @@ class ThermalFriction(DriveTorque):
     )
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return single(("Finf", "rise"), tuple({"T": t} for t in (3.0, 10.0, 40.0, 300.0)), T=(1.0, 3600.0))
+        grid = tuple({"T": t} for t in (3.0, 10.0, 40.0, 300.0))
+        limits = {"T": (1.0, 3600.0)}
+        # Cold at the start of each recording, or once before the first.
+        return (
+            Form("each recording", ("Finf", "rise"), grid, limits),
+            Form("session", ("Finf", "rise"), grid[2:], limits),
+        )
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         sign = smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
-        time = trial.motion.start_s + trial.motion.time
+        start = trial.motion.start_s if form == "session" else 0.0
+        time = start + trial.motion.time - trial.motion.time[0]
         return np.stack([sign, sign * np.exp(-time / shape["T"])])
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:

@@ -158,7 +158,7 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
 
 def _moving_role(groups: Sequence[tuple[ArmRecording, ...]]) -> str:
     """The arm that moves in every recording; the tool arm if both do."""
-    roles = [{r.arm.role for r in recordings if no_motion(r) is None} for recordings in groups]
+    roles = [{r.arm.role for r in recordings if not no_motion(r)} for recordings in groups]
     common = set.intersection(*roles) if roles else set()
     if not common:
         present = sorted({r.arm.role for recordings in groups for r in recordings})

@@ -95,7 +95,7 @@ def _closed_loop(held_out: Likelihood, selection: Selection, rng: np.random.Gene
         "1", nominal, with_effect, other, runner_up if other is not None else None, share,
         None if with_effect is None else shrink_interval(runs, "with_effect", rng),
         None if share is None or other is None else share - shrink(nominal, other),
-        tuple((q, UNITS[q], _rms(runs, "nominal", q), _rms(runs, "with_effect", q) if "with_effect" in plants else None) for q in quantities),
+        tuple(_channel(runs, q, "with_effect" in plants) for q in quantities),
         tuple(r.trial.recording.name for r in runs),
     )  # fmt: skip
     alarms = _size_alarm(runs, chosen, plants, share) if chosen is not None else ()
@@ -129,6 +129,13 @@ def _size_alarm(
             "regression gives; its formula is not what happens",
         )
     return ()
+
+
+def _channel(
+    runs: tuple[Resimulation, ...], quantity: str, named: bool
+) -> tuple[str, str, float, float | None]:
+    after = _rms(runs, "with_effect", quantity) if named else None
+    return quantity, UNITS[quantity], _rms(runs, "nominal", quantity), after
 
 
 def _rms(runs: tuple[Resimulation, ...], plant: str, quantity: str) -> float:

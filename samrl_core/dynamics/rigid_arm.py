@@ -117,7 +117,8 @@ class RigidArm:
         out = np.empty((len(q), joints, joints * 10))
         for k in range(len(q)):
             y = pin.computeJointTorqueRegressor(self.model, self.data, qs[k], v[k], a[k])
-            out[k] = y[np.ix_(self._v_index, columns)]
+            # A single row comes back flat.
+            out[k] = np.atleast_2d(y)[np.ix_(self._v_index, columns)]
         return out.reshape(len(q), joints, joints, 10)
 
     def position_derivative(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:

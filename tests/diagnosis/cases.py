@@ -1,0 +1,167 @@
+"""One known size of every effect: as fields of the simulator and as shape and amplitudes of the regressors.
+
+Both sides are written by hand from the documented meaning of their parameters, so that a test may compare
+the two implementations; neither side is derived from the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tests.diagnosis.worlds import BEND, LIFT, TURN
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+# ten inertial parameters of a box of 0.6 kg at (0.05, 0.02, 0.04) m from the flange, about the flange
+PAYLOAD = np.array([0.6, 0.03, 0.012, 0.024, 1.8e-3, -6e-4, 2.9e-3, -1.2e-3, -4.8e-4, 2.2e-3])
+# the fore-arm's own frame is the flange's here, as its link is the last of the chain
+UPPER = np.array([0.5, 0.1, 0.01, 0.0, 1e-3, -2e-3, 0.025, 0.0, 0.0, 0.026])
+
+
+@dataclass(frozen=True)
+class Case:
+    """`fields` as for worlds.plant; `physical` are the parameters that must come out of a fit."""
+
+    family: str
+    place: str
+    form: str
+    fields: dict[str, Any]
+    shape: dict[str, float]
+    amplitudes: tuple[float, ...]
+    physical: dict[str, float] = field(default_factory=dict)
+    programmes: str = "ABC"
+    explained: float = 0.9  # share of the residual's energy that the true amplitudes must take away
+
+    @property
+    def name(self) -> str:
+        return f"{self.family}-{self.form}".strip("-").replace(" ", "_")
+
+
+def harmonic(amplitude: float, phase: float, sign: float = 1.0) -> tuple[float, float]:
+    """A sin(x + phase) as factors of sine and cosine."""
+    return sign * amplitude * np.cos(phase), sign * amplitude * np.sin(phase)
+
+
+_T: Callable[[float, float], np.ndarray] = lambda ax, ay: Rotation.from_rotvec([ax, ay, 0]).inv().apply(GRAVITY)  # noqa: E731
+SIGN = {"v": 0.005}
+
+CASES: tuple[Case, ...] = (
+    Case("coulomb_friction", "joint:lift", "smooth", {"coulomb": {LIFT: 0.8}}, SIGN, (0.8,), {"Fc": 0.8}),
+    Case(
+        "coulomb_friction", "joint:lift", "stiff bristle",
+        {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 8000.0}}, {"xs": 1e-4}, (0.8,), {"Fc": 0.8},
+    ),
+    Case("viscous_friction", "joint:lift", "", {"viscous": {LIFT: 0.8}}, {}, (0.8,), {"Fv": 0.8}),
+    Case(
+        "stribeck_friction", "joint:turn", "",
+        {"coulomb": {TURN: 0.4}, "stribeck_drop": {TURN: 0.5}, "stribeck_velocity": {TURN: 0.1}},
+        {"v": 0.005, "vs": 0.1}, (0.4, 0.5), {"Fc": 0.4, "drop": 0.5, "vs": 0.1},
+    ),
+    Case(
+        "load_dependent_friction", "joint:lift", "", {"load_friction": {LIFT: 0.1}}, SIGN, (0.1,), {"Kl": 0.1}
+    ),
+    Case(
+        "presliding", "joint:lift", "", {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}},
+        {"xs": 0.002}, (0.8,), {"Fc": 0.8, "sigma0": 400.0},
+    ),
+    Case(
+        "friction_asymmetry", "joint:lift", "levels",
+        {"coulomb": {LIFT: 0.5}, "friction_asymmetry": {LIFT: 0.4}}, SIGN, (0.5, 0.4),
+        {"mean": 0.5, "difference": 0.4},
+    ),
+    Case(
+        "position_dependent_friction", "joint:turn", "friction",
+        {"friction_harmonic_amplitude": {TURN: 0.5}, "friction_harmonic_order": {TURN: 4.0},
+         "friction_harmonic_phase": {TURN: 0.6}},
+        {"k": 4.0}, harmonic(0.5, 0.6), {"amplitude": 0.5, "order": 4.0, "phase": 0.6},
+    ),
+    # a torque that the drive gets on top is one that is not lost: the formula counts what is lost
+    Case(
+        "position_dependent_friction", "joint:turn", "torque",
+        {"harmonic_amplitude": {TURN: 0.5}, "harmonic_order": {TURN: 4.0}, "harmonic_phase": {TURN: 0.6}},
+        {"k": 4.0}, harmonic(0.5, 0.6, -1.0), {"amplitude": 0.5, "order": 4.0, "phase": 0.6 - np.pi},
+    ),
+    Case(
+        "gear_ripple", "joint:turn", "",
+        {"harmonic_amplitude": {TURN: 0.3}, "harmonic_order": {TURN: 30.0}, "harmonic_phase": {TURN: 1.0}},
+        {"N": 30.0}, harmonic(0.3, 1.0, -1.0), {"amplitude": 0.3, "order": 30.0, "phase": 1.0 - np.pi},
+    ),
+    Case(
+        "thermal_friction", "joint:lift", "",
+        {"coulomb": {LIFT: 0.4}, "thermal_ratio": {LIFT: 1.5}, "thermal_time": {LIFT: 3.0}},
+        {"T": 3.0}, (0.4, 0.6), {"Finf": 0.4, "F0": 1.0}, "A",
+    ),
+    Case("backlash", "joint:turn", "", {"backlash": {TURN: 0.003}}, {"t0": 0.05}, (0.003,), {"b": 0.003}),
+    Case(
+        "joint_elasticity", "joint:lift", "", {"joint_stiffness": {LIFT: 3000.0}}, {}, (1 / 3000.0,),
+        {"K": 3000.0},
+    ),
+    Case(
+        "transmission_hysteresis", "joint:lift", "",
+        {"hysteresis_amplitude": {LIFT: 0.003}, "hysteresis_torque": {LIFT: 1.5}}, {"ts": 1.5}, (0.003,),
+        {"a": 0.003},
+    ),
+    Case("reflected_inertia", "joint:lift", "", {"rotor_inertia": {LIFT: 0.15}}, {}, (0.15,), {"Ja": 0.15}),
+    Case("actuator_gain", "joint:lift", "", {"actuator_gain": {LIFT: 0.1}}, {}, (0.1,), {"e": 0.1}),
+    Case(
+        "torque_saturation", "joint:lift", "drive", {"effort_limit": {LIFT: 10.5}}, {"L": 10.5}, (1.0,),
+        {"L": 10.5}, "B",
+    ),
+    Case(
+        "torque_rate_limit", "joint:turn", "", {"effort_rate_limit": {TURN: 60.0}}, {"R": 60.0}, (1.0,),
+        {"R": 60.0}, "B",
+    ),
+    Case(
+        "command_low_pass", "joint:lift", "command", {"command_cutoff": {LIFT: 12.0}}, {"fc": 12.0}, (1.0,),
+        {"fc": 12.0},
+    ),
+    Case(
+        "command_low_pass", "arm:tool_arm", "effort", {"effort_cutoff": 25.0}, {"fc": 25.0}, (1.0,),
+        {"fc": 25.0},
+    ),
+    Case("command_delay", "joint:lift", "command", {"command_delay": {LIFT: 0.0065}}, {"T": 0.0065}, (1.0,),
+         {"T": 0.0065}),
+    Case("command_delay", "arm:tool_arm", "effort", {"effort_delay": 0.004}, {"T": 0.004}, (1.0,),
+         {"T": 0.004}),
+    Case("packet_jitter", "arm:tool_arm", "effort", {"hold_probability": 0.1}, {}, (1.0,)),
+    Case(
+        "controller_gain", "joint:lift", "gains", {"stiffness_scale": {LIFT: 0.8}, "damping_scale": {LIFT: 1.2}},
+        {}, (-0.2, 0.2), {"eK": -0.2, "eD": 0.2},
+    ),
+    Case("encoder_offset", "joint:lift", "", {"encoder_offset": {LIFT: 0.03}}, {}, (0.03,), {"e": 0.03}),
+    Case(
+        "encoder_eccentricity", "joint:lift", "",
+        {"encoder_amplitude": {LIFT: 0.03}, "encoder_phase": {LIFT: 0.5}}, {}, harmonic(0.03, 0.5),
+    ),
+    Case(
+        "torque_sensor_error", "joint:lift", "gain and bias",
+        {"sensor_gain": {LIFT: 0.08}, "sensor_bias": {LIFT: 0.8}}, {}, (0.08, 0.8), {"g": 0.08, "b": 0.8},
+    ),
+    Case(
+        "torque_sensor_error", "joint:bend", "drift",
+        {"sensor_bias": {BEND: 0.3}, "sensor_drift": {BEND: 0.05}}, {}, (0.3, 0.05), {"d": 0.05}, "A",
+    ),
+    Case("payload", "arm:tool_arm", "", {"payload": PAYLOAD}, {}, tuple(PAYLOAD), {"mass": 0.6, "com_x": 0.05}),
+    Case(
+        "link_inertia", "link:upper", "", {"inertial_delta": np.stack([0 * UPPER, UPPER, 0 * UPPER])}, {},
+        tuple(UPPER),
+    ),
+    Case(
+        "base_tilt", "arm:tool_arm", "", {"gravity": _T(0.03, -0.02)}, {}, (0.03, -0.02),
+        {"ax": 0.03, "ay": -0.02},
+    ),
+    Case(
+        "mount_compliance", "arm:tool_arm", "rotation",
+        {"mount_stiffness": 8000.0, "mount_damping": 10.0, "mount_inertia": 2.0}, {"f": 8.6, "z": 0.034},
+        (1 / 8000.0, 1 / 8000.0), {}, "B", 0.75,
+    ),
+    Case(
+        "cable", "joint:bend", "",
+        {"cable_stiffness": {BEND: 1.5}, "cable_rest": {BEND: 0.3}, "cable_friction": {BEND: 0.0}}, {},
+        (1.5, 0.45, 0.0), {"k": 1.5, "q0": 0.3},
+    ),
+)  # fmt: skip

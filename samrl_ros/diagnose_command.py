@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,11 +47,13 @@ def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> i
     if (options.out / "report.json").exists():
         raise InputError(f"{options.out} has a report already; give another --out, reports are not replaced")
     from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+    from samrl_core.diagnosis.selection import SelectionSettings
     from samrl_core.report.terminal import summary
     from samrl_core.report.write_report import write_report
 
     families = read_library(options.library) if options.library else None
-    settings = DiagnosisSettings(library=families, seed=options.seed)
+    selection = SelectionSettings(cache=cache_folder() / "null_worlds")
+    settings = DiagnosisSettings(library=families, seed=options.seed, selection=selection)
     try:
         with screen.status("reading recordings") as status:
             fit, held_out, notes = load(options)
@@ -125,6 +128,12 @@ def read_library(path: Path) -> tuple[str, ...]:
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise InputError(f"library {path} must list families, plain or under `families:`; see samrl effects")
     return tuple(names)
+
+
+def cache_folder() -> Path:
+    """Where results that only save time are kept: $XDG_CACHE_HOME/samrl, by default ~/.cache/samrl."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "samrl"
 
 
 def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:

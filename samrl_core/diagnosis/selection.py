@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis
 from samrl_core.diagnosis.likelihood import Likelihood
+from samrl_core.diagnosis.null_worlds import null_gains, threshold
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 MOST_EFFECTS = 3
@@ -21,7 +23,9 @@ CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 class SelectionSettings:
     """When an effect is believed. Figures come from calibration worlds (`samrl_core.scoring.calibrate`)."""
 
-    threshold: float = 16.0  # log evidence that a first effect needs against nothing [nat]
+    threshold: float = 16.0  # log evidence that a first effect needs at least against nothing [nat]
+    simulate_nothing: bool = True  # raise it to what simulated worlds without an effect reach
+    cache: Path | None = None  # folder that keeps those worlds' gains
     second_threshold: float = 25.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
@@ -60,18 +64,24 @@ def select(
     evidence = Evidence(likelihood, max(2.0, likelihood.correlation_time(likelihood.y)) ** 0.5)
     progress("screening effects")
     pool = evidence.screen(effects)
+    least = settings.threshold
+    if settings.simulate_nothing:
+        progress("simulating worlds without any effect")
+        gains = null_gains(likelihood, pool, cache=settings.cache)
+        if gains is not None and len(gains) > 4:
+            least = threshold(gains, settings.threshold)
     progress("refining")
     singles = _best_singles(evidence, pool)
     # The correlation that remains under the best explanation is the one that counts.
-    if singles and singles[0].log_evidence > settings.threshold:
+    if singles and singles[0].log_evidence > least:
         left = evidence.rest(singles[0])
         evidence.correlation_time = max(2.0, min(likelihood.correlation_time(left), 25.0))
         singles = _best_singles(evidence, pool)
     k = evidence.correlation_time
     excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
-    if not singles or singles[0].log_evidence < settings.threshold:
+    if not singles or singles[0].log_evidence < least:
         return Selection(
-            None, tuple(singles), (), settings.threshold, excess, excess, held_excess, held_excess,
+            None, tuple(singles), (), least, excess, excess, held_excess, held_excess,
             evidence.correlation_time,
         )  # fmt: skip
     chosen = singles[0]
@@ -94,7 +104,7 @@ def select(
     remaining = likelihood.deficit(evidence.rest(chosen), k)
     held_remaining = held_out.deficit(held_out_rest(held_out, chosen), k)
     return Selection(
-        chosen, tuple(singles), tuple(rivals), settings.threshold, excess, remaining, held_excess,
+        chosen, tuple(singles), tuple(rivals), least, excess, remaining, held_excess,
         held_remaining, evidence.correlation_time,
     )  # fmt: skip
 

@@ -29,6 +29,10 @@ class ActuatorGain(DriveTorque):
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return np.array([0.15])
 
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        # A larger one would be another drive, and would stand in for friction wherever friction is most.
+        return bool(abs(amplitudes[0]) < 0.5)
+
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:

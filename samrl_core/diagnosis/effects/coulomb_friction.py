@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque
 from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, bristle, smooth_sign
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
@@ -22,6 +22,7 @@ class CoulombFriction(DriveTorque):
     excitation = "slow sweeps in both directions, reversals"
     confounded_with = ("viscous_friction", "stribeck_friction", "backlash", "command_delay")
     parameters = (Parameter("Fc", "N m", 0.14, 1.5, "friction level"),)
+    at_every_joint = True
 
     def unobservable(self, trial: Trial) -> str | None:
         """Also visible as a tracking error."""
@@ -55,13 +56,18 @@ class CoulombFriction(DriveTorque):
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Friction opposes motion."""
-        return bool(amplitudes[0] > 0)
+        return self.positive(trial, place, amplitudes)
+
+    def beyond_nominal(self, trial: Trial, joint: int) -> float:
+        """Three times the tolerance."""
+        tolerance = np.broadcast_to(trial.recording.arm.tolerances.coulomb_friction, (trial.joints,))[joint]
+        return BEYOND * float(tolerance) * trial.scale[joint]
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         """Level."""
-        return {"Fc": float(amplitudes[0])}
+        return self.sizes(trial, place, "Fc", amplitudes)
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
@@ -69,7 +75,7 @@ class CoulombFriction(DriveTorque):
         """Smooth Coulomb friction."""
         joints = self.joints_at(trial, place)
         return {
-            "coulomb": at_joint(trial, joints, amplitudes[0]),
+            "coulomb": at_joint(trial, joints, amplitudes),
             "coulomb_velocity": at_joint(trial, joints, shape.get("v", 0.003), 0.005),
         }
 

@@ -106,8 +106,10 @@ class Effect(ABC):
         return None
 
 
-def at_joint(trial: Trial, joints: tuple[int, ...], value: float, neutral: float = 0.0) -> np.ndarray:
-    """(J,) neutral but at some joints."""
+def at_joint(
+    trial: Trial, joints: tuple[int, ...], value: float | np.ndarray, neutral: float = 0.0
+) -> np.ndarray:
+    """(J,) neutral but at some joints; `value` is one for all of them, or one each."""
     out = np.full(trial.joints, neutral)
     out[list(joints)] = value
     return out

@@ -10,16 +10,17 @@ from samrl_core.diagnosis.trial import Trial
 
 
 class EncoderEccentricity(Effect):
-    """The reading errs once per turn."""
+    """The reading errs once per turn, or a few times."""
 
     family, number, title = "encoder_eccentricity", 22, "encoder eccentricity"
-    formula = "q_read = q + a sin(q + phi)"
+    formula = "q_read = q + a sin(n q + phi)"
     source = "ring off centre by micrometres; up to 0.2 mrad on good encoders"
     acts_on = "reading"
     excitation = "slow rotation over the whole range"
     confounded_with = ("encoder_offset", "gear_ripple")
     parameters = (
         Parameter("a", "rad", 0.0001, 0.01, "amplitude"),
+        Parameter("harmonic", "1/rad", 1.0, 32.0, "n, periods per 2 pi"),
         Parameter("phi", "rad", -3.1416, 3.1416, "phase"),
     )
 
@@ -29,11 +30,12 @@ class EncoderEccentricity(Effect):
         return None
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return (Form("", ("sine", "cosine")),)
+        grid = tuple({"k": float(k)} for k in (1, 2, 4, 8, 16, 32))
+        return (Form("", ("sine", "cosine"), grid, {"k": (0.8, 80.0)}, step=0.01),)
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         (joint,) = self.joints_at(trial, place)
-        q = trial.motion.q[:, joint]
+        q = shape["k"] * trial.motion.q[:, joint]
         return trial.link(trial.deflection(joint, np.stack([np.sin(q), np.cos(q)])))
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
@@ -43,11 +45,13 @@ class EncoderEccentricity(Effect):
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         a, b = amplitudes
-        return {"a": float(np.hypot(a, b)), "phi": float(np.arctan2(b, a))}
+        return {"a": float(np.hypot(a, b)), "harmonic": shape["k"], "phi": float(np.arctan2(b, a))}
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, np.ndarray | float] | None:
+        if abs(shape["k"] - 1.0) > 0.05:
+            return None  # the simulator's reading errs once per turn
         joints = self.joints_at(trial, place)
         a, b = amplitudes
         return {

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect, Form, Shape
 from samrl_core.diagnosis.equations import Columns
-from samrl_core.diagnosis.trial import Trial, add
+from samrl_core.diagnosis.trial import Trial
+
+COMMON = 2.0 / 3.0  # of the joints that must show what is said of all
+BEYOND = 3.0  # tolerances; a background of twice the tolerances is none
 
 
 class DriveTorque(Effect):
     """A torque lost between commanded effort and torque sensor of one joint."""
 
     acts_on = "dynamics"
+    at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
+
+    def places(self, trial: Trial) -> tuple[str, ...]:
+        """Each joint; for some families also the arm: the same formula at every joint."""
+        every = self.at_every_joint and trial.joints > 1 and "tracking" not in trial.channels
+        return super().places(trial) + ((f"arm:{trial.recording.arm.role}",) if every else ())
 
     @abstractmethod
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
@@ -31,14 +41,45 @@ class DriveTorque(Effect):
         return None
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        """Lost torque in the drive equation."""
-        parts = [trial.drive(j, self.torque(trial, j, form, shape)) for j in self.joints_at(trial, place)]
-        return add(*parts)
+        """Lost torque in the drive equation; rows of the first joint, then of the second, ..."""
+        joints = self.joints_at(trial, place)
+        out: Columns = {}
+        for i, j in enumerate(joints):
+            for key, rows in trial.drive(j, self.torque(trial, j, form, shape)).items():
+                out[key] = np.zeros((len(rows) * len(joints), rows.shape[1]))
+                out[key][i * len(rows) : (i + 1) * len(rows)] = rows
+        return out
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         """Centred on no effect."""
-        spread = self.spread(trial, self.joints_at(trial, place)[0], form, shape)
+        joints = self.joints_at(trial, place)
+        spread = np.concatenate([self.spread(trial, j, form, shape) for j in joints])
         return np.zeros(len(spread)), spread
+
+    def beyond_nominal(self, trial: Trial, joint: int) -> float:
+        """Size from which a joint counts as having the effect, when all of them are said to have it."""
+        return 0.0
+
+    def positive(self, trial: Trial, place: str, amplitudes: np.ndarray) -> bool:
+        """Sizes (J,) of a family with one amplitude per joint: positive, and at an arm's joints common.
+
+        Common: beyond the tolerances at two joints in three, and against the motion at none. So a single bad
+        joint among good ones is never called the arm's.
+        """
+        joints = self.joints_at(trial, place)
+        if len(joints) == 1:
+            return bool(amplitudes[0] > 0)
+        least = np.array([self.beyond_nominal(trial, j) for j in joints])
+        common = np.count_nonzero(amplitudes > least) >= max(2, COMMON * len(joints))
+        return bool(common and np.min(amplitudes) > -np.median(least))
+
+    def sizes(self, trial: Trial, place: str, name: str, amplitudes: np.ndarray) -> dict[str, float]:
+        """Parameters by name; of an arm with the joint's name in brackets."""
+        joints = self.joints_at(trial, place)
+        if len(joints) == 1:
+            return {name: float(amplitudes[0])}
+        names = trial.recording.arm.joints
+        return {f"{name}[{names[j]}]": float(a) for j, a in zip(joints, amplitudes, strict=True)}
 
 
 class Deflection(Effect):

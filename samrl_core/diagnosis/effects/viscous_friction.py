@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque, single
 from samrl_core.diagnosis.trial import Trial
 
 
@@ -18,6 +18,7 @@ class ViscousFriction(DriveTorque):
     excitation = "several cruise speeds"
     confounded_with = ("coulomb_friction", "command_delay", "controller_gain")
     parameters = (Parameter("Fv", "N m s/rad", 0.05, 2.0, "friction per speed"),)
+    at_every_joint = True
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         return single(("Fv",))
@@ -30,15 +31,21 @@ class ViscousFriction(DriveTorque):
         return np.array([0.1 * trial.scale[joint] / max(speed, 0.05)])
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(amplitudes[0] > 0)
+        return self.positive(trial, place, amplitudes)
+
+    def beyond_nominal(self, trial: Trial, joint: int) -> float:
+        tolerance = np.broadcast_to(trial.recording.arm.tolerances.viscous_friction, (trial.joints,))[joint]
+        assert trial.rigid is not None
+        speed = float(trial.rigid.velocity_limits()[joint])
+        return BEYOND * float(tolerance) * trial.scale[joint] / (speed if np.isfinite(speed) else 1.0)
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
-        return {"Fv": float(amplitudes[0])}
+        return self.sizes(trial, place, "Fv", amplitudes)
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, np.ndarray | float] | None:
         joints = self.joints_at(trial, place)
-        return {"viscous": at_joint(trial, joints, amplitudes[0])}
+        return {"viscous": at_joint(trial, joints, amplitudes)}

@@ -123,13 +123,16 @@ def diagnose(
     tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None,
     library: Annotated[Path | None, typer.Option(help="Families that may be named (YAML list).")] = None,
     seed: Annotated[int, typer.Option(help="Of bootstrap and sampling.", min=0)] = 0,
+    null_worlds: Annotated[
+        int, typer.Option(help="Simulate as many worlds without an effect for the threshold.", min=0)
+    ] = 0,
     fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 on a gap.")] = False,
 ) -> None:
     """Say where simulation and recordings differ, which effect causes it, and how far the gap shrinks."""
     from samrl_ros.diagnose_command import DiagnoseOptions, diagnose_bags
 
     options = DiagnoseOptions(
-        tuple(bags), tuple(held_out or ()), out, arm, urdf, tolerances, library, seed, fail_on_gap
+        tuple(bags), tuple(held_out or ()), out, arm, urdf, tolerances, library, seed, fail_on_gap, null_worlds
     )
     raise typer.Exit(diagnose_bags(options))
 

@@ -35,6 +35,7 @@ class DiagnoseOptions:
     library: Path | None
     seed: int
     fail_on_gap: bool
+    null_worlds: int = 0
 
 
 def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> int:
@@ -52,7 +53,7 @@ def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> i
     from samrl_core.report.write_report import write_report
 
     families = read_library(options.library) if options.library else None
-    selection = SelectionSettings(cache=cache_folder() / "null_worlds")
+    selection = SelectionSettings(null_worlds=options.null_worlds, cache=cache_folder() / "null_worlds")
     settings = DiagnosisSettings(library=families, seed=options.seed, selection=selection)
     try:
         with screen.status("reading recordings") as status:

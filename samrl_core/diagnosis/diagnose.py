@@ -170,8 +170,9 @@ def _conclude(
     ambiguity: tuple[tuple[str, ...], ...] = ()
     experiment = None
     if outcome.verdict == "ambiguous" and chosen is not None:
-        ambiguity = (tuple(dict.fromkeys([named[0].name, *outcome.tied])),)
-        experiment = next_experiment(likelihood, [chosen, *rivals], ambiguity[0], settings.seed)
+        group = tuple(dict.fromkeys([named[0].name, *outcome.tied]))
+        ambiguity = (group,)
+        experiment = next_experiment(likelihood, [chosen, *rivals], group, settings.seed)
     signs = signatures(likelihood, rest, evidence) if outcome.verdict == "none_of_mine" else ()
     diagnosis = replace(
         empty,

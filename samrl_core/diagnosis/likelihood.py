@@ -55,8 +55,6 @@ class Likelihood:
         self.y = np.concatenate(parts) if parts else np.zeros(0)
         self._basis, self._strength = self._factor()
         self._y_projected = self._basis.T @ self.y
-        self._projected_of: np.ndarray | None = None
-        self._last_projection = np.zeros((0, 0))
 
     def _factor(self) -> tuple[np.ndarray, np.ndarray]:
         """Orthonormal basis (N, k) of U / D and its squared singular values (k,)."""
@@ -103,20 +101,6 @@ class Likelihood:
         for block, rows in a.blocks.items():
             out += rows @ self.y[self.blocks[block]]
         return out
-
-    def tempered_moments(self, a: Regressors, responses: np.ndarray, correlation: float) -> np.ndarray:
-        """The same (p, M) for many responses (N, M)."""
-        plain = np.zeros((a.projected.shape[1], responses.shape[1]))
-        for block, rows in a.blocks.items():
-            plain += rows @ responses[self.blocks[block]]
-        projected = self._project(responses)
-        return (plain - a.projected.T @ (self.shrink(correlation)[:, None] * projected)) / correlation
-
-    def _project(self, responses: np.ndarray) -> np.ndarray:
-        """Basis^T responses, kept for the last responses: every effect asks for the same."""
-        if self._projected_of is not responses:
-            self._projected_of, self._last_projection = responses, self._basis.T @ responses
-        return self._last_projection
 
     def combined(self, a: Regressors, amplitudes: np.ndarray) -> Regressors:
         """The prediction of fitted amplitudes as one regressor."""

@@ -1,9 +1,9 @@
 """How much evidence no effect at all can seem to give: the library run on simulated worlds without one.
 
 Worlds are closed-loop rollouts of the recordings' own commands with nominal parameters drawn from the
-tolerances and the recordings' own sensor noise. The largest gain over the whole library in each is kept, so
-that the threshold takes into account how many effects and places are tried. Kept on disk per trajectory:
-recordings of the same commands by the same nominal arm need no new rollouts.
+tolerances and the recordings' own sensor noise; each goes through the whole screening, since friction's small
+change moves a joint elsewhere and regressors must follow. The largest gain over the library is kept, so that a
+threshold takes into account how many effects and places are tried. Gains are kept on disk per trajectory.
 """
 
 from __future__ import annotations
@@ -11,47 +11,103 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
 
-from samrl_core.diagnosis.equations import form_equations
-from samrl_core.diagnosis.hypothesis import Hypothesis
+from samrl_core.diagnosis.effects.effect import Effect
+from samrl_core.diagnosis.hypothesis import Evidence
 from samrl_core.diagnosis.likelihood import Likelihood
-from samrl_core.diagnosis.motion import Motion
 from samrl_core.diagnosis.resimulation import simulable
 from samrl_core.diagnosis.trial import Trial
 from samrl_core.dynamics.closed_loop import ClosedLoop
 from samrl_core.dynamics.plant_parameters import PlantParameters
 from samrl_core.types.arm_recording import ArmRecording, JointSignal
 
-WORLDS = 24
 QUANTILE = 0.98
-CORRELATION = 2.0  # of the noise, band-limited and decimated
-VERSION = 1  # of what is computed; part of the cache's key
+VERSION = 2  # of what is computed; part of the cache's key
 
 
 def null_gains(
-    likelihood: Likelihood, pool: Sequence[Hypothesis], seed: int = 0, cache: Path | None = None
+    trials: Sequence[Trial],
+    effects: Sequence[Effect],
+    worlds: int,
+    seed: int = 0,
+    cache: Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> np.ndarray | None:
-    """Largest log evidence of the pool in each simulated world (M,); None where none can be simulated."""
-    if not likelihood.trials or not all(simulable(t) for t in likelihood.trials):
+    """Largest log evidence of the library in each simulated world (M,); None where none can be simulated.
+
+    Gains of worlds that were made before, with the same commands, arm and library, come from the cache: an
+    interrupted run goes on where it stopped.
+    """
+    if not trials or not all(simulable(t) for t in trials):
         return None
-    file = None if cache is None else cache / f"{_key(likelihood, pool, seed)}.json"
-    if file is not None and file.exists():
-        return np.array(json.loads(file.read_text())["gains"])
-    responses = _responses(likelihood, np.random.default_rng(seed))
-    gains = np.full(responses.shape[1], -np.inf)
-    for h in pool:
-        gains = np.maximum(gains, _gains(likelihood, h, responses))
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        temporary = file.with_suffix(f".{os.getpid()}")
-        temporary.write_text(json.dumps({"gains": gains.tolist()}))
-        temporary.replace(file)
-    return gains
+    file = None if cache is None else cache / f"{_key(trials, effects, seed)}.json"
+    gains: list[float] = json.loads(file.read_text())["gains"] if file is not None and file.exists() else []
+    for world in range(len(gains), worlds):
+        progress(f"simulating world {world + 1} of {worlds} without an effect")
+        rng = np.random.default_rng([seed, world])
+        recordings = null_recordings(trials, draw_plant(trials[0], rng), rng)
+        gains.append(-np.inf if recordings is None else best_gain(recordings, trials, effects))
+        if file is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            temporary = file.with_suffix(f".{os.getpid()}")
+            temporary.write_text(json.dumps({"gains": gains}))
+            temporary.replace(file)
+    made = np.array(gains[:worlds])
+    return made[np.isfinite(made)]
+
+
+def best_gain(
+    recordings: Sequence[ArmRecording], trials: Sequence[Trial], effects: Sequence[Effect]
+) -> float:
+    """Largest log evidence of any effect at any place in recordings made like those of the trials."""
+    made = [Trial(r, t.rigid, t.motion.start_s) for r, t in zip(recordings, trials, strict=True)]
+    likelihood = Likelihood(made)
+    evidence = Evidence(likelihood, max(2.0, likelihood.correlation_time(likelihood.y)) ** 0.5)
+    return max((evidence.fit([h]).log_evidence for h in evidence.screen(effects)), default=0.0)
+
+
+def null_recordings(
+    trials: Sequence[Trial], plant: PlantParameters, rng: np.random.Generator
+) -> list[ArmRecording] | None:
+    """The trials' commands by a plant, with their noise; None if it diverges."""
+    out = []
+    for trial in trials:
+        motion, command, arm = trial.motion, trial.motion.command, trial.recording.arm
+        controller = arm.controller
+        assert command is not None and controller is not None
+        shifted = JointSignal(
+            command.time - motion.time[0], command.position, command.velocity, None, command.effort
+        )
+        run = ClosedLoop(arm).rollout(
+            shifted,
+            np.median(motion.full_position[:5], axis=0),
+            np.median(motion.full_velocity[:5], axis=0),
+            [plant],
+            float(motion.time[-1] - motion.time[0]),
+            record_every=max(1, round(1.0 / (motion.rate * controller.period_s))),
+            keep_diverged=True,
+        )
+        position, velocity = run.position[0], run.velocity[0]
+        if not np.isfinite(position).all():
+            return None
+        noise = motion.noise
+        reading = position + noise.position * rng.standard_normal(position.shape)
+        speed = velocity + noise.velocity * rng.standard_normal(velocity.shape)
+        # The controller computed from noisy readings; their noise is in the recorded torque as well.
+        sent = run.commanded_effort[0] - controller.stiffness * (reading - position)
+        sent = sent - controller.damping * (speed - velocity)
+        effort = None
+        if motion.raw_effort is not None:
+            effort = run.effort[0] + noise.effort * rng.standard_normal(position.shape)
+        states = JointSignal(run.time, reading, speed, None, effort)
+        commanded = JointSignal(run.time, effort=sent) if motion.raw_commanded is not None else None
+        out.append(ArmRecording(trial.recording.name, "", "", arm, states, shifted, commanded))
+    return out
 
 
 def threshold(gains: np.ndarray, least: float) -> float:
@@ -92,77 +148,11 @@ def draw_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
     )
 
 
-def _responses(likelihood: Likelihood, rng: np.random.Generator) -> np.ndarray:
-    """Residuals (N, M) of the worlds in units of the recordings' noise; a diverged world is left out."""
-    plants = [draw_plant(likelihood.trials[0], rng) for _ in range(WORLDS)]
-    out = np.zeros((len(likelihood.y), WORLDS))
-    good = np.ones(WORLDS, dtype=bool)
-    for r, trial in enumerate(likelihood.trials):
-        motion, command = trial.motion, trial.motion.command
-        controller = trial.recording.arm.controller
-        assert command is not None and controller is not None
-        every = max(1, round(1.0 / (motion.rate * controller.period_s)))
-        shifted = JointSignal(
-            command.time - motion.time[0], command.position, command.velocity, None, command.effort
-        )
-        rollouts = ClosedLoop(trial.recording.arm).rollout(
-            shifted,
-            np.median(motion.full_position[:5], axis=0),
-            np.median(motion.full_velocity[:5], axis=0),
-            plants,
-            float(motion.time[-1] - motion.time[0]),
-            record_every=every,
-            keep_diverged=True,
-        )
-        noise = motion.noise
-        for m in range(WORLDS):
-            if not np.isfinite(rollouts.position[m]).all():
-                good[m] = False
-                continue
-
-            def noisy(values: np.ndarray, level: np.ndarray) -> np.ndarray:
-                return values + level * rng.standard_normal(values.shape)
-
-            # The controller computed from noisy readings; its noise is in the recorded torque as well.
-            reading = noisy(rollouts.position[m], noise.position)
-            speed = noisy(rollouts.velocity[m], noise.velocity)
-            sent = rollouts.commanded_effort[m] - controller.stiffness * (reading - rollouts.position[m])
-            sent = sent - controller.damping * (speed - rollouts.velocity[m])
-            effort = noisy(rollouts.effort[m], noise.effort) if motion.raw_effort is not None else None
-            recording = ArmRecording(
-                "null", "", "", trial.recording.arm,
-                JointSignal(rollouts.time, reading, speed, None, effort), shifted,
-                JointSignal(rollouts.time, effort=sent) if motion.raw_commanded is not None else None,
-            )  # fmt: skip
-            equations = form_equations(Motion(recording, trial.rigid, motion.start_s))
-            for channel in trial.channels:
-                ratio = (
-                    equations.residual[channel][: len(trial)]
-                    / trial.equations.sigma[channel][: len(equations.residual[channel])]
-                )
-                for j in range(trial.joints):
-                    part = likelihood.blocks[r, channel, j]
-                    out[part.start : part.start + len(ratio), m] = ratio[:, j]
-    return out[:, good]
-
-
-def _gains(likelihood: Likelihood, h: Hypothesis, responses: np.ndarray) -> np.ndarray:
-    """Log evidence (M,) of one hypothesis in each world."""
-    gram = likelihood.tempered_gram(h.regressors, h.regressors, CORRELATION)
-    moment = likelihood.tempered_moments(h.regressors, responses, CORRELATION)
-    scaled = h.spread[:, None] * gram * h.spread + np.eye(len(h.mean))
-    rest = h.spread[:, None] * (moment - (gram @ h.mean)[:, None])
-    _, log_determinant = np.linalg.slogdet(scaled)
-    fixed = h.mean @ moment - 0.5 * h.mean @ gram @ h.mean
-    quadratic = np.sum(rest * np.linalg.solve(scaled, rest), axis=0)
-    return fixed + 0.5 * quadratic - 0.5 * log_determinant - np.log(h.tried)
-
-
-def _key(likelihood: Likelihood, pool: Sequence[Hypothesis], seed: int) -> str:
-    """Of nominal arm, commands and library: what the simulated worlds depend on, noise aside."""
-    digest = hashlib.sha256(f"{VERSION} {WORLDS} {seed}".encode())
-    digest.update(" ".join(sorted({h.name + h.form.name for h in pool})).encode())
-    for trial in likelihood.trials:
+def _key(trials: Sequence[Trial], effects: Sequence[Effect], seed: int) -> str:
+    """Of nominal arm, commands, gains and library: what the simulated worlds depend on, noise only roughly."""
+    digest = hashlib.sha256(f"{VERSION} {seed}".encode())
+    digest.update(" ".join(sorted(e.family for e in effects)).encode())
+    for trial in trials:
         arm, command = trial.recording.arm, trial.recording.command
         assert arm.controller is not None and command is not None and command.position is not None
         digest.update((arm.urdf or "").encode())

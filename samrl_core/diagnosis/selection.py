@@ -24,7 +24,7 @@ class SelectionSettings:
     """When an effect is believed. Figures come from calibration worlds (`samrl_core.scoring.calibrate`)."""
 
     threshold: float = 16.0  # log evidence that a first effect needs at least against nothing [nat]
-    simulate_nothing: bool = True  # raise it to what simulated worlds without an effect reach
+    null_worlds: int = 0  # simulate as many without an effect, and raise the threshold to what they reach
     cache: Path | None = None  # folder that keeps those worlds' gains
     second_threshold: float = 25.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
@@ -65,9 +65,8 @@ def select(
     progress("screening effects")
     pool = evidence.screen(effects)
     least = settings.threshold
-    if settings.simulate_nothing:
-        progress("simulating worlds without any effect")
-        gains = null_gains(likelihood, pool, cache=settings.cache)
+    if settings.null_worlds:
+        gains = null_gains(likelihood.trials, effects, settings.null_worlds, 0, settings.cache, progress)
         if gains is not None and len(gains) > 4:
             least = threshold(gains, settings.threshold)
     progress("refining")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque
+from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque, widest_turn
 from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, bristle, smooth_sign
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
@@ -30,9 +30,13 @@ class CoulombFriction(DriveTorque):
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         """Width of the transition, or of the bristle, is searched."""
-        smooth = Form("smooth", ("Fc",), tuple({"v": v} for v in SIGN_SPEEDS), {"v": (5e-4, 0.1)})
+        widest = widest_turn(trial, self.joints_at(trial, place), 0.1)
+        grid = tuple({"v": v} for v in SIGN_SPEEDS if v < widest)
+        smooth = Form("smooth", ("Fc",), grid, {"v": (5e-4, widest)})
         if "tracking" in trial.channels:
             return (smooth,)
+        if place.startswith("arm:"):
+            return self.coupled_forms(trial, smooth)
         # A bristle this stiff cannot be told from a jump, but parks where it stopped.
         return smooth, Form("stiff bristle", ("Fc",), tuple({"xs": x} for x in STIFF), {"xs": (1e-5, 1.5e-4)})
 
@@ -41,6 +45,13 @@ class CoulombFriction(DriveTorque):
         if form == "stiff bristle":
             return bristle(trial.motion.full_position[:, joint], shape["xs"])[None]
         return smooth_sign(trial.motion.full_velocity[:, joint], shape["v"])[None]
+
+    def of_shaft(
+        self, trial: Trial, first: int, second: int, sign: float, form: str, shape: Shape
+    ) -> np.ndarray:
+        """Smooth sign of the shaft's speed."""
+        speed = trial.motion.full_velocity
+        return smooth_sign(speed[:, first] + sign * speed[:, second], shape["v"])[None]
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """In the drive; without torques, a stiff position loop parks short by Fc / K."""
@@ -67,7 +78,7 @@ class CoulombFriction(DriveTorque):
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         """Level."""
-        return self.sizes(trial, place, "Fc", amplitudes)
+        return self.sizes(trial, place, form, "Fc", amplitudes)
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

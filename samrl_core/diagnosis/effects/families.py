@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +12,9 @@ from samrl_core.diagnosis.effects.effect import Effect, Form, Shape
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
+WIDEST = 0.2  # of the fastest motion: a wider turn of the sign is viscous friction under another name
 COMMON = 2.0 / 3.0  # of the joints that must show what is said of all
+COUPLED = "coupled"
 BEYOND = 3.0  # tolerances; a background of twice the tolerances is none
 
 
@@ -43,17 +46,38 @@ class DriveTorque(Effect):
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """Lost torque in the drive equation; rows of the first joint, then of the second, ..."""
         joints = self.joints_at(trial, place)
+        pair = coupled_pair(trial, form)
+        total = len(joints) + (pair is not None)
         out: Columns = {}
         for i, j in enumerate(joints):
             for key, rows in trial.drive(j, self.torque(trial, j, form, shape)).items():
-                out[key] = np.zeros((len(rows) * len(joints), rows.shape[1]))
+                out[key] = np.zeros((len(rows) * total, rows.shape[1]))
                 out[key][i * len(rows) : (i + 1) * len(rows)] = rows
+        if pair is not None:
+            first, second, sign = pair
+            shaft = self.of_shaft(trial, first, second, sign, form, shape)
+            for j, direction in ((first, 1.0), (second, sign)):
+                for key, rows in trial.drive(j, direction * shaft).items():
+                    out[key][-len(rows) :] = rows
         return out
+
+    def coupled_forms(self, trial: Trial, form: Form) -> tuple[Form, ...]:
+        """A form at every joint, alone and with one more shaft that turns with two joints of the wrist."""
+        return (form, *(replace(form, name=f"{form.name} {COUPLED} {p}".strip()) for p in wrist_pairs(trial)))
+
+    def of_shaft(
+        self, trial: Trial, first: int, second: int, sign: float, form: str, shape: Shape
+    ) -> np.ndarray:
+        """Lost torque (p, F) on a shaft that turns with the sum (or difference) of two joints."""
+        raise NotImplementedError(f"{self.family} has no coupled form")
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         """Centred on no effect."""
         joints = self.joints_at(trial, place)
         spread = np.concatenate([self.spread(trial, j, form, shape) for j in joints])
+        pair = coupled_pair(trial, form)
+        if pair is not None:
+            spread = np.concatenate([spread, self.spread(trial, pair[1], form, shape)])
         return np.zeros(len(spread)), spread
 
     def beyond_nominal(self, trial: Trial, joint: int) -> float:
@@ -70,16 +94,51 @@ class DriveTorque(Effect):
         if len(joints) == 1:
             return bool(amplitudes[0] > 0)
         least = np.array([self.beyond_nominal(trial, j) for j in joints])
-        common = np.count_nonzero(amplitudes > least) >= max(2, COMMON * len(joints))
-        return bool(common and np.min(amplitudes) > -np.median(least))
+        own, shaft = amplitudes[: len(joints)], amplitudes[len(joints) :]
+        common = np.count_nonzero(own > least) >= max(2, COMMON * len(joints))
+        little = max(float(np.median(least)), 0.1 * float(np.median(own)))
+        return bool(common and np.min(own) > -little and np.all(shaft > np.min(least)))
 
-    def sizes(self, trial: Trial, place: str, name: str, amplitudes: np.ndarray) -> dict[str, float]:
-        """Parameters by name; of an arm with the joint's name in brackets."""
+    def sizes(
+        self, trial: Trial, place: str, form: str, name: str, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        """Parameters by name; of an arm with the joint's name, or both of a coupled shaft, in brackets."""
         joints = self.joints_at(trial, place)
         if len(joints) == 1:
             return {name: float(amplitudes[0])}
-        names = trial.recording.arm.joints
-        return {f"{name}[{names[j]}]": float(a) for j, a in zip(joints, amplitudes, strict=True)}
+        where = [trial.recording.arm.joints[j] for j in joints]
+        if len(amplitudes) > len(joints):
+            where.append(form.partition(f"{COUPLED} ")[2])
+        return {f"{name}[{w}]": float(a) for w, a in zip(where, amplitudes, strict=True)}
+
+
+def wrist_pairs(trial: Trial) -> tuple[str, ...]:
+    """Joints of a wrist whose gears may share a shaft: neighbours among the last three, sum and difference.
+
+    Only where the torque is the motors' own: a link-side sensor sits behind the coupling.
+    """
+    names = trial.recording.arm.joints
+    if len(names) < 4 or "dynamics" not in trial.channels:
+        return ()
+    return tuple(f"{a}{sign}{b}" for a, b in zip(names[-3:-1], names[-2:], strict=True) for sign in "+-")
+
+
+def coupled_pair(trial: Trial, form: str) -> tuple[int, int, float] | None:
+    """First joint, second joint and sign of a coupled form; None for the others."""
+    if f"{COUPLED} " not in form:
+        return None
+    names, text = trial.recording.arm.joints, form.partition(f"{COUPLED} ")[2]
+    for sign in "+-":
+        for first, second in zip(names[-3:-1], names[-2:], strict=True):
+            if text == f"{first}{sign}{second}":
+                return names.index(first), names.index(second), 1.0 if sign == "+" else -1.0
+    raise ValueError(f"{form} names no two joints of {names}")
+
+
+def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:
+    """Width [rad/s] up to which a turn of the sign is one, for the speeds that were reached."""
+    fastest = float(np.quantile(np.abs(trial.motion.full_velocity[:, list(joints)]), 0.99))
+    return float(np.clip(max(min(WIDEST * fastest, most), 0.25 * WIDEST * fastest), 0.008, 3.0 * most))
 
 
 class Deflection(Effect):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.families import DriveTorque, widest_turn
 from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, smooth_sign
 from samrl_core.diagnosis.trial import Trial
 
@@ -24,14 +24,16 @@ class FrictionAsymmetry(DriveTorque):
     )
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        grid = tuple({"v": v} for v in SIGN_SPEEDS)
+        joints = self.joints_at(trial, place)
+        widest, wide = widest_turn(trial, joints, 0.05), widest_turn(trial, joints, 0.2)
+        grid = tuple({"v": v} for v in SIGN_SPEEDS if v < widest)
         return (
-            Form("levels", ("mean", "difference"), grid, {"v": (5e-4, 0.05)}),
+            Form("levels", ("mean", "difference"), grid, {"v": (5e-4, widest)}),
             Form(
                 "offset",
                 ("mean",),
-                tuple({"v": v, "b": b} for v in (0.01, 0.05) for b in (-0.03, 0.03)),
-                {"v": (2e-3, 0.2)},
+                tuple({"v": min(v, 0.9 * wide), "b": b} for v in (0.01, 0.05) for b in (-0.03, 0.03)),
+                {"v": (2e-3, wide)},
             ),
         )
 

@@ -29,10 +29,13 @@ class LoadDependentFriction(DriveTorque):
         return single(("Kl",), tuple({"v": v} for v in SIGN_SPEEDS), v=(5e-4, 0.05))
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        raw = trial.motion.raw_effort if trial.motion.raw_effort is not None else trial.motion.raw_commanded
-        assert raw is not None
-        load = np.abs(trial.motion.smooth(raw[:, joint]))
-        return (load * smooth_sign(trial.motion.full_velocity[:, joint], shape["v"]))[None]
+        motion = trial.motion
+        if motion.raw_effort is not None:
+            load = np.abs(motion.smooth(motion.raw_effort[:, joint]))
+        else:
+            # The commanded effort holds the friction itself, and would explain it for any load.
+            load = np.abs(np.interp(motion.time, motion.t, trial.model_torque[:, joint]))
+        return (load * smooth_sign(motion.full_velocity[:, joint], shape["v"]))[None]
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return np.array([0.2])

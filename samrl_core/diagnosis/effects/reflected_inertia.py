@@ -44,7 +44,7 @@ class ReflectedInertia(DriveTorque):
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
-        return self.sizes(trial, place, "Ja", amplitudes)
+        return self.sizes(trial, place, form, "Ja", amplitudes)
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -21,7 +21,14 @@ class ViscousFriction(DriveTorque):
     at_every_joint = True
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return single(("Fv",))
+        (form,) = single(("Fv",))
+        return self.coupled_forms(trial, form) if place.startswith("arm:") else (form,)
+
+    def of_shaft(
+        self, trial: Trial, first: int, second: int, sign: float, form: str, shape: Shape
+    ) -> np.ndarray:
+        speed = trial.motion.full_velocity
+        return (speed[:, first] + sign * speed[:, second])[None]
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return trial.motion.full_velocity[:, [joint]].T
@@ -42,7 +49,7 @@ class ViscousFriction(DriveTorque):
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
-        return self.sizes(trial, place, "Fv", amplitudes)
+        return self.sizes(trial, place, form, "Fv", amplitudes)
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -9,6 +9,8 @@ from samrl_core.diagnosis.effects.shapes import smooth_sign
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
+LEAST_PULL = 0.1  # of the hysteresis, that the spring must change by over the travel
+
 
 class Cable(Effect):
     """A cable outside the arm pulls a joint back, with some friction of its own."""
@@ -47,7 +49,10 @@ class Cable(Effect):
         return np.zeros(3), np.array([0.05 * scale, 0.05 * scale, 0.01 * scale])
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(amplitudes[0] > 0)
+        (joint,) = self.joints_at(trial, place)
+        # Hysteresis without a spring is dry friction under another name.
+        pull = amplitudes[0] * float(np.ptp(trial.motion.q[:, joint]))
+        return bool(amplitudes[0] > 0 and pull > LEAST_PULL * abs(amplitudes[2]))
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

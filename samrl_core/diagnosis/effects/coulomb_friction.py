@@ -36,7 +36,10 @@ class CoulombFriction(DriveTorque):
         if "tracking" in trial.channels:
             return (smooth,)
         if place.startswith("arm:"):
-            return self.coupled_forms(trial, smooth)
+            # One width for joints of unlike speeds is no parameter of any of them: it is chosen, not searched.
+            grid = tuple({"v": v} for v in (*SIGN_SPEEDS, 3 * SIGN_SPEEDS[-1], 10 * SIGN_SPEEDS[-1]))
+            common = tuple(shape for shape in grid if shape["v"] <= widest)
+            return self.coupled_forms(trial, Form("smooth", ("Fc",), common))
         # A bristle this stiff cannot be told from a jump, but parks where it stopped.
         return smooth, Form("stiff bristle", ("Fc",), tuple({"xs": x} for x in STIFF), {"xs": (1e-5, 1.5e-4)})
 

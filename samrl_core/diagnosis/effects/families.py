@@ -135,9 +135,14 @@ def coupled_pair(trial: Trial, form: str) -> tuple[int, int, float] | None:
     raise ValueError(f"{form} names no two joints of {names}")
 
 
+def fastest_motion(trial: Trial, joints: tuple[int, ...]) -> float:
+    """Speed [rad/s] that a hundredth of the samples exceed."""
+    return float(np.quantile(np.abs(trial.motion.full_velocity[:, list(joints)]), 0.99))
+
+
 def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:
     """Width [rad/s] up to which a turn of the sign is one, for the speeds that were reached."""
-    fastest = float(np.quantile(np.abs(trial.motion.full_velocity[:, list(joints)]), 0.99))
+    fastest = fastest_motion(trial, joints)
     return float(np.clip(max(min(WIDEST * fastest, most), 0.25 * WIDEST * fastest), 0.008, 3.0 * most))
 
 

@@ -9,6 +9,8 @@ from samrl_core.diagnosis.effects.families import DriveTorque
 from samrl_core.diagnosis.effects.shapes import smooth_sign
 from samrl_core.diagnosis.trial import Trial
 
+LEAST_WAVE = 0.25  # of a harmonic's root mean square that must vary over the travel
+
 
 class PositionDependentFriction(DriveTorque):
     """Torque that repeats with the joint's position: tight spots, eccentric bearings."""
@@ -41,6 +43,13 @@ class PositionDependentFriction(DriveTorque):
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return np.full(2, 0.05 * trial.scale[joint])
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        # Over a short travel a long wave is constant: Coulomb friction under another name.
+        (joint,) = self.joints_at(trial, place)
+        angle = shape["k"] * trial.motion.q[:: max(1, len(trial) // 200), joint]
+        wave = amplitudes[0] * np.sin(angle) + amplitudes[1] * np.cos(angle)
+        return bool(np.std(wave) > LEAST_WAVE * np.sqrt(np.mean(wave**2)))
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

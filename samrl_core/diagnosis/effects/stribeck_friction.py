@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.effects.families import DriveTorque, fastest_motion, single, widest_turn
 from samrl_core.diagnosis.effects.shapes import smooth_sign
 from samrl_core.diagnosis.trial import Trial
 
@@ -25,8 +25,14 @@ class StribeckFriction(DriveTorque):
     )
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        grid = tuple({"v": v, "vs": vs} for v in (0.003, 0.01) for vs in (0.03, 0.08, 0.2))
-        return single(("Fc", "drop"), grid, v=(5e-4, 0.03), vs=(0.01, 0.6))
+        # A drop that is not over at the fastest motion cannot be told from the level.
+        fastest = fastest_motion(trial, self.joints_at(trial, place))
+        speeds = [vs for vs in (0.03, 0.08, 0.2) if vs < fastest] or [0.03]
+        grid = tuple({"v": v, "vs": vs} for v in (0.003, 0.01) for vs in speeds)
+        widest = min(0.03, widest_turn(trial, self.joints_at(trial, place), 0.1))
+        return single(
+            ("Fc", "drop"), grid, v=(5e-4, max(widest, 0.011)), vs=(0.01, max(min(0.6, fastest), 0.04))
+        )
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         speed = trial.motion.full_velocity[:, joint]

@@ -33,8 +33,9 @@ class Case:
     shape: dict[str, float]
     amplitudes: tuple[float, ...]
     physical: dict[str, float] = field(default_factory=dict)
-    programmes: str = "ABC"
+    programmes: str = "A"
     explained: float = 0.9  # share of the residual's energy that the true amplitudes must take away
+    within: float = 0.15  # relative error of a parameter
 
     @property
     def name(self) -> str:
@@ -54,6 +55,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "coulomb_friction", "joint:lift", "stiff bristle",
         {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 8000.0}}, {"xs": 1e-4}, (0.8,), {"Fc": 0.8},
+        "ABC",
     ),
     Case("viscous_friction", "joint:lift", "", {"viscous": {LIFT: 0.8}}, {}, (0.8,), {"Fv": 0.8}),
     Case(
@@ -91,19 +93,23 @@ CASES: tuple[Case, ...] = (
         {"N": 30.0}, harmonic(0.3, 1.0, -1.0), {"amplitude": 0.3, "order": 30.0, "phase": 1.0 - np.pi},
     ),
     Case(
-        "thermal_friction", "joint:lift", "",
+        "thermal_friction", "joint:lift", "each recording",
         {"coulomb": {LIFT: 0.4}, "thermal_ratio": {LIFT: 1.5}, "thermal_time": {LIFT: 3.0}},
         {"T": 3.0}, (0.4, 0.6), {"Finf": 0.4, "F0": 1.0}, "A",
     ),
-    Case("backlash", "joint:turn", "", {"backlash": {TURN: 0.003}}, {"t0": 0.05}, (0.003,), {"b": 0.003}),
+    # the link needs time to cross the gap: the formula's jump takes a torque t0 that is not the world's
+    Case(
+        "backlash", "joint:bend", "", {"backlash": {BEND: 0.003}}, {"t0": 0.3}, (0.003,), {"b": 0.003}, "AB",
+        explained=0.5, within=0.5,
+    ),
     Case(
         "joint_elasticity", "joint:lift", "", {"joint_stiffness": {LIFT: 3000.0}}, {}, (1 / 3000.0,),
-        {"K": 3000.0},
+        {"K": 3000.0}, "B", explained=0.8,
     ),
     Case(
         "transmission_hysteresis", "joint:lift", "",
-        {"hysteresis_amplitude": {LIFT: 0.003}, "hysteresis_torque": {LIFT: 1.5}}, {"ts": 1.5}, (0.003,),
-        {"a": 0.003},
+        {"hysteresis_amplitude": {LIFT: 0.002}, "hysteresis_torque": {LIFT: 6.0}}, {"ts": 6.0}, (0.002,),
+        {"a": 0.002},
     ),
     Case("reflected_inertia", "joint:lift", "", {"rotor_inertia": {LIFT: 0.15}}, {}, (0.15,), {"Ja": 0.15}),
     Case("actuator_gain", "joint:lift", "", {"actuator_gain": {LIFT: 0.1}}, {}, (0.1,), {"e": 0.1}),
@@ -127,7 +133,7 @@ CASES: tuple[Case, ...] = (
          {"T": 0.0065}),
     Case("command_delay", "arm:tool_arm", "effort", {"effort_delay": 0.004}, {"T": 0.004}, (1.0,),
          {"T": 0.004}),
-    Case("packet_jitter", "arm:tool_arm", "effort", {"hold_probability": 0.1}, {}, (1.0,)),
+    Case("packet_jitter", "arm:tool_arm", "effort", {"hold_probability": 0.1}, {}, (1.0,), {"held": 0.1}, "D"),
     Case(
         "controller_gain", "joint:lift", "gains", {"stiffness_scale": {LIFT: 0.8}, "damping_scale": {LIFT: 1.2}},
         {}, (-0.2, 0.2), {"eK": -0.2, "eD": 0.2},
@@ -135,7 +141,7 @@ CASES: tuple[Case, ...] = (
     Case("encoder_offset", "joint:lift", "", {"encoder_offset": {LIFT: 0.03}}, {}, (0.03,), {"e": 0.03}),
     Case(
         "encoder_eccentricity", "joint:lift", "",
-        {"encoder_amplitude": {LIFT: 0.03}, "encoder_phase": {LIFT: 0.5}}, {}, harmonic(0.03, 0.5),
+        {"encoder_amplitude": {LIFT: 0.03}, "encoder_phase": {LIFT: 0.5}}, {"k": 1.0}, harmonic(0.03, 0.5),
     ),
     Case(
         "torque_sensor_error", "joint:lift", "gain and bias",
@@ -156,8 +162,9 @@ CASES: tuple[Case, ...] = (
     ),
     Case(
         "mount_compliance", "arm:tool_arm", "rotation",
-        {"mount_stiffness": 8000.0, "mount_damping": 10.0, "mount_inertia": 2.0}, {"f": 8.6, "z": 0.034},
-        (1 / 8000.0, 1 / 8000.0), {}, "B", 0.75,
+        {"mount_stiffness": 8000.0, "mount_damping": 40.0, "mount_inertia": 15.0}, {"f": 3.63, "z": 0.049},
+        (1 / 8000.0, 1 / 8000.0), {"compliance": 1 / 8000.0}, "AB",
+        explained=0.6, within=0.3,
     ),
     Case(
         "cable", "joint:bend", "",

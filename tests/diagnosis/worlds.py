@@ -1,7 +1,7 @@
 """Recordings of a small arm for the tests, made by the closed-loop simulator: one known difference at a time.
 
 The arm turns about the vertical, then lifts with two joints; the programmes are plain reversals and holds (A),
-a chirp with a sine (B), and a task-like motion at other gains (C, held out).
+a chirp with a sine (B), a task-like motion at other gains (C, held out), and A with rough torques (D).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.diagnosis.trial import Trial
-from samrl_core.dynamics.closed_loop import ClosedLoop
+from samrl_core.dynamics.closed_loop import ClosedLoop, Rollouts
 from samrl_core.dynamics.plant_parameters import PlantParameters
 from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.types.arm_description import ArmController, ArmDescription
@@ -146,14 +146,33 @@ def task(time: np.ndarray) -> np.ndarray:
     )
 
 
-PROGRAMMES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], float]] = {
-    "A": (reversals, 1.0), "B": (chirp, 1.0), "C": (task, 0.6),
+# path, factor of the gains, and torque that is fed forward at random each period [N m]
+PROGRAMMES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], float, float]] = {
+    "A": (reversals, 1.0, 0.0), "B": (chirp, 1.0, 0.0), "C": (task, 0.6, 0.0), "D": (reversals, 1.0, 1.0),
 }  # fmt: skip
 
 
 @cache
-def _loop(gains: float, mount: bool = False) -> ClosedLoop:
+def loop(gains: float) -> ClosedLoop:
+    """Simulator of the arm at some gains."""
     return ClosedLoop(arm(gains))
+
+
+def commanded(programme: str, duration_s: float) -> JointSignal:
+    """What the controller tracks in a programme."""
+    path, _, rough = PROGRAMMES[programme]
+    time = np.arange(0.0, duration_s + 5e-4, 0.001)
+    position = path(time)
+    dither = rough * np.random.default_rng(7).uniform(-1.0, 1.0, position.shape)
+    return JointSignal(time, position, np.gradient(position, 0.001, axis=0), None, dither)
+
+
+def rollout(real: PlantParameters, programme: str, duration_s: float = DURATION_S) -> Rollouts:
+    """What a plant does in a programme, free of noise."""
+    command = commanded(programme, duration_s)
+    assert command.position is not None and command.velocity is not None
+    simulator = loop(PROGRAMMES[programme][1])
+    return simulator.rollout(command, command.position[0], command.velocity[0], [real], duration_s)
 
 
 def record(
@@ -162,25 +181,22 @@ def record(
     rng: np.random.Generator | None = None,
     duration_s: float = DURATION_S,
 ) -> list[ArmRecording]:
-    """Recordings of a plant in some programmes; without a generator free of noise and in one clock."""
+    """Recordings of a plant in some programmes; without a generator free of noise."""
     out = []
-    for k, name in enumerate(programmes):
-        path, gains = PROGRAMMES[name]
-        time = np.arange(0.0, duration_s + 5e-4, 0.001)
-        position = path(time)
-        velocity = np.gradient(position, 0.001, axis=0)
-        command = JointSignal(time, position, velocity, effort=np.zeros_like(position))
-        loop = _loop(gains)
-        done = replace(real, thermal_offset=k * duration_s)
-        run = loop.rollout(command, position[0], velocity[0], [done], duration_s)
+    for name in programmes:
+        run = rollout(real, name, duration_s)
         q, v, e, u = (x[0] for x in (run.position, run.velocity, run.effort, run.commanded_effort))
         if rng is not None:
             q = q + POSITION_NOISE * rng.standard_normal(q.shape)
             v = v + VELOCITY_NOISE * rng.standard_normal(v.shape)
             e = e + EFFORT_NOISE * rng.standard_normal(e.shape)
-        states = JointSignal(run.time, q, v, None, e)
-        sent = JointSignal(run.time, effort=u)
-        out.append(ArmRecording(name, f"{name}.mcap", "0" * 64, loop.arm, states, command, sent))
+        described = loop(PROGRAMMES[name][1]).arm
+        out.append(
+            ArmRecording(
+                name, f"{name}.mcap", "0" * 64, described, JointSignal(run.time, q, v, None, e),
+                commanded(name, duration_s), JointSignal(run.time, effort=u),
+            )
+        )  # fmt: skip
     return out
 
 

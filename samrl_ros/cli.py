@@ -132,7 +132,16 @@ def diagnose(
     from samrl_ros.diagnose_command import DiagnoseOptions, diagnose_bags
 
     options = DiagnoseOptions(
-        tuple(bags), tuple(held_out or ()), out, arm, urdf, tolerances, library, seed, fail_on_gap, null_worlds
+        tuple(bags),
+        tuple(held_out or ()),
+        out,
+        arm,
+        urdf,
+        tolerances,
+        library,
+        seed,
+        fail_on_gap,
+        null_worlds,
     )
     raise typer.Exit(diagnose_bags(options))
 

@@ -169,7 +169,7 @@ def _conclude(
     rest = evidence.rest(chosen) if chosen is not None else likelihood.y
     ambiguity: tuple[tuple[str, ...], ...] = ()
     experiment = None
-    if outcome.verdict == "ambiguous" and chosen is not None:
+    if outcome.verdict == "ambiguous" and chosen is not None and named:
         group = tuple(dict.fromkeys([named[0].name, *outcome.tied]))
         ambiguity = (group,)
         experiment = next_experiment(likelihood, [chosen, *rivals], group, settings.seed)

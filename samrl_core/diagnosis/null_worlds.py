@@ -1,9 +1,9 @@
 """How much evidence no effect at all can seem to give: the library run on simulated worlds without one.
 
 Worlds are closed-loop rollouts of the recordings' own commands with nominal parameters drawn from the
-tolerances and the recordings' own sensor noise; each goes through the whole screening, since friction's small
-change moves a joint elsewhere and regressors must follow. The largest gain over the library is kept, so that a
-threshold takes into account how many effects and places are tried. Gains are kept on disk per trajectory.
+tolerances and the recordings' own sensor noise; each goes through the whole screening, since a little
+friction moves a joint elsewhere and regressors must follow. The largest gain over the library is kept, so that
+a threshold takes into account how many effects and places are tried. Gains are kept on disk per trajectory.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def draw_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
 
 
 def _key(trials: Sequence[Trial], effects: Sequence[Effect], seed: int) -> str:
-    """Of nominal arm, commands, gains and library: what the simulated worlds depend on, noise only roughly."""
+    """Of nominal arm, commands, gains and library: what the worlds depend on, noise only roughly."""
     digest = hashlib.sha256(f"{VERSION} {seed}".encode())
     digest.update(" ".join(sorted(e.family for e in effects)).encode())
     for trial in trials:

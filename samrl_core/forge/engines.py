@@ -23,8 +23,8 @@ class Engine(ABC):
     """Rigid-body dynamics of n = mount + arm joints: M a + h = effort, semi-implicit in velocity."""
 
     timestep: float  # [s]
-    position: np.ndarray  # (n,) [rad or m]
-    velocity: np.ndarray  # (n,) [rad/s or m/s]
+    position: list[float]  # (n,) [rad or m]; a new list after every step
+    velocity: list[float]  # (n,) [rad/s or m/s]
 
     @abstractmethod
     def place(self, position: np.ndarray) -> None:
@@ -35,11 +35,14 @@ class Engine(ABC):
         """Gravity (3,) in the base frame from now on [m/s2]."""
 
     @abstractmethod
-    def dynamics(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mass matrix (n, n) without rotors, and bias effort (n,) with gravity, at the present state."""
+    def dynamics(self) -> tuple[np.ndarray, list[float]]:
+        """Mass matrix (n, n) without rotors, and bias effort (n,) with gravity, at the present state.
+
+        The matrix is the caller's own, in rows.
+        """
 
     @abstractmethod
-    def step(self, effort: np.ndarray, rotor: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def step(self, effort: list[float], rotor: list[float], acceleration: list[float]) -> list[float]:
         """Advance one time step.
 
         Args:
@@ -105,22 +108,22 @@ class BulletEngine(Engine):
         """As `Engine`."""
         pybullet.setGravity(*vector.tolist(), physicsClientId=self._client)
 
-    def dynamics(self) -> tuple[np.ndarray, np.ndarray]:
+    def dynamics(self) -> tuple[np.ndarray, list[float]]:
         """As `Engine`."""
-        mass = pybullet.calculateMassMatrix(self._body, self._q, physicsClientId=self._client)
+        mass = pybullet.calculateMassMatrix(self._body, self.position, physicsClientId=self._client)
         bias = pybullet.calculateInverseDynamics(
-            self._body, self._q, self._v, self._zeros, physicsClientId=self._client
+            self._body, self.position, self.velocity, self._zeros, physicsClientId=self._client
         )
-        return np.array(mass), np.array(bias)
+        return np.array(mass), list(bias)
 
-    def step(self, effort: np.ndarray, rotor: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def step(self, effort: list[float], rotor: list[float], acceleration: list[float]) -> list[float]:
         """As `Engine`."""
-        link = effort - rotor * acceleration
+        link = [e - r * a for e, r, a in zip(effort, rotor, acceleration, strict=True)]
         pybullet.setJointMotorControlArray(
             self._body,
             self._joints,
             pybullet.TORQUE_CONTROL,
-            forces=link.tolist(),
+            forces=link,
             physicsClientId=self._client,
         )
         pybullet.stepSimulation(physicsClientId=self._client)
@@ -129,9 +132,8 @@ class BulletEngine(Engine):
 
     def _read(self) -> None:
         states = pybullet.getJointStates(self._body, self._joints, physicsClientId=self._client)
-        self._q = [state[0] for state in states]
-        self._v = [state[1] for state in states]
-        self.position, self.velocity = np.array(self._q), np.array(self._v)
+        self.position = [state[0] for state in states]
+        self.velocity = [state[1] for state in states]
 
     def close(self) -> None:
         """As `Engine`."""
@@ -149,7 +151,8 @@ class MujocoEngine(Engine):
         self._model.dof_frictionloss[:] = coulomb
         self._model.dof_damping[:] = viscous
         self._mass = np.zeros((self._model.nv, self._model.nv))
-        self._rotor = np.zeros(self._model.nv)
+        self._rotor = [0.0] * self._model.nv
+        self._rotors = np.zeros_like(self._mass)
 
     def place(self, position: np.ndarray) -> None:
         """As `Engine`."""
@@ -161,16 +164,17 @@ class MujocoEngine(Engine):
         """As `Engine`."""
         self._model.opt.gravity[:] = vector
 
-    def dynamics(self) -> tuple[np.ndarray, np.ndarray]:
+    def dynamics(self) -> tuple[np.ndarray, list[float]]:
         """As `Engine`."""
         _MUJOCO.mj_step1(self._model, self._data)
         _MUJOCO.mj_fullM(self._model, self._data, self._mass)
-        return self._mass - np.diag(self._rotor), self._data.qfrc_bias.copy()
+        return self._mass - self._rotors, self._data.qfrc_bias.tolist()
 
-    def step(self, effort: np.ndarray, rotor: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def step(self, effort: list[float], rotor: list[float], acceleration: list[float]) -> list[float]:
         """As `Engine`."""
-        if not np.array_equal(rotor, self._rotor):
+        if rotor != self._rotor:
             self._rotor = rotor.copy()
+            self._rotors = np.diag(rotor)
             self._model.dof_armature[:] = rotor
             _MUJOCO.mj_step1(self._model, self._data)
         data = self._data
@@ -179,12 +183,12 @@ class MujocoEngine(Engine):
         # The step's mean acceleration: `implicitfast` adds implicit damping to what `qacc` says.
         change = (data.qvel - self.velocity) / self.timestep
         drag = self._model.dof_damping * data.qvel
-        link = effort + data.qfrc_constraint - drag - rotor * change
+        link = effort + data.qfrc_constraint - drag - self._model.dof_armature * change
         self._read()
-        return link
+        return link.tolist()
 
     def _read(self) -> None:
-        self.position, self.velocity = self._data.qpos.copy(), self._data.qvel.copy()
+        self.position, self.velocity = self._data.qpos.tolist(), self._data.qvel.tolist()
 
     def close(self) -> None:
         """As `Engine`."""

@@ -13,6 +13,7 @@ import json
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -106,12 +107,11 @@ def main() -> None:
 def _wider(trial: Trial, scale: float) -> Trial:
     """The trial with wider tolerances, for drawing only."""
     known = trial.recording.arm.tolerances
-    wide = Tolerances(
-        **{
-            name: tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value
-            for name, value in vars(known).items()
-        }
-    )
+    wider: dict[str, Any] = {
+        name: tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value
+        for name, value in vars(known).items()
+    }
+    wide = Tolerances(**wider)
     arm = replace(trial.recording.arm, tolerances=wide)
     return Trial(replace(trial.recording, arm=arm), trial.rigid)
 

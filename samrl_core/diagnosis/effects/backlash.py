@@ -10,6 +10,8 @@ from samrl_core.diagnosis.effects.shapes import play
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
+LEAST_GAP = 3e-5  # [rad] below it a gap is smaller than what encoders of arms resolve
+
 
 class Backlash(Deflection):
     """Lost motion: the link is free within a gap, and jumps when the load changes sides."""
@@ -28,17 +30,18 @@ class Backlash(Deflection):
         if "tracking" in trial.channels:
             return (Form("load", ("b",)),) if trial.motion.u is not None else (Form("direction", ("b",)),)
         (joint,) = self.joints_at(trial, place)
+        # Behind the gap the teeth bend: without it, a soft tooth would be taken for a plain spring.
         return single(
-            ("b",),
-            tuple({"t0": f * trial.scale[joint]} for f in (0.002, 0.01, 0.03)),
-            t0=(1e-4 * trial.scale[joint], 0.1 * trial.scale[joint]),
+            ("b", "compliance"),
+            tuple({"t0": f * trial.scale[joint]} for f in (0.0005, 0.003, 0.015)),
+            t0=(1e-5 * trial.scale[joint], 0.1 * trial.scale[joint]),
         )
 
     def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
         if form == "load":
             middle = 0.5 * (np.max(torque) + np.min(torque))
             return np.tanh((torque - middle) / (0.1 * np.std(torque) + 1e-12))[None]
-        return np.tanh(torque / shape["t0"])[None]
+        return np.stack([np.tanh(torque / shape["t0"]), torque])
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         if form == "direction":
@@ -51,10 +54,16 @@ class Backlash(Deflection):
         return super().columns(trial, place, form, shape)
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros(1), np.full(1, 0.01)
+        if "tracking" in trial.channels:
+            return np.zeros(1), np.full(1, 0.01)
+        (joint,) = self.joints_at(trial, place)
+        return np.zeros(2), np.array([0.01, 3e-3 / trial.scale[joint]])
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(amplitudes[0] > 0 or form == "load")
+        if "tracking" in trial.channels:
+            return bool(amplitudes[0] > 0 or form == "load")
+        (joint,) = self.joints_at(trial, place)
+        return bool(amplitudes[0] > LEAST_GAP and amplitudes[1] > -1e-4 / trial.scale[joint])
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

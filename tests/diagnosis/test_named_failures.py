@@ -1,0 +1,204 @@
+"""Failures that are known from the literature and must not happen here: each a wrong name, or a name too many."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from samrl_core.diagnosis.diagnose import library
+from samrl_core.diagnosis.effects import EFFECTS
+from samrl_core.diagnosis.hypothesis import Evidence, Fit, hypothesis, on_bound
+from samrl_core.diagnosis.likelihood import Likelihood
+from tests.diagnosis import worlds
+from tests.diagnosis.cases import PAYLOAD
+from tests.diagnosis.test_diagnose import assert_covers, diagnosed
+from tests.diagnosis.worlds import BEND, LIFT, TURN
+
+EVERYTHING = {e.family for e in EFFECTS}
+NO_SPRINGS = EVERYTHING - {"joint_elasticity", "backlash", "transmission_hysteresis"}
+SPRING = {"joint_stiffness": {LIFT: 1500.0}, "joint_damping": {LIFT: 3.0}}
+SWINGING = {"mount_stiffness": 8000.0, "mount_damping": 40.0, "mount_inertia": 15.0}
+# a mass on the first joint's vertical axis: it turns with no inertia and lifts nothing
+UNSEEN_MASS = np.zeros((3, 10))
+UNSEEN_MASS[0, [0, 3]] = 1.5, 0.12
+
+
+# -- elasticity must not come back as delay ----------------------------------------------------------------
+
+
+def test_elasticity_that_is_not_in_the_library_is_no_delay() -> None:
+    diagnosis = diagnosed(
+        6,
+        {"command_delay", "command_low_pass", "viscous_friction", "payload", "reflected_inertia"},
+        **SPRING,
+    )
+    assert diagnosis.verdict == "none_of_mine", diagnosis.reasons
+    assert not diagnosis.effects and diagnosis.signatures
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "fields",
+    [
+        SPRING,
+        {"joint_stiffness": 2500.0, "joint_damping": 3.0},
+        {"joint_stiffness": {BEND: 600.0}, "joint_damping": {BEND: 1.0}},
+    ],
+    ids=["one joint", "all joints", "last joint"],
+)
+def test_elasticity_that_is_withheld_is_refused(fields: dict[str, Any]) -> None:
+    diagnosis = diagnosed(6, NO_SPRINGS, **fields)
+    assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)
+    assert diagnosis.nearest is None or diagnosis.nearest.family != "command_delay"
+
+
+@pytest.mark.slow
+def test_elasticity_in_the_library_is_named() -> None:
+    diagnosis = diagnosed(5, **SPRING)
+    assert diagnosis.verdict == "effect", diagnosis.reasons
+    (effect,) = diagnosis.effects
+    assert effect.name == "joint_elasticity@joint:lift"
+    assert effect.parameters["K"].value == pytest.approx(1500.0, rel=0.1)
+
+
+# -- a compliant stand -----------------------------------------------------------------------------------
+
+
+def test_a_compliant_stand_that_is_withheld_is_refused() -> None:
+    diagnosis = diagnosed(5, EVERYTHING - {"mount_compliance"}, **SWINGING)
+    assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)
+    assert not diagnosis.effects and diagnosis.signatures
+    assert diagnosis.unexplained_fraction > 0.25
+
+
+@pytest.mark.slow
+def test_a_compliant_stand_is_named() -> None:
+    diagnosis = diagnosed(6, **SWINGING)
+    assert diagnosis.verdict == "effect", diagnosis.reasons
+    assert diagnosis.effects[0].name == "mount_compliance@arm:tool_arm"
+    assert diagnosis.effects[0].parameters["compliance"].value == pytest.approx(1 / 8000.0, rel=0.2)
+
+
+# -- Stribeck with only Coulomb and viscous --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("drop", [1.2, pytest.param(0.6, marks=pytest.mark.slow)])
+def test_stribeck_is_not_explained_by_coulomb_and_viscous(drop: float) -> None:
+    fields = {"coulomb": {TURN: 0.3}, "stribeck_drop": {TURN: drop}, "stribeck_velocity": {TURN: 0.08}}
+    diagnosis = diagnosed(5, {"coulomb_friction", "viscous_friction"}, **fields)
+    assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)
+
+
+@pytest.mark.slow
+def test_stribeck_in_the_library_is_named() -> None:
+    fields = {"coulomb": {TURN: 0.3}, "stribeck_drop": {TURN: 1.2}, "stribeck_velocity": {TURN: 0.08}}
+    diagnosis = diagnosed(5, **fields)
+    assert diagnosis.verdict == "effect", diagnosis.reasons
+    assert diagnosis.effects[0].name == "stribeck_friction@joint:turn"
+    assert diagnosis.effects[0].parameters["drop"].value == pytest.approx(1.2, rel=0.15)
+
+
+# -- inertial null space ---------------------------------------------------------------------------------
+
+
+def test_a_mass_that_no_motion_shows_is_not_claimed() -> None:
+    diagnosis = diagnosed(5, {"link_inertia", "payload", "base_tilt"}, inertial_delta=UNSEEN_MASS)
+    assert diagnosis.verdict == "no_gap", (diagnosis.reasons, diagnosis.effects)
+
+
+def test_what_no_motion_shows_stays_at_its_prior() -> None:
+    """The fit is regular although most of a first link's ten parameters have no column."""
+    likelihood = Likelihood(worlds.trials(worlds.world(5, "AB", inertial_delta=UNSEEN_MASS)))
+    (effect,) = library(["link_inertia"])
+    trial = likelihood.trials[0]
+    (form,) = effect.forms(trial, "link:post")
+    h = hypothesis(likelihood, effect, "link:post", form, {})
+    assert h is not None
+    columns = effect.columns(trial, "link:post", form.name, {})
+    for rows in columns.values():
+        assert np.max(np.abs(rows[0])) < 1e-9, "the mass of a link on a vertical axis loads no joint"
+    fit = Evidence(likelihood).fit([h])
+    deviation = np.sqrt(np.diag(fit.covariance))
+    assert np.isfinite(fit.log_evidence) and np.isfinite(deviation).all()
+    unseen = [k for k in range(10) if all(np.max(np.abs(rows[k])) < 1e-9 for rows in columns.values())]
+    assert 0 in unseen and len(unseen) >= 5
+    assert deviation[unseen] == pytest.approx(h.spread[unseen], rel=1e-6)
+    assert fit.amplitudes[0][unseen] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_mass_that_no_motion_shows_does_not_hide_a_payload() -> None:
+    diagnosis = diagnosed(5, inertial_delta=UNSEEN_MASS, payload=PAYLOAD)
+    assert [e.name for e in diagnosis.effects] == ["payload@arm:tool_arm"], diagnosis.reasons
+    assert_covers(diagnosis.effects[0].parameters["mass"], PAYLOAD[0])
+
+
+# -- bounds ----------------------------------------------------------------------------------------------
+
+
+def test_a_shape_that_ends_on_its_bound_is_an_alarm() -> None:
+    diagnosis = diagnosed(6, {"command_delay"}, command_delay=0.15)
+    assert any("ended on the bound" in alarm for alarm in diagnosis.alarms), diagnosis.alarms
+    assert diagnosis.verdict != "effect"
+
+
+@pytest.mark.parametrize(
+    "family, place, fields, name, truth",
+    [
+        ("command_delay", "joint:lift", {"command_delay": {LIFT: 0.0065}}, "T", 0.0065),
+        ("command_low_pass", "joint:lift", {"command_cutoff": {LIFT: 12.0}}, "fc", 12.0),
+        ("presliding", "joint:lift", {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}}, "xs", 0.002),
+    ],
+    ids=["delay", "low-pass", "presliding"],
+)  # fmt: skip
+def test_a_search_from_a_bound_is_never_quietly_wrong(
+    family: str, place: str, fields: dict[str, Any], name: str, truth: float
+) -> None:
+    """From the grid a search finds the truth; from a bound it does so too, or says that it is stuck there."""
+    likelihood = Likelihood(worlds.trials(worlds.world(5, "A", **fields)))
+    (effect,) = library([family])
+    form = effect.forms(likelihood.trials[0], place)[0]
+    evidence = Evidence(likelihood)
+
+    def searched(start: float) -> Fit:
+        h = hypothesis(likelihood, effect, place, form, {name: start})
+        assert h is not None
+        first = evidence.fit([h])
+        found = evidence.refine(first, 0, 80)
+        assert found.log_evidence >= first.log_evidence
+        return found
+
+    best = max((searched(shape[name]) for shape in form.shapes), key=lambda fit: fit.log_evidence)
+    assert best.hypotheses[0].shape[name] == pytest.approx(truth, rel=0.05)
+    for bound in form.refine[name]:
+        found = searched(bound)
+        if on_bound(found.hypotheses[0]):
+            assert found.log_evidence < best.log_evidence - 10.0
+        else:
+            assert found.hypotheses[0].shape[name] == pytest.approx(truth, rel=0.05)
+
+
+# -- gains that are not as described ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "place, seed", [("joint:lift", 5), pytest.param("arm:tool_arm", 6, marks=pytest.mark.slow)]
+)
+def test_changed_gains_are_named(place: str, seed: int) -> None:
+    k, d = (0.75, 0.8) if place == "arm:tool_arm" else ({LIFT: 0.75}, {LIFT: 0.8})
+    allowed = {"controller_gain", "actuator_gain", "reflected_inertia", "command_delay", "command_low_pass"}
+    diagnosis = diagnosed(seed, allowed, stiffness_scale=k, damping_scale=d)
+    assert diagnosis.verdict == "effect", diagnosis.reasons
+    (effect,) = diagnosis.effects
+    assert effect.name == f"controller_gain@{place}"
+    assert effect.parameters["eK"].value == pytest.approx(-0.25, abs=0.01)
+    assert effect.parameters["eD"].value == pytest.approx(-0.2, abs=0.01)
+    assert diagnosis.gap is not None and diagnosis.gap.shrink is not None and diagnosis.gap.shrink > 0.4
+
+
+def test_changed_gains_that_are_withheld_are_refused() -> None:
+    fields = {"stiffness_scale": {LIFT: 0.75}, "damping_scale": {LIFT: 0.8}}
+    diagnosis = diagnosed(5, EVERYTHING - {"controller_gain"}, **fields)
+    assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)

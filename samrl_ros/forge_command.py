@@ -107,11 +107,9 @@ def forge(
     order = [item.id for item in plan if study.made(item.id)]
     facts = {
         "schema": 1,
-        "seed": settings.seed,
         "commit": chosen,
-        "settings": asdict(settings),
+        "settings": {name: value for name, value in asdict(settings).items() if name != "seed"},
         "versions": versions(),
-        "failed": failed,
     }
     console = make_console()
     if failed:
@@ -229,7 +227,7 @@ def score(
     left = study.root / LEFT_OUT_FILE
     withheld = list(json.loads(left.read_text())) if left.exists() else []
     unknown = load_outcomes(study, sealed, LEFT_OUT_STAGE, withheld, withheld=True, unfinished=unfinished)
-    scores = all_scores(outcomes, unknown, seed=published["seed"] % 2**32)
+    scores = all_scores(outcomes, unknown)
     scores["baselines"] = rows = comparison(study, sealed, outcomes)
     target = (out or study.root).resolve()
     target.mkdir(parents=True, exist_ok=True)

@@ -79,13 +79,9 @@ def make(job: Making) -> float:
 
 def oracle_arrays(held_out: ArmRecording, oracle: Any) -> dict[str, np.ndarray]:
     """What is sealed of the best possible answer: the re-simulation, the metric's scales, and its shrink."""
-    from samrl_core.dynamics.rigid_arm import RigidArm
-
     controller = held_out.arm.controller
-    limit = controller.effort_limit if controller is not None else None
-    scales = channel_scales(
-        held_out.arm, limit if limit is not None else RigidArm(held_out.arm).effort_limits()
-    )
+    assert controller is not None and controller.effort_limit is not None  # the forge describes both
+    scales = channel_scales(held_out.arm, controller.effort_limit)
     time_s = oracle.effect_states.time
     true = _channels(oracle.effect_states, oracle.effect_commanded, time_s)
     nominal = _channels(oracle.nominal_states, oracle.nominal_commanded, time_s)

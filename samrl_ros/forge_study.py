@@ -12,13 +12,13 @@ from typing import Any
 from samrl_core.errors import InputError
 from samrl_core.scoring.study import Study, write_atomically
 
-LEFT_OUT_FILE, MAKING_FILE = "left_out.json", "making.json"
+LEFT_OUT_FILE = "left_out.json"
 VERSIONS = ("samrl", "numpy", "pybullet", "mujoco", "pin", "warp-lang", "torch")
 
 
 def same_as_before(study: Study, settings: dict[str, Any]) -> None:
     """Note the settings of a new folder; refuse one that was begun with others, or holds something else."""
-    path = study.root / MAKING_FILE
+    path = study.plan
     text = json.dumps(settings, indent=1) + "\n"
     if path.exists():
         if path.read_text() != text:
@@ -31,7 +31,7 @@ def same_as_before(study: Study, settings: dict[str, Any]) -> None:
 
 def commit_before(study: Study) -> str | None:
     """The commit that an unfinished forge began with: HEAD may have moved on."""
-    path = study.root / MAKING_FILE
+    path = study.plan
     return json.loads(path.read_text())["commit"] if path.exists() else None
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from samrl_core.excitation.programme import gains, programme
 from samrl_core.forge.arm_body import ArmBody, read_arm_body, with_tool
+from samrl_core.forge.kept import Arrays, kept
 from samrl_core.robots.arm_model import ArmModel, Payload
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import ROLES, RobotSpec
@@ -17,6 +18,7 @@ from samrl_core.types.arm_description import ArmController, ArmDescription, Tole
 from samrl_core.types.arm_recording import JointSignal
 from samrl_core.types.pose import Pose
 
+_SIGNAL = ("time", "position", "velocity", "acceleration", "effort")
 SETS = {"A": "slow", "B": "multisine", "C": "task"}
 PROGRAMMES = 6  # distinct ones per arm, so that what is worked out per trajectory can be kept
 # Rotors as geared drives have them. Panda: menagerie's panda.xml. Rizon: ASSUMPTION, same order;
@@ -71,7 +73,14 @@ def world_command(role: str, number: int, letter: str, duration_s: float) -> Joi
     """Command of set `letter` in programme `number`; the same in every forge."""
     arm = nominal_arm(role)
     seed = 1000 * (1 + ROLES.index(role)) + 10 * number + "ABC".index(letter)
-    return programme(arm.spec, payload_of(arm.tool), SETS[letter], seed, duration_s)
+    asked = (arm.spec, payload_of(arm.tool), SETS[letter], seed, duration_s)
+
+    def work() -> Arrays:
+        made = programme(*asked)
+        return {n: v for n in _SIGNAL if (v := getattr(made, n)) is not None}
+
+    code = ("excitation", "robots", "motion", "types")
+    return JointSignal(**kept("programmes", code, ("numpy", "scipy", "pin"), asked, work))
 
 
 def description(role: str, letter: str, tolerances: Tolerances) -> ArmDescription:

@@ -11,10 +11,12 @@ from functools import lru_cache
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.forge import simulate as simulation
 from samrl_core.forge.background import Background, draw_background
 from samrl_core.forge.disturbances.disturbance import Effect, Site
 from samrl_core.forge.disturbances.registry import attach, family
 from samrl_core.forge.hooks import Hooks
+from samrl_core.forge.kept import kept
 from samrl_core.forge.nominal import (
     ARMATURE,
     SETS,
@@ -152,15 +154,28 @@ def _run(
 @lru_cache(maxsize=64)
 def _peak_rate(role: str, programme: int, duration_s: float) -> np.ndarray:
     """Slope over 10 ms that set B's nominal commanded torque exceeds 1 % of the time, (J,) [N m/s]."""
-    item = PlanItem("", "none", "pybullet", role, programme, (), 1.0, 0, duration_s)
-    trace = _run(item, "B", [], 0, None, 0)
-    return np.quantile(np.abs(trace.commanded[10:] - trace.commanded[:-10]), 0.99, axis=0) / 0.01
+    commanded = _nominal(role, programme, duration_s, "pybullet", "B").commanded
+    return np.quantile(np.abs(commanded[10:] - commanded[:-10]), 0.99, axis=0) / 0.01
 
 
 @lru_cache(maxsize=64)
-def _nominal(role: str, programme: int, duration_s: float, engine: str) -> Trace:
+def _nominal(role: str, programme: int, duration_s: float, engine: str, letter: str = HELD_OUT) -> Trace:
+    """The nominal arm under a command; the same in every forge, so it is kept."""
     item = PlanItem("", "none", engine, role, programme, (), 1.0, 0, duration_s)
-    return _run(item, HELD_OUT, [], 0, None, 0)
+    arm = nominal_arm(role)
+    command = world_command(role, programme, letter, duration_s)
+    asked = (
+        (engine, simulation.SETTLE_S, arm.spec, arm.tool, arm.urdf),
+        (description(role, letter, Tolerances()), command),
+    )
+    made = kept(
+        "nominal",
+        ("forge", "robots", "types"),
+        ("numpy", "scipy", "pin", engine),
+        asked,
+        lambda: vars(_run(item, letter, [], 0, None, 0)),
+    )
+    return Trace(**made)
 
 
 def _signals(trace: Trace) -> tuple[JointSignal, JointSignal]:

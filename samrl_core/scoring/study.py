@@ -19,14 +19,15 @@ import numpy as np
 from samrl_core.errors import InputError
 
 SETS = ("A", "B", "C")  # C is held out
+PLAN = "plan.json"
 
 
 @dataclass(frozen=True)
 class Study:
     """Paths below one folder.
 
-    obs/<id>/{A,B,C}.mcap is all that a diagnosis may see; sealed/ and sealed.tar hold labels and oracles;
-    forge.json carries the hash of sealed.tar and is written before anything is diagnosed.
+    obs/<id>/{A,B,C}.mcap is all that a diagnosis may see; sealed/ and sealed.tar hold labels, oracles and the
+    plan with its seed; forge.json carries the hash of sealed.tar and is written before anything is diagnosed.
     """
 
     root: Path
@@ -40,6 +41,11 @@ class Study:
     def tar(self) -> Path:
         """Labels and oracles, sealed."""
         return self.root / "sealed.tar"
+
+    @property
+    def plan(self) -> Path:
+        """What the worlds are drawn from, the seed included; sealed with the labels."""
+        return self.root / "sealed" / PLAN
 
     def observations(self, world: str) -> Path:
         """Folder of one world's bags."""
@@ -85,15 +91,13 @@ class Study:
         """Pack the labels of `worlds` (byte for byte the same each time) and publish their hash."""
         buffer = io.BytesIO()
         with tarfile.open(fileobj=buffer, mode="w") as tar:
-            for world in sorted(worlds):
-                for path in (self.label(world), self.oracle(world)):
-                    if path.exists():
-                        content = path.read_bytes()
-                        entry = tarfile.TarInfo(
-                            path.name
-                        )  # owner and time stay zero: the hash is reproducible
-                        entry.size = len(content)
-                        tar.addfile(entry, io.BytesIO(content))
+            of_worlds = [path for w in sorted(worlds) for path in (self.label(w), self.oracle(w))]
+            for path in (self.plan, *of_worlds):
+                if path.exists():
+                    content = path.read_bytes()
+                    entry = tarfile.TarInfo(path.name)  # owner and time stay zero: the hash is reproducible
+                    entry.size = len(content)
+                    tar.addfile(entry, io.BytesIO(content))
         write_atomically(self.tar, buffer.getvalue())
         content = {**facts, "worlds": worlds, "sealed_sha256": sha256(self.tar)}
         write_atomically(self.forge_file, (json.dumps(content, indent=1) + "\n").encode())
@@ -135,7 +139,7 @@ class Sealed:
 
     def labels(self) -> dict[str, dict[str, Any]]:
         """World to label."""
-        files = [name for name in self._places if name.endswith(".json")]
+        files = [name for name in self._places if name.endswith(".json") and name != PLAN]
         return {Path(name).stem: json.loads(self._content(name)) for name in files}
 
     def oracle(self, world: str) -> dict[str, np.ndarray] | None:

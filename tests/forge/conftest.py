@@ -22,7 +22,8 @@ def short_command(role: str, number: int, letter: str, duration_s: float) -> Joi
 
 
 @pytest.fixture(autouse=True)
-def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+def _short(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
     monkeypatch.setattr(nominal, "world_command", short_command)
     monkeypatch.setattr(world, "world_command", short_command)
     monkeypatch.setattr(simulate, "SETTLE_S", 0.1)

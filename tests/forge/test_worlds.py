@@ -12,19 +12,12 @@ import pytest
 
 from samrl_core.errors import InputError
 from samrl_core.forge.disturbances.registry import CATALOGUE, FAMILIES, OUTSIDE
-from samrl_core.forge.forge import forge
 from samrl_core.forge.plan import ForgeSettings, PlanItem, PlannedEffect, plan_worlds, seed_from_commit
-from samrl_core.forge.seal import check_seal, read_oracle
 from samrl_core.forge.simulate import DivergedError
 from samrl_core.forge.world import make_world
-from samrl_core.types.arm_recording import ArmRecording
 
 EFFECT = PlannedEffect("coulomb_friction", "joint:panda_joint4", "T1", 0.5, None)
 ITEM = PlanItem("w000", "single", "pybullet", "tool_arm", 1, (EFFECT,), 1.0, 11, 0.4)
-
-
-def _write(recording: ArmRecording, path: Path) -> None:
-    np.savez(path, q=recording.states.position, tau=recording.states.effort)
 
 
 def test_default_plan_has_the_numbers_asked_for() -> None:
@@ -101,37 +94,6 @@ def test_oracle_is_the_held_out_recording_without_background(engine: str) -> Non
     bare = oracle.nominal_states.effort - oracle.nominal_commanded.effort
     assert np.std((gap - told)[:, j]) < 0.7 * np.std((gap - bare)[:, j])
     assert label["effects"][0]["parameters"]["Fc"]["unit"] == "N m"
-
-
-def test_sealed_folder(tmp_path: Path) -> None:
-    settings = ForgeSettings(seed=1, single=1, none=1, outside=0, double=0, mujoco=1, duration_s=5.0)
-    object.__setattr__(settings, "duration_s", 0.3)  # shorter than users may
-    seen: list[tuple[int, int]] = []
-    sha256 = forge(
-        settings, tmp_path, _write, suffix=".npz", progress=lambda n, total: seen.append((n, total))
-    )
-    assert seen == [(1, 2), (2, 2)]
-    published = check_seal(tmp_path)
-    assert published["sealed_sha256"] == sha256 and published["worlds"] == ["w000", "w001"]
-    assert sorted(p.name for p in (tmp_path / "obs" / "w000").iterdir()) == ["A.npz", "B.npz", "C.npz"]
-    assert not any("family" in p.name for p in (tmp_path / "obs").rglob("*"))
-    oracle = read_oracle(tmp_path / "sealed" / "w000.npz")
-    assert oracle.nominal_states.effort is not None and len(oracle.effect_states) == 300
-
-    # One world lost: only it is made again, and the seal is the same to the byte.
-    (tmp_path / "sealed" / "w001.json").unlink()
-    assert (
-        forge(settings, tmp_path, _write, suffix=".npz", progress=lambda n, total: seen.append((n, total)))
-        == sha256
-    )
-    assert seen[2:] == [(2, 2)]
-
-    with (tmp_path / "sealed.tar").open("ab") as stream:
-        stream.write(b"x")
-    with pytest.raises(InputError, match="published"):
-        check_seal(tmp_path)
-    with pytest.raises(InputError, match="other settings"):
-        forge(replace(ForgeSettings(), seed=2), tmp_path, _write)
 
 
 def test_places_are_checked() -> None:

@@ -26,6 +26,9 @@ RELATIVE_FLOOR = 0.02  # of a block's own residual: no formula of friction is ri
 TORQUE_FLOOR = 0.002  # of a joint's torque variation: sampling and filtering
 REST_SPEED = 0.004  # [rad/s] below it friction is whatever holds the arm, between its two bounds
 REST_SHARE = 0.01  # of the effort limit: how far friction at rest may be from any formula
+TIMING_RATE_HZ = 20.0  # below it moves are not followed, only what stays when they are over
+SETTLED = 1e-6  # [rad] travel of a command that rests
+SETTLING_S = 1.0  # ASSUMPTION: until a small servo has settled
 MAX_LAG = 2  # [samples] by which states may lead or trail the commanded effort they caused
 
 Columns = dict[tuple[str, int], np.ndarray]  # (channel, joint) -> (p, N): a few regressors, sparse
@@ -81,8 +84,9 @@ def form_equations(motion: Motion) -> Equations:
             assert command is not None and motion.raw_position is not None
             residual["tracking"] = motion.reduce(command - motion.raw_position)
             noise = np.sqrt(motion.band_share) * motion.noise.position
-            step = np.median(np.abs(np.diff(motion.raw_position, axis=0)), axis=0)
-            sigma["tracking"] = _spread(noise + 1e-4 + 0.0 * step, residual["tracking"])
+            level = np.hypot(noise + 1e-4, _resolution(motion.raw_position))
+            residual["tracking"] *= settled(motion)
+            sigma["tracking"] = _spread(level, residual["tracking"])
         return Equations(motion, residual, sigma, law, lag)
     assert rigid is not None
     scale = scale_limits(arm, rigid, motion)
@@ -172,6 +176,33 @@ def _acceleration_noise(motion: Motion, rigid: RigidArm) -> np.ndarray:
     some = motion.q[:: max(1, len(motion.q) // 20)]
     mass = np.mean(rigid.mass_matrix(some) ** 2, axis=0)
     return np.sqrt(mass @ variance)
+
+
+def _resolution(position: np.ndarray) -> np.ndarray:
+    """Step (J,) of a reading; position servos let an error of one step stand."""
+    steps = np.abs(np.diff(position, axis=0))
+    out = np.zeros(position.shape[1])
+    for j, column in enumerate(steps.T):
+        some = column[column > 1e-9]
+        if len(some):
+            out[j] = np.quantile(some, 0.05)
+    return out
+
+
+def settled(motion: Motion) -> np.ndarray:
+    """(N, J) one, but zero near moves of the command that sampling is too slow to follow.
+
+    Until the joint has settled, the error of such a recording says nothing.
+    """
+    assert motion.command is not None and motion.command.position is not None
+    command = motion.command.position
+    if motion.rate >= TIMING_RATE_HZ:
+        return np.ones_like(motion.reduce(command))
+    reach = int(np.ceil(SETTLING_S * motion.rate))
+    # Nobody knows what was commanded before the recording began.
+    padded = np.concatenate([np.repeat(command[:1] + 1.0, reach, axis=0), command, command[-1:]])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, reach + 2, axis=0)
+    return motion.reduce((np.ptp(windows, axis=-1) < SETTLED).astype(float))
 
 
 def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from samrl_core.diagnosis.equations import Columns, Equations, armature, form_equations, scale_limits
+from samrl_core.diagnosis.equations import Columns, Equations, armature, form_equations, scale_limits, settled
 from samrl_core.diagnosis.motion import Motion
 from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.types.arm_recording import ArmRecording
@@ -51,7 +51,7 @@ class Trial:
 
     def tracking(self, joint: int, columns: np.ndarray) -> Columns:
         """Columns (p, N) of command minus position."""
-        return {("tracking", joint): columns} if "tracking" in self.channels else {}
+        return {("tracking", joint): columns * self.settled[:, joint]} if "tracking" in self.channels else {}
 
     def sensor(self, joint: int, drive: np.ndarray, link: np.ndarray | None = None) -> Columns:
         """Columns (p, N) added to the effort reading of a joint: lost in the drive, found at the link."""
@@ -61,6 +61,11 @@ class Trial:
         if "link" in self.channels:
             out["link", joint] = drive if link is None else link
         return out
+
+    @cached_property
+    def settled(self) -> np.ndarray:
+        """(N, J) zero where a tracking error says nothing, else one."""
+        return settled(self.motion)
 
     # -- shared quantities -----------------------------------------------------------------------------
 
@@ -109,6 +114,44 @@ class Trial:
         if self.motion.u is None:
             return self.model_torque
         return self.motion.u - self.rotor * self.motion.ddq
+
+    @cached_property
+    def rigid_torque(self) -> np.ndarray:
+        """Link-side torque (F, J) at full rate that the nominal model needs to follow the reading rigidly."""
+        assert self.rigid is not None
+        motion = self.motion
+        return self.rigid.inverse_dynamics(
+            motion.full_position, motion.full_velocity, motion.full_acceleration
+        )
+
+    def sprung(self, joint: int, stiffness: float, damping: float, gap: float) -> np.ndarray:
+        """Deflection (F,) of a link hung on its motor by a spring behind a gap of half width `gap`.
+
+        Every other joint moves as it was read, so the link is a single oscillator driven by the torque that
+        it would take to follow rigidly: M d2delta/dt2 = rigid torque - spring - damper. Implicit Euler, so
+        that a spring too stiff for the sampling just follows.
+        """
+        motion = self.motion
+        h = 1.0 / motion.rate
+        inertia = np.interp(motion.time, motion.t, self.mass[:, joint, joint]).tolist()
+        drive = self.rigid_torque[:, joint].tolist()
+        angle = drive[0] / stiffness + (gap if drive[0] > 0 else -gap)
+        speed, out = 0.0, []
+        for torque, mass in zip(drive, inertia, strict=True):
+            ahead = angle + h * speed
+            if ahead > gap:
+                k, rest = stiffness, gap
+            elif ahead < -gap:
+                k, rest = stiffness, -gap
+            else:
+                k, rest = 0.0, 0.0
+            d = damping if k else 0.0
+            speed = (speed + h * (torque - k * (angle - rest)) / mass) / (
+                1.0 + h * d / mass + h * h * k / mass
+            )
+            angle += h * speed
+            out.append(angle)
+        return np.array(out)
 
     @cached_property
     def rotor(self) -> np.ndarray:

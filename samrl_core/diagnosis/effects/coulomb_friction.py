@@ -10,6 +10,7 @@ from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, bristle, smooth_sig
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
+LEAST_ANGLE = 0.001  # [rad] parked short, from which a joint counts
 STIFF = (3e-5, 1e-4)  # [rad] presliding distances below what encoders of arms resolve
 
 
@@ -21,7 +22,12 @@ class CoulombFriction(DriveTorque):
     source = "Olsson et al. 1998, Friction models and friction compensation; ranges: Gaz et al. 2019 (Panda)"
     excitation = "slow sweeps in both directions, reversals"
     confounded_with = ("viscous_friction", "stribeck_friction", "backlash", "command_delay")
-    parameters = (Parameter("Fc", "N m", 0.14, 1.5, "friction level"),)
+    parameters = (
+        Parameter("Fc", "N m", 0.14, 1.5, "friction level"),
+        Parameter(
+            "parked", "rad", 0.0005, 0.1, "Fc over the servo's stiffness, where no torque was recorded"
+        ),
+    )
     at_every_joint = True
 
     def unobservable(self, trial: Trial) -> str | None:
@@ -30,13 +36,13 @@ class CoulombFriction(DriveTorque):
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         """Width of the transition, or of the bristle, is searched."""
+        if "tracking" in trial.channels:
+            return (Form("parks short", ("Fc",), tuple({"xs": x} for x in (1e-3, 3e-3, 1e-2, 3e-2))),)
         widest = widest_turn(trial, self.joints_at(trial, place), 0.1)
         grid = tuple({"v": v} for v in SIGN_SPEEDS if v < widest)
         smooth = Form("smooth", ("Fc",), grid, {"v": (5e-4, widest)})
-        if "tracking" in trial.channels:
-            return (smooth,)
         if place.startswith("arm:"):
-            # One width for joints of unlike speeds is no parameter of any of them: it is chosen, not searched.
+            # One width for joints of unlike speeds is no parameter of any of them: chosen, not searched.
             grid = tuple({"v": v} for v in (*SIGN_SPEEDS, 3 * SIGN_SPEEDS[-1], 10 * SIGN_SPEEDS[-1]))
             common = tuple(shape for shape in grid if shape["v"] <= widest)
             return self.coupled_forms(trial, Form("smooth", ("Fc",), common))
@@ -59,9 +65,13 @@ class CoulombFriction(DriveTorque):
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """In the drive; without torques, a stiff position loop parks short by Fc / K."""
         if "tracking" in trial.channels:
-            (joint,) = self.joints_at(trial, place)
-            velocity = trial.motion.derivative(_command(trial)[:, joint])
-            return trial.tracking(joint, smooth_sign(velocity, 10 * shape["v"])[None])
+            joints = self.joints_at(trial, place)
+            out: Columns = {}
+            for i, j in enumerate(joints):
+                rows = np.zeros((len(joints), len(trial)))
+                rows[i] = bristle(_command(trial)[:, j], shape["xs"])
+                out |= trial.tracking(j, rows)
+            return out
         return super().columns(trial, place, form, shape)
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
@@ -74,6 +84,8 @@ class CoulombFriction(DriveTorque):
 
     def beyond_nominal(self, trial: Trial, joint: int) -> float:
         """Three times the tolerance."""
+        if "tracking" in trial.channels:
+            return LEAST_ANGLE
         tolerance = np.broadcast_to(trial.recording.arm.tolerances.coulomb_friction, (trial.joints,))[joint]
         return BEYOND * float(tolerance) * trial.scale[joint]
 
@@ -81,12 +93,15 @@ class CoulombFriction(DriveTorque):
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         """Level."""
-        return self.sizes(trial, place, form, "Fc", amplitudes)
+        name = "parked" if "tracking" in trial.channels else "Fc"
+        return self.sizes(trial, place, form, name, amplitudes)
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, np.ndarray | float] | None:
         """Smooth Coulomb friction."""
+        if "tracking" in trial.channels:
+            return None
         joints = self.joints_at(trial, place)
         return {
             "coulomb": at_joint(trial, joints, amplitudes),

@@ -26,7 +26,7 @@ class DriveTorque(Effect):
 
     def places(self, trial: Trial) -> tuple[str, ...]:
         """Each joint; for some families also the arm: the same formula at every joint."""
-        every = self.at_every_joint and trial.joints > 1 and "tracking" not in trial.channels
+        every = self.at_every_joint and trial.joints > 1
         return super().places(trial) + ((f"arm:{trial.recording.arm.role}",) if every else ())
 
     @abstractmethod
@@ -158,16 +158,19 @@ class Deflection(Effect):
     def unobservable(self, trial: Trial) -> str | None:
         """Needs torques."""
         if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            has_load = "tracking" in trial.channels and trial.motion.u is not None
-            return None if has_load else "needs a torque and a dynamic model"
+            if "tracking" in trial.channels and trial.motion.tau is not None:
+                return None
+            # What a servo commands is its answer to the very error that should be explained by it.
+            return "needs a measured torque, not only a commanded one"
         return None
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """Motor-side reading: the link is where its inertia and weight are felt."""
         (joint,) = self.joints_at(trial, place)
         if "tracking" in trial.channels:
-            assert trial.motion.u is not None
-            return trial.tracking(joint, self.angle(trial, joint, form, shape, trial.motion.u[:, joint]))
+            load = trial.motion.tau if trial.motion.tau is not None else trial.motion.u
+            assert load is not None
+            return trial.tracking(joint, self.angle(trial, joint, form, shape, load[:, joint]))
         angle = self.angle(trial, joint, form, shape, trial.transmitted[:, joint])
         return trial.link(trial.deflection(joint, angle))
 

@@ -50,7 +50,7 @@ class FrictionAsymmetry(DriveTorque):
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         if form == "offset":
             return bool(amplitudes[0] > 0)
-        # Without a link-side sensor, an offset of the drive looks the same: only a strong one is an asymmetry.
+        # Without a link-side sensor, a drive offset looks the same: only a strong one is an asymmetry.
         least = 0.4 if "dynamics" in trial.channels else 0.1
         return bool(abs(amplitudes[1]) > least * abs(amplitudes[0]) and amplitudes[0] > -abs(amplitudes[1]))
 

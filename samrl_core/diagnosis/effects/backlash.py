@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.diagnosis.effects import tracked_gap
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
 from samrl_core.diagnosis.effects.families import Deflection
-from samrl_core.diagnosis.effects.shapes import play
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
@@ -14,7 +14,6 @@ GAPS = (2e-4, 8e-4, 3e-3)  # [rad]
 FLANK = 300.0  # [1/rad] stiffness of a tooth over effort limit, before it is searched
 DAMPING_S = 0.002  # of stiffness
 LEAST_GAP = 3e-5  # [rad] below it a gap is smaller than what encoders of arms resolve
-TRACKING_GAP = 0.01  # [rad] play of unit amplitude
 
 
 class Backlash(Deflection):
@@ -27,12 +26,17 @@ class Backlash(Deflection):
     confounded_with = ("joint_elasticity", "transmission_hysteresis", "coulomb_friction")
     parameters = (Parameter("b", "rad", 0.0001, 0.02, "half width of the gap"),)
 
+    def places(self, trial: Trial) -> tuple[str, ...]:
+        """Each joint; where only tracking is seen, also all of them."""
+        every = "tracking" in trial.channels and trial.joints > 1
+        return super().places(trial) + ((f"arm:{trial.recording.arm.role}",) if every else ())
+
     def unobservable(self, trial: Trial) -> str | None:
         return None if "tracking" in trial.channels else super().unobservable(trial)
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         if "tracking" in trial.channels:
-            return (Form("load", ("b",)),) if trial.motion.u is not None else (Form("direction", ("b",)),)
+            return tracked_gap.forms(trial)
         (joint,) = self.joints_at(trial, place)
         scale = float(trial.scale[joint])
         grid = tuple({"b": b, "K": FLANK * scale, "d": DAMPING_S * FLANK * scale} for b in GAPS)
@@ -44,33 +48,29 @@ class Backlash(Deflection):
         return (Form("free", ("present",), grid, limits),)
 
     def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
-        middle = 0.5 * (np.max(torque) + np.min(torque))
-        return np.tanh((torque - middle) / (0.1 * np.std(torque) + 1e-12))[None]
+        raise NotImplementedError("a gap depends on more than the torque of the moment")
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        if "tracking" in trial.channels:
+            return tracked_gap.columns(trial, self.joints_at(trial, place), form, shape)
         (joint,) = self.joints_at(trial, place)
-        if form == "direction":
-            command = trial.motion.command
-            assert command is not None and command.position is not None
-            path = trial.motion.reduce(command.position)[:, joint]
-            return trial.tracking(joint, ((path - play(path, TRACKING_GAP)) / TRACKING_GAP)[None])
-        if form == "load":
-            return super().columns(trial, place, form, shape)
         angle = trial.motion.reduce(trial.sprung(joint, shape["K"], shape["d"], shape["b"]))
         return trial.link(trial.deflection(joint, angle[None]))
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         if form == "free":
             return np.ones(1), np.full(1, 0.05)
-        return np.zeros(1), np.full(1, 0.01)
+        return tracked_gap.prior(self.joints_at(trial, place))
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(amplitudes[0] > 0 or form == "load")
+        return bool(amplitudes[0] > 0) if form == "free" else tracked_gap.admissible(form, amplitudes)
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
-        return {"b": shape["b"] if form == "free" else float(abs(amplitudes[0]))}
+        if form == "free":
+            return {"b": shape["b"]}
+        return tracked_gap.physical(trial, self.joints_at(trial, place), amplitudes)
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -22,8 +22,8 @@ _ROTOR = "holds are sought in effort that still contains the rotor's share, so m
 FORMULA_DEFECTS = {"transmission_hysteresis": _RATE, "packet_jitter-effort": _ROTOR}
 FIT_DEFECTS = {
     **FORMULA_DEFECTS,
-    "coulomb_friction-stiff_bristle": "the tolerances' smooth signs take a quarter of a stiff bristle's level",
-    "friction_asymmetry-levels": "regressor |tanh|, simulator tanh^2: the difference comes out a third too large",
+    "coulomb_friction-stiff_bristle": "the tolerances' smooth signs take a quarter of the level",
+    "friction_asymmetry-levels": "regressor |tanh|, simulator tanh^2: it comes out a third too large",
 }
 
 

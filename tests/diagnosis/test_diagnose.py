@@ -1,4 +1,4 @@
-"""From recordings to a verdict: nothing where nothing is, and the cause, its place and its size where one is."""
+"""From recordings to a verdict: nothing where nothing is, else the cause, its place and its size."""
 
 from __future__ import annotations
 
@@ -15,6 +15,15 @@ from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
 from tests.diagnosis.worlds import BEND, LIFT, TURN
 
+FRICTIONS = {"coulomb_friction", "viscous_friction"}
+LOADS = {"payload", "link_inertia", "base_tilt", "actuator_gain", "torque_sensor_error"}
+TIMING = {"command_delay", "command_low_pass", "controller_gain"}
+
+
+def full(*values: Any) -> Any:
+    """Test parameters with the whole library, which takes longer."""
+    return pytest.param(*values, None, marks=pytest.mark.slow)
+
 
 def diagnosed(seed: int, library: set[str] | None = None, **fields: Any) -> Diagnosis:
     """Fitted on A and B, held out C at other gains."""
@@ -30,7 +39,9 @@ def assert_covers(estimate: Estimate, truth: float, share: float = 0.1) -> None:
     assert estimate.value == pytest.approx(truth, rel=share)
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "seed", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)]
+)
 def test_a_nominal_arm_has_no_gap(seed: int) -> None:
     diagnosis = diagnosed(seed)
     assert diagnosis.verdict == "no_gap", diagnosis.reasons
@@ -38,9 +49,7 @@ def test_a_nominal_arm_has_no_gap(seed: int) -> None:
     assert [i.role for i in diagnosis.inputs] == ["fit", "fit", "held_out"]
 
 
-@pytest.mark.parametrize(
-    "joint, seed", [("lift", 5), pytest.param("turn", 6, marks=pytest.mark.slow)]
-)  # fmt: skip
+@pytest.mark.parametrize("joint, seed", [("lift", 5), pytest.param("turn", 6, marks=pytest.mark.slow)])
 def test_coulomb_friction_is_named_with_its_place_and_level(joint: str, seed: int) -> None:
     diagnosis = diagnosed(seed, coulomb={worlds.JOINTS.index(joint): 0.8})
     assert diagnosis.verdict == "effect", diagnosis.reasons
@@ -50,9 +59,6 @@ def test_coulomb_friction_is_named_with_its_place_and_level(joint: str, seed: in
     assert_covers(effect.parameters["Fc"], 0.8 + 0.014)
     assert diagnosis.gap is not None and diagnosis.gap.shrink is not None and diagnosis.gap.shrink > 0.6
     assert diagnosis.curves and diagnosis.overlays and diagnosis.heatmap is not None
-
-
-FRICTIONS = {"coulomb_friction", "viscous_friction"}
 
 
 @pytest.mark.parametrize(
@@ -77,8 +83,9 @@ def test_a_named_effect_says_where_the_gap_is(field: str, value: float) -> None:
     assert all(0 <= w.t0 <= w.t1 <= worlds.DURATION_S for w in diagnosis.where)
 
 
-def test_a_payload_is_named_with_its_mass_and_centre() -> None:
-    diagnosis = diagnosed(5, payload=PAYLOAD)
+@pytest.mark.parametrize("seed, library", [(5, LOADS), full(6)])
+def test_a_payload_is_named_with_its_mass_and_centre(seed: int, library: set[str] | None) -> None:
+    diagnosis = diagnosed(seed, library, payload=PAYLOAD)
     assert diagnosis.verdict == "effect", diagnosis.reasons
     (effect,) = diagnosis.effects
     assert effect.name == "payload@arm:tool_arm"
@@ -89,9 +96,10 @@ def test_a_payload_is_named_with_its_mass_and_centre() -> None:
     assert diagnosis.gap is not None and diagnosis.gap.shrink is not None and diagnosis.gap.shrink > 0.8
 
 
-def test_a_command_delay_is_named_or_tied_with_its_twin() -> None:
+@pytest.mark.parametrize("seed, library", [(5, TIMING), full(6)])
+def test_a_command_delay_is_named_or_tied_with_its_twin(seed: int, library: set[str] | None) -> None:
     """A delay of a few milliseconds and a low-pass of the same lag are alike below 4 Hz."""
-    diagnosis = diagnosed(5, command_delay=0.009)
+    diagnosis = diagnosed(seed, library, command_delay=0.009)
     assert diagnosis.verdict in ("effect", "ambiguous"), diagnosis.reasons
     effect = diagnosis.effects[0]
     assert effect.name == "command_delay@arm:tool_arm"
@@ -126,12 +134,14 @@ def test_two_effects_on_two_joints_are_both_named() -> None:
 def test_friction_and_a_biased_sensor_are_both_named() -> None:
     diagnosis = diagnosed(5, coulomb={LIFT: 0.8}, sensor_bias={TURN: 1.6})
     assert diagnosis.verdict == "effect", diagnosis.reasons
-    assert {e.name for e in diagnosis.effects} == {"coulomb_friction@joint:lift", "torque_sensor_error@joint:turn"}
+    assert {e.name for e in diagnosis.effects} == {
+        "coulomb_friction@joint:lift",
+        "torque_sensor_error@joint:turn",
+    }
 
 
 def test_the_same_seed_gives_the_same_answer() -> None:
-    library = {"coulomb_friction", "viscous_friction"}
-    first, second = (diagnosed(7, library, viscous={LIFT: 1.0}) for _ in range(2))
+    first, second = (diagnosed(7, {"viscous_friction"}, viscous={LIFT: 1.0}) for _ in range(2))
     assert first.effects == second.effects and first.gap == second.gap and first.reasons == second.reasons
     assert first.effects[0].name == "viscous_friction@joint:lift"
 

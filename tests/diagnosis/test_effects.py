@@ -29,7 +29,10 @@ NEUTRAL_SHAPES = {
     ("torque_saturation", "controller"): {"L": 1e6},
     ("torque_rate_limit", ""): {"R": 1e9},
 }
-TEETH = {"backlash"}  # a gap, however narrow, comes with teeth that give a little
+STIFF_SHAPES = {
+    ("joint_elasticity", "swinging"): {"K": 1e9, "d": 0.0},
+    ("backlash", "free"): {"K": 1e9, "d": 0.0, "b": 0.0},
+}
 NO_SIMULATION = {"mount_compliance", "packet_jitter"}  # compared along the log only
 
 
@@ -130,7 +133,10 @@ def test_neutral_amplitudes_make_a_neutral_plant(effect: Effect) -> None:
         for form in effect.forms(trial, place):
             mean, _ = effect.prior(trial, place, form.name, form.shapes[0])
             fixed = np.any(mean)
-            shape = {**form.shapes[0], **(NEUTRAL_SHAPES.get((effect.family, form.name), {}) if fixed else {})}
+            key = effect.family, form.name
+            shape = dict(form.shapes[0])
+            if fixed:
+                shape |= (NEUTRAL_SHAPES | STIFF_SHAPES).get(key, {})
             amplitudes = np.where(mean, 1.0, 1e-9)
             values = effect.plant(trial, place, form.name, shape, amplitudes)
             if values is None:
@@ -144,7 +150,7 @@ def test_neutral_amplitudes_make_a_neutral_plant(effect: Effect) -> None:
                 run, nominal = (worlds.rollout(p, "B", 0.4) for p in (real, neutral))
                 for name in ("position", "velocity", "effort", "commanded_effort"):
                     apart = np.max(np.abs(getattr(run, name) - getattr(nominal, name)))
-                    assert apart < (0.15 if effect.family in TEETH else 1e-3), f"{form.name}: {name} differs by {apart:.2g}"
+                    assert apart < 1e-3, f"{form.name}: {name} differs by {apart:.2g}"
     assert made or effect.family in NO_SIMULATION
 
 

@@ -1,4 +1,4 @@
-"""Failures that are known from the literature and must not happen here: each a wrong name, or a name too many."""
+"""Failures that are known and must not happen here: each a wrong name, or a name too many."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.diagnosis.diagnose import library
+from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose, library
 from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.hypothesis import Evidence, Fit, hypothesis, on_bound
 from samrl_core.diagnosis.likelihood import Likelihood
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
-from tests.diagnosis.test_diagnose import assert_covers, diagnosed
+from tests.diagnosis.test_diagnose import LOADS, assert_covers, diagnosed
 from tests.diagnosis.worlds import BEND, LIFT, TURN
 
 EVERYTHING = {e.family for e in EFFECTS}
 NO_SPRINGS = EVERYTHING - {"joint_elasticity", "backlash", "transmission_hysteresis"}
+GAINS_AND_LIKE = {
+    "controller_gain", "actuator_gain", "reflected_inertia", "command_delay", "command_low_pass",
+}  # fmt: skip
+BRISTLE = {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}}
 SPRING = {"joint_stiffness": {LIFT: 1500.0}, "joint_damping": {LIFT: 3.0}}
 SWINGING = {"mount_stiffness": 8000.0, "mount_damping": 40.0, "mount_inertia": 15.0}
 # a mass on the first joint's vertical axis: it turns with no inertia and lifts nothing
@@ -66,8 +70,13 @@ def test_elasticity_in_the_library_is_named() -> None:
 # -- a compliant stand -----------------------------------------------------------------------------------
 
 
-def test_a_compliant_stand_that_is_withheld_is_refused() -> None:
-    diagnosis = diagnosed(5, EVERYTHING - {"mount_compliance"}, **SWINGING)
+@pytest.mark.parametrize(
+    "library",
+    [LOADS | {"encoder_offset"}, pytest.param(EVERYTHING - {"mount_compliance"}, marks=pytest.mark.slow)],
+    ids=["loads", "all others"],
+)
+def test_a_compliant_stand_that_is_withheld_is_refused(library: set[str]) -> None:
+    diagnosis = diagnosed(5, library, **SWINGING)
     assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)
     assert not diagnosis.effects and diagnosis.signatures
     assert diagnosis.unexplained_fraction > 0.25
@@ -139,7 +148,8 @@ def test_a_mass_that_no_motion_shows_does_not_hide_a_payload() -> None:
 
 
 def test_a_shape_that_ends_on_its_bound_is_an_alarm() -> None:
-    diagnosis = diagnosed(6, {"command_delay"}, command_delay=0.15)
+    (a,) = worlds.world(6, "A", command_delay=0.15)
+    diagnosis, _ = diagnose([a], [], DiagnosisSettings(library={"command_delay"}))
     assert any("ended on the bound" in alarm for alarm in diagnosis.alarms), diagnosis.alarms
     assert diagnosis.verdict != "effect"
 
@@ -149,7 +159,7 @@ def test_a_shape_that_ends_on_its_bound_is_an_alarm() -> None:
     [
         ("command_delay", "joint:lift", {"command_delay": {LIFT: 0.0065}}, "T", 0.0065),
         ("command_low_pass", "joint:lift", {"command_cutoff": {LIFT: 12.0}}, "fc", 12.0),
-        ("presliding", "joint:lift", {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}}, "xs", 0.002),
+        ("presliding", "joint:lift", BRISTLE, "xs", 0.002),
     ],
     ids=["delay", "low-pass", "presliding"],
 )  # fmt: skip
@@ -188,8 +198,7 @@ def test_a_search_from_a_bound_is_never_quietly_wrong(
 )
 def test_changed_gains_are_named(place: str, seed: int) -> None:
     k, d = (0.75, 0.8) if place == "arm:tool_arm" else ({LIFT: 0.75}, {LIFT: 0.8})
-    allowed = {"controller_gain", "actuator_gain", "reflected_inertia", "command_delay", "command_low_pass"}
-    diagnosis = diagnosed(seed, allowed, stiffness_scale=k, damping_scale=d)
+    diagnosis = diagnosed(seed, GAINS_AND_LIKE, stiffness_scale=k, damping_scale=d)
     assert diagnosis.verdict == "effect", diagnosis.reasons
     (effect,) = diagnosis.effects
     assert effect.name == f"controller_gain@{place}"
@@ -198,7 +207,14 @@ def test_changed_gains_are_named(place: str, seed: int) -> None:
     assert diagnosis.gap is not None and diagnosis.gap.shrink is not None and diagnosis.gap.shrink > 0.4
 
 
-def test_changed_gains_that_are_withheld_are_refused() -> None:
-    fields = {"stiffness_scale": {LIFT: 0.75}, "damping_scale": {LIFT: 0.8}}
-    diagnosis = diagnosed(5, EVERYTHING - {"controller_gain"}, **fields)
+@pytest.mark.parametrize(
+    "library",
+    [
+        GAINS_AND_LIKE - {"controller_gain"},
+        pytest.param(EVERYTHING - {"controller_gain"}, marks=pytest.mark.slow),
+    ],
+    ids=["alike", "all others"],
+)  # fmt: skip
+def test_changed_gains_that_are_withheld_are_refused(library: set[str]) -> None:
+    diagnosis = diagnosed(5, library, stiffness_scale={LIFT: 0.75}, damping_scale={LIFT: 0.8})
     assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)

@@ -1,6 +1,6 @@
 """Recordings of a small arm for the tests, made by the closed-loop simulator: one known difference at a time.
 
-The arm turns about the vertical, then lifts with two joints; the programmes are plain reversals and holds (A),
+The arm turns about the vertical, then lifts with two joints. The programmes are holds and reversals (A),
 a chirp with a sine (B), a task-like motion at other gains (C, held out), and A with rough torques (D).
 """
 

@@ -141,7 +141,8 @@ CASES: tuple[Case, ...] = (
          {"held": 0.1}, "D"),
     Case(
         "controller_gain", "joint:lift", "gains",
-        {"stiffness_scale": {LIFT: 0.8}, "damping_scale": {LIFT: 1.2}}, {}, (-0.2, 0.2), {"eK": -0.2, "eD": 0.2},
+        {"stiffness_scale": {LIFT: 0.8}, "damping_scale": {LIFT: 1.2}}, {}, (-0.2, 0.2),
+        {"eK": -0.2, "eD": 0.2},
     ),
     Case("encoder_offset", "joint:lift", "", {"encoder_offset": {LIFT: 0.03}}, {}, (0.03,), {"e": 0.03}),
     Case(

@@ -15,7 +15,7 @@ from samrl_core.diagnosis.trial import Trial
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
 RELATIVE_TEMPERATURE = 0.03  # of the best evidence, likewise: a tie within 3 % of a strong fit is a tie
 SAMPLES = 400
-SAME_WITHIN = 0.35  # relative difference of a parameter between recordings that is no alarm
+SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale with the arm
 

@@ -52,6 +52,11 @@ class Selection:
         """Share of the excess that the chosen set leaves, 0..1."""
         return float(np.clip(self.remaining / max(self.excess, 1e-9), 0.0, 1.0))
 
+    @property
+    def held_out_unexplained(self) -> float:
+        """The same on held-out recordings; may exceed 1."""
+        return float(max(0.0, self.held_out_remaining / max(self.held_out_excess, 1e-9)))
+
 
 def select(
     likelihood: Likelihood,
@@ -101,7 +106,12 @@ def select(
         better, rivals = rivals[0], [chosen, *rivals[1:]]
         chosen = better
     remaining = likelihood.deficit(evidence.rest(chosen), k)
-    held_remaining = held_out.deficit(held_out_rest(held_out, chosen), k)
+    held_rest = held_out_rest(held_out, chosen)
+    held_remaining = held_out.deficit(held_rest, k)
+    # Tolerances may take up much of a strong effect, at a price; what it does counts in full nevertheless.
+    does = 0.5 * float(np.sum((likelihood.y - evidence.rest(chosen)) ** 2)) / k
+    held_does = 0.5 * float(np.sum((held_out.y - held_rest) ** 2)) / k
+    excess, held_excess = max(excess, remaining + does), max(held_excess, held_remaining + held_does)
     return Selection(
         chosen, tuple(singles), tuple(rivals), least, excess, remaining, held_excess,
         held_remaining, evidence.correlation_time,

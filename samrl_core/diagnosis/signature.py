@@ -10,7 +10,7 @@ from samrl_core.diagnosis.result import Signature
 from samrl_core.diagnosis.trial import Trial
 
 HINT = 0.25  # correlation from which on a hint is given
-COUPLING = 0.35
+COUPLING = 0.5
 MOST = 4  # blocks that are described
 
 
@@ -42,7 +42,11 @@ def signatures(likelihood: Likelihood, rest: np.ndarray, evidence: Evidence) -> 
 
 
 def couplings(likelihood: Likelihood, rest: np.ndarray) -> tuple[tuple[str, str, str, float], ...]:
-    """Joints whose residual follows another joint's motion: (joint, driven by, quantity, correlation)."""
+    """Joints whose residual follows another joint's motion: (joint, driven by, quantity, correlation).
+
+    Each joint's own motion is taken out first, of the residuals before and after what was named: friction on a
+    shaft that turns with two joints is a coupling, whether or not it has been explained.
+    """
     out = []
     joints = likelihood.trials[0].recording.arm.joints if likelihood.trials else ()
     for channel in likelihood.trials[0].channels if likelihood.trials else ():
@@ -54,11 +58,11 @@ def couplings(likelihood: Likelihood, rest: np.ndarray) -> tuple[tuple[str, str,
                     continue
                 found: dict[str, list[float]] = {}
                 for r, trial in enumerate(likelihood.trials):
-                    x = rest[likelihood.blocks[r, channel, j]]
-                    own = _drivers(trial, j)
-                    for quantity, driver in _drivers(trial, i).items():
-                        if quantity in ("sign of velocity", "velocity", "acceleration"):
-                            found.setdefault(quantity, []).append(_partial(x, driver, own[quantity]))
+                    part = likelihood.blocks[r, channel, j]
+                    own = _moving(trial, j)
+                    for quantity, driver in _moving(trial, i).items():
+                        values = [_partial(x[part], driver, list(own.values())) for x in (likelihood.y, rest)]
+                        found.setdefault(quantity, []).append(max(values, key=abs))
                 for quantity, values in found.items():
                     if abs(float(np.mean(values))) > COUPLING:
                         out.append((name, other, quantity, round(float(np.mean(values)), 2)))
@@ -91,10 +95,16 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(x @ y) / scale if scale > 0 else 0.0
 
 
-def _partial(a: np.ndarray, b: np.ndarray, control: np.ndarray) -> float:
-    """Correlation of a and b with the control's share taken out of both."""
-    c = control - np.mean(control)
-    power = float(c @ c)
-    if power <= 0:
-        return _correlation(a, b)
-    return _correlation(a - c * float(c @ a) / power, b - c * float(c @ b) / power)
+def _moving(trial: Trial, joint: int) -> dict[str, np.ndarray]:
+    """Quantities by which a joint's motion may act on another."""
+    drivers = _drivers(trial, joint)
+    return {name: drivers[name] for name in ("sign of velocity", "velocity", "acceleration")}
+
+
+def _partial(a: np.ndarray, b: np.ndarray, controls: list[np.ndarray]) -> float:
+    """Correlation of a and b with the controls' share taken out of both."""
+    basis = np.stack([np.ones_like(a), *controls], axis=1)
+    both = np.stack([a, b], axis=1)
+    solution, *_ = np.linalg.lstsq(basis / (np.linalg.norm(basis, axis=0) + 1e-300), both, rcond=None)
+    left = both - basis / (np.linalg.norm(basis, axis=0) + 1e-300) @ solution
+    return _correlation(left[:, 0], left[:, 1])

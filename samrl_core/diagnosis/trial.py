@@ -9,6 +9,7 @@ import numpy as np
 from samrl_core.diagnosis.equations import Columns, Equations, armature, form_equations, scale_limits, settled
 from samrl_core.diagnosis.motion import Motion
 from samrl_core.dynamics.rigid_arm import RigidArm
+from samrl_core.dynamics.sprung_link import sprung_link
 from samrl_core.types.arm_recording import ArmRecording
 
 
@@ -23,6 +24,7 @@ class Trial:
         self.scale = scale_limits(recording.arm, rigid, self.motion)
         self.channels = self.equations.channels
         self.joints = self.motion.joints
+        self.kept: dict[tuple[str, int, str], tuple[np.ndarray, np.ndarray]] = {}  # of effects, per trial
 
     def __len__(self) -> int:
         return len(self.motion)
@@ -128,30 +130,18 @@ class Trial:
         """Deflection (F,) of a link hung on its motor by a spring behind a gap of half width `gap`.
 
         Every other joint moves as it was read, so the link is a single oscillator driven by the torque that
-        it would take to follow rigidly: M d2delta/dt2 = rigid torque - spring - damper. Implicit Euler, so
-        that a spring too stiff for the sampling just follows.
+        it would take to follow rigidly: M d2delta/dt2 = rigid torque - spring - damper.
         """
         motion = self.motion
-        h = 1.0 / motion.rate
-        inertia = np.interp(motion.time, motion.t, self.mass[:, joint, joint]).tolist()
-        drive = self.rigid_torque[:, joint].tolist()
-        angle = drive[0] / stiffness + (gap if drive[0] > 0 else -gap)
-        speed, out = 0.0, []
-        for torque, mass in zip(drive, inertia, strict=True):
-            ahead = angle + h * speed
-            if ahead > gap:
-                k, rest = stiffness, gap
-            elif ahead < -gap:
-                k, rest = stiffness, -gap
-            else:
-                k, rest = 0.0, 0.0
-            d = damping if k else 0.0
-            speed = (speed + h * (torque - k * (angle - rest)) / mass) / (
-                1.0 + h * d / mass + h * h * k / mass
-            )
-            angle += h * speed
-            out.append(angle)
-        return np.array(out)
+        inertia = np.interp(motion.time, motion.t, self.mass[:, joint, joint])
+        torque = self.rigid_torque[:, joint]
+        return sprung_link(torque, inertia, stiffness, damping, gap, 1.0 / motion.rate)
+
+    @cached_property
+    def base_reaction(self) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (N, 6) of the arm on its mount, and joint torques (6, N, J) per unit base acceleration."""
+        assert self.rigid is not None
+        return self.rigid.base_reaction(self.motion.q, self.motion.dq, self.motion.ddq)
 
     @cached_property
     def rotor(self) -> np.ndarray:

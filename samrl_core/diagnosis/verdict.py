@@ -65,7 +65,7 @@ def decide(
             f"more than {settings.unexplained:.0%}"
         )
     if selection.held_out_excess > settings.visible:
-        left = selection.held_out_remaining / selection.held_out_excess
+        left = selection.held_out_unexplained
         if left > settings.held_out_unexplained:
             refusals.append(
                 f"on held-out recordings {left:.0%} stay unexplained,"

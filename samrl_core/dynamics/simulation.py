@@ -14,8 +14,8 @@ from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.dynamics.rollout_kernels import bias_kernel, rollout_kernel
 from samrl_core.dynamics.simulation_arrays import Arrays, Bodies, F, H, Mat3, P, S, Vec3
 from samrl_core.errors import InputError
-from samrl_core.model.warp_runtime import start as start_warp
 from samrl_core.types.arm_recording import JointSignal
+from samrl_core.warp_runtime import start as start_warp
 
 if TYPE_CHECKING:
     from samrl_core.dynamics.closed_loop import ClosedLoop

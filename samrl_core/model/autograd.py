@@ -9,7 +9,8 @@ import torch
 import warp as wp
 
 from samrl_core.model import edge_kernels, raster_kernels
-from samrl_core.model.warp_runtime import CHANNELS, EdgeRow, Pixel, start
+from samrl_core.model.kernel_types import CHANNELS, EdgeRow, Pixel
+from samrl_core.warp_runtime import start
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from samrl_core.model.kernel_types import EdgeRow, Pixel
 from samrl_core.model.raster_kernels import Lens, interpolate, triangle_of
-from samrl_core.model.warp_runtime import EdgeRow, Pixel
 
 # Relative depth by which something must lie in front to hide an edge; 0.5 mm at 0.5 m. Less would
 # drop edges that touch what they stand on, from rounding.

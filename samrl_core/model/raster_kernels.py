@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.model.warp_runtime import Pixel
+from samrl_core.model.kernel_types import Pixel
 
 DEPTH_SCALE = wp.constant(wp.float32(4294967296.0))  # 1/z in units of 2^-32 / m: exact to float32
 ID_BITS = wp.constant(wp.int64(24))

@@ -88,9 +88,8 @@ def main() -> None:
         if recordings is None:
             raise SystemExit(f"world {world} diverged; its tolerances are no arm's")
         gains.append(best_gain(recordings, trials, EFFECTS))
-        print(
-            f"{world + 1}/{options.worlds} scale {scale:.2f} gain {gains[-1]:.1f} nat {time.monotonic() - began:.0f} s"
-        )
+        took = time.monotonic() - began
+        print(f"{world + 1}/{options.worlds} scale {scale:.2f} gain {gains[-1]:.1f} nat {took:.0f} s")
     result = {
         "worlds": options.worlds,
         "seed": options.seed,

@@ -48,7 +48,9 @@ class Tolerances:
         if unknown := sorted(set(values) - known):
             raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
         try:
-            return cls(**{k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in values.items()})
+            return cls(
+                **{k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in values.items()}
+            )
         except (TypeError, ValueError) as error:
             raise InputError(f"tolerances must be numbers or lists of numbers: {error}") from error
 

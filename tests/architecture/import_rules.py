@@ -11,7 +11,7 @@ from pathlib import Path
 ALLOWED: dict[str, tuple[str, ...]] = {
     "pybullet": ("samrl_core/world/", "samrl_core/forge/"),
     "pybullet_data": (),
-    "warp": ("samrl_core/model/", "samrl_core/dynamics/"),
+    "warp": ("samrl_core/model/", "samrl_core/dynamics/", "samrl_core/warp_runtime.py"),
     "mujoco": ("samrl_core/forge/", "samrl_core/scoring/"),  # second engine of sealed worlds, and a baseline
     "pinocchio": ("samrl_core/robots/", "samrl_core/dynamics/"),
     "plotly": ("samrl_core/report/",),
@@ -40,7 +40,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
 # Layers of samrl_core, lowest first: a module imports from its own part of the code and from lower layers.
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"errors"}),
-    frozenset({"types"}),
+    frozenset({"types", "warp_runtime"}),
     frozenset({"robots", "tasks", "motion", "safety"}),
     frozenset({"excitation"}),
     frozenset({"model", "world", "dynamics", "recordings"}),

@@ -5,30 +5,48 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import Deflection, single
+from samrl_core.diagnosis.effects.families import Deflection
+from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
+
+STIFF = (10.0, 25.0, 60.0, 150.0, 350.0)  # [1/rad] grid of stiffness over effort limit
+DAMPING_S = 0.002  # of stiffness: lightly damped
 
 
 class JointElasticity(Deflection):
     """The joint twists under torque, like a spring between motor and link."""
 
     family, number, title = "joint_elasticity", 11, "joint elasticity"
-    formula = "q_link = q_motor - tau / K"
+    formula = "q_link = q_motor - tau / K, with the link swinging on K"
     source = "Spong 1987; harmonic drives of this size: 5e3-2e4 N m/rad"
     excitation = "chirp of 1-20 Hz"
     confounded_with = ("backlash", "command_delay", "mount_compliance")
     parameters = (Parameter("K", "N m/rad", 500.0, 50000.0, "joint stiffness"),)
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return single(("compliance",))
+        static = Form("static", ("compliance",))
+        if "tracking" in trial.channels:
+            return (static,)
+        (joint,) = self.joints_at(trial, place)
+        scale = float(trial.scale[joint])
+        grid = tuple({"K": s * scale, "d": DAMPING_S * s * scale} for s in STIFF)
+        limits = {"K": (3.0 * scale, 3000.0 * scale), "d": (1e-4 * scale, 5.0 * scale)}
+        return static, Form("swinging", ("present",), grid, limits)
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        if form != "swinging":
+            return super().columns(trial, place, form, shape)
+        (joint,) = self.joints_at(trial, place)
+        angle = trial.motion.reduce(trial.sprung(joint, shape["K"], shape["d"], 0.0))
+        return trial.link(trial.deflection(joint, angle[None]))
 
     def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
         return torque[None] - np.mean(torque) * (1.0 if "tracking" in trial.channels else 0.0)
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        if form == "swinging":
+            return np.ones(1), np.full(1, 0.05)
         (joint,) = self.joints_at(trial, place)
-        if "tracking" in trial.channels:
-            return np.zeros(1), np.full(1, 0.02 / trial.scale[joint])
         return np.zeros(1), np.full(1, 0.02 / trial.scale[joint])
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
@@ -37,6 +55,8 @@ class JointElasticity(Deflection):
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
+        if form == "swinging":
+            return {"K": shape["K"]}
         return {"K": float(1.0 / max(abs(amplitudes[0]), 1e-12))}
 
     def plant(
@@ -45,4 +65,10 @@ class JointElasticity(Deflection):
         if "tracking" in trial.channels:
             return None
         joints = self.joints_at(trial, place)
-        return {"joint_stiffness": at_joint(trial, joints, 1.0 / max(amplitudes[0], 1e-9), np.inf)}
+        stiffness = self.physical(trial, place, form, shape, amplitudes)["K"]
+        fields: dict[str, np.ndarray | float] = {
+            "joint_stiffness": at_joint(trial, joints, stiffness, np.inf)
+        }
+        if form == "swinging":
+            fields["joint_damping"] = at_joint(trial, joints, shape["d"])
+        return fields

@@ -38,7 +38,7 @@ class MountCompliance(Effect):
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         assert trial.rigid is not None
-        wrench, unit = trial.rigid.base_reaction(trial.motion.q, trial.motion.dq, trial.motion.ddq)
+        wrench, unit = trial.base_reaction
         rows = []
         for axis in (0, 1):
             load = wrench[:, 3 + axis] if form == "rotation" else wrench[:, axis]

@@ -60,7 +60,15 @@ class PacketJitter(FixedResponse):
         return {"held": float(np.mean(ages > 0)), "longest": float(np.max(ages)) / trial.motion.rate}
 
 
-def _holds(trial: Trial, joint: int, form: str, longest: int = 12) -> tuple[np.ndarray, np.ndarray]:
+def _holds(trial: Trial, joint: int, form: str) -> tuple[np.ndarray, np.ndarray]:
+    """Found once per recording: many places and draws ask for the same."""
+    key = (PacketJitter.family, joint, form)
+    if key not in trial.kept:
+        trial.kept[key] = _find_holds(trial, joint, form)
+    return trial.kept[key]
+
+
+def _find_holds(trial: Trial, joint: int, form: str, longest: int = 12) -> tuple[np.ndarray, np.ndarray]:
     """Torque lost to holds (F,), and the age of the held value in samples (F,), as the residual shows them.
 
     A sample counts as held only where the residual stands clear of its own detail noise and an older value

@@ -1,4 +1,4 @@
-"""Settings of Warp, made once before its first kernel is loaded, and the vector types of the kernels."""
+"""Settings of Warp, made once before its first kernel is loaded."""
 
 from __future__ import annotations
 
@@ -8,15 +8,8 @@ import tempfile
 
 import warp as wp
 
-CHANNELS = 7  # colour r, g, b, world x, y, z [m], target indicator
-
 if "SAMRL_WARP_CACHE" in os.environ:
     wp.config.kernel_cache_dir = os.environ["SAMRL_WARP_CACHE"]
-
-Pixel = wp.types.vector(length=CHANNELS, dtype=wp.float32)
-Clip = wp.types.vector(length=2, dtype=wp.float32)
-EdgeRow = wp.types.vector(length=8, dtype=wp.int32)
-
 
 _NO_GPU = b"Could not find or load the NVIDIA CUDA driver"
 

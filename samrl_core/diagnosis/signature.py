@@ -44,8 +44,8 @@ def signatures(likelihood: Likelihood, rest: np.ndarray, evidence: Evidence) -> 
 def couplings(likelihood: Likelihood, rest: np.ndarray) -> tuple[tuple[str, str, str, float], ...]:
     """Joints whose residual follows another joint's motion: (joint, driven by, quantity, correlation).
 
-    Each joint's own motion is taken out first, of the residuals before and after what was named: friction on a
-    shaft that turns with two joints is a coupling, whether or not it has been explained.
+    Each joint's own motion is taken out first, of the residuals before and after what was named: friction on
+    a shaft that turns with two joints is a coupling, whether or not it has been explained.
     """
     out = []
     joints = likelihood.trials[0].recording.arm.joints if likelihood.trials else ()

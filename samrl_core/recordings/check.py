@@ -38,5 +38,6 @@ def check_recording(recording: ArmRecording) -> tuple[str, ...]:
     notes += units.limit_notes(where, recording)
     notes += units.velocity_notes(where, recording)
     notes += units.command_notes(where, recording)
+    notes += units.effort_notes(recording)
     notes += gravity_torque.gravity_notes(where, recording)
     return tuple(notes)

@@ -16,6 +16,7 @@ from samrl_core.types.arm_recording import ArmRecording
 
 DEGREES = 180.0 / np.pi
 _BEYOND = 0.2  # [rad or m] over a limit before units are suspected: offsets and soft limits are smaller
+_BEYOND_EFFORT = 3.0  # times the limit, rms: peaks may be above a continuous rating, the whole run is not
 _SHARE = 0.01  # of samples
 _CLEAR = 0.9  # correlation above which a ratio of two channels means something
 _UNLIKE = 0.5  # correlation below which they are not the same thing
@@ -153,6 +154,35 @@ def command_notes(where: str, recording: ArmRecording) -> list[str]:
         if likeness < -_CLEAR:
             notes.append(f"{said}: they move in opposite directions")
     return notes
+
+
+def effort_notes(recording: ArmRecording) -> list[str]:
+    """Suspicion where efforts are far beyond what the URDF says the joint can give."""
+    if recording.arm.urdf is None:
+        return []
+    limits = effort_limits(recording.arm.urdf)
+    notes = []
+    for name, signal in (("effort", recording.states), ("commanded effort", recording.commanded_effort)):
+        if signal is None or signal.effort is None:
+            continue
+        for joint, values in zip(recording.arm.joints, signal.effort.T, strict=True):
+            typical, limit = float(np.sqrt(np.mean(values**2))), limits.get(joint, np.inf)
+            if typical > _BEYOND_EFFORT * limit:
+                notes.append(
+                    f"suspected: {name} of {joint} is {typical:.3g} rms, its URDF limit {limit:.4g};"
+                    " mN m, motor counts, or another URDF?"
+                )
+    return notes
+
+
+def effort_limits(urdf: str) -> dict[str, float]:
+    """By joint; infinite where the URDF states none."""
+    out = {}
+    for joint in ElementTree.fromstring(urdf).findall("joint"):
+        limit = joint.find("limit")
+        value = float(limit.get("effort", "0")) if limit is not None else 0.0
+        out[str(joint.get("name"))] = value if value > 0 else np.inf
+    return out
 
 
 def _ratio(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:

@@ -39,7 +39,8 @@ def cell_tone(value: float, threshold: float) -> int:
     """Which colour a cell gets: below the threshold pale, then one step for every factor of 1.6."""
     if value < threshold:
         return 1 if value > 0.75 * threshold else 0
-    return min(2 + int(math.log(value / threshold, 1.6)), len(SCALE) - 1)
+    # A threshold of nothing: all quiet cells were exactly so.
+    return min(2 + int(math.log(value / max(threshold, 1e-3), 1.6)), len(SCALE) - 1)
 
 
 def _heatmap(h: Heatmap) -> Markup:

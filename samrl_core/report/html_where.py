@@ -35,12 +35,15 @@ def where_section(d: Diagnosis) -> Markup:
     return section("Where the gap lies", *parts, anchor="where") if parts else Markup("")
 
 
+LEAST_THRESHOLD = 1e-3  # standard deviations; where all quiet cells are exactly zero
+
+
 def cell_tone(value: float, threshold: float) -> int:
     """Which colour a cell gets: below the threshold pale, then one step for every factor of 1.6."""
+    threshold = max(threshold, LEAST_THRESHOLD)
     if value < threshold:
         return 1 if value > 0.75 * threshold else 0
-    # A threshold of nothing: all quiet cells were exactly so.
-    return min(2 + int(math.log(value / max(threshold, 1e-3), 1.6)), len(SCALE) - 1)
+    return min(2 + int(math.log(value / threshold, 1.6)), len(SCALE) - 1)
 
 
 def _heatmap(h: Heatmap) -> Markup:

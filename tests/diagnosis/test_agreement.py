@@ -13,6 +13,7 @@ from samrl_core.diagnosis.confidence import estimates
 from samrl_core.diagnosis.effects import EFFECTS, Effect
 from samrl_core.diagnosis.hypothesis import Evidence, Hypothesis, hypothesis
 from samrl_core.diagnosis.likelihood import Likelihood
+from samrl_core.dynamics.plant_parameters import PlantParameters
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import CASES, Case
 
@@ -24,6 +25,14 @@ FIT_DEFECTS = {
     **FORMULA_DEFECTS,
     "coulomb_friction-stiff_bristle": "the tolerances' smooth signs take a quarter of the level",
     "friction_asymmetry-levels": "regressor |tanh|, simulator tanh^2: it comes out a third too large",
+}
+
+
+_SIGN = "the formula counts a torque that is lost, the simulator adds it: plant() has the wrong sign"
+PLANT_DEFECTS = {
+    "position_dependent_friction-torque": _SIGN,
+    "gear_ripple": _SIGN,
+    "coulomb_friction-stiff_bristle": "plant() drops the bristle, so a parked joint is held by nothing",
 }
 
 
@@ -88,3 +97,21 @@ def test_a_fit_returns_the_simulated_parameters(case: Case) -> None:
             assert abs(apart) < 0.15, f"{name}: {estimate.value:.3f} for {value:.3f} rad"
         elif not low <= value <= high:
             assert estimate.value == pytest.approx(value, rel=case.within), f"{name}: {estimate}"
+
+
+@pytest.mark.parametrize("case", known(CASES, PLANT_DEFECTS))
+def test_the_plant_of_true_amplitudes_is_the_true_plant(case: Case) -> None:
+    """What a fit would be re-simulated with moves as the world does that it was fitted to."""
+    h, effect = true_hypothesis(case), effect_of(case)
+    trial = likelihood_of(case.name).trials[0]
+    values = effect.plant(trial, case.place, case.form, h.shape, np.array(case.amplitudes))
+    if values is None:
+        pytest.skip("compared along the log only")
+    plants = PlantParameters(), worlds.plant(**case.fields), worlds.plant(**values)
+    programme = case.programmes[-1]
+    nominal, real, made = (worlds.rollout(p, programme, 3.0) for p in plants)
+    for name in ("effort", "commanded_effort", "position"):
+        does = getattr(real, name) - getattr(nominal, name)
+        wrong = getattr(made, name) - getattr(real, name)
+        if np.std(does) > 1e-4:
+            assert np.sqrt(np.mean(wrong**2)) < 0.15 * np.sqrt(np.mean(does**2)), name

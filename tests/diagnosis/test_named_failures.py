@@ -21,9 +21,9 @@ NO_SPRINGS = EVERYTHING - {"joint_elasticity", "backlash", "transmission_hystere
 GAINS_AND_LIKE = {
     "controller_gain", "actuator_gain", "reflected_inertia", "command_delay", "command_low_pass",
 }  # fmt: skip
-BRISTLE = {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}}
-SPRING = {"joint_stiffness": {LIFT: 1500.0}, "joint_damping": {LIFT: 3.0}}
-SWINGING = {"mount_stiffness": 8000.0, "mount_damping": 40.0, "mount_inertia": 15.0}
+BRISTLE: dict[str, Any] = {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}}
+SPRING: dict[str, Any] = {"joint_stiffness": {LIFT: 1500.0}, "joint_damping": {LIFT: 3.0}}
+SWINGING: dict[str, Any] = {"mount_stiffness": 8000.0, "mount_damping": 40.0, "mount_inertia": 15.0}
 # a mass on the first joint's vertical axis: it turns with no inertia and lifts nothing
 UNSEEN_MASS = np.zeros((3, 10))
 UNSEEN_MASS[0, [0, 3]] = 1.5, 0.12
@@ -95,14 +95,22 @@ def test_a_compliant_stand_is_named() -> None:
 
 @pytest.mark.parametrize("drop", [1.2, pytest.param(0.6, marks=pytest.mark.slow)])
 def test_stribeck_is_not_explained_by_coulomb_and_viscous(drop: float) -> None:
-    fields = {"coulomb": {TURN: 0.3}, "stribeck_drop": {TURN: drop}, "stribeck_velocity": {TURN: 0.08}}
+    fields: dict[str, Any] = {
+        "coulomb": {TURN: 0.3},
+        "stribeck_drop": {TURN: drop},
+        "stribeck_velocity": {TURN: 0.08},
+    }
     diagnosis = diagnosed(5, {"coulomb_friction", "viscous_friction"}, **fields)
     assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)
 
 
 @pytest.mark.slow
 def test_stribeck_in_the_library_is_named() -> None:
-    fields = {"coulomb": {TURN: 0.3}, "stribeck_drop": {TURN: 1.2}, "stribeck_velocity": {TURN: 0.08}}
+    fields: dict[str, Any] = {
+        "coulomb": {TURN: 0.3},
+        "stribeck_drop": {TURN: 1.2},
+        "stribeck_velocity": {TURN: 0.08},
+    }
     diagnosis = diagnosed(5, **fields)
     assert diagnosis.verdict == "effect", diagnosis.reasons
     assert diagnosis.effects[0].name == "stribeck_friction@joint:turn"

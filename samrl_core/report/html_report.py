@@ -172,7 +172,9 @@ def _key_figures(d: Diagnosis) -> Markup:
 
 
 def _alarms(d: Diagnosis) -> Markup:
-    return box("Alarms", bullets(d.alarms), css="alarm") if d.alarms else Markup("")
+    # An alarm that made the verdict stands among its reasons already.
+    further = [alarm for alarm in d.alarms if alarm not in d.reasons]
+    return box("Alarms", bullets(further), css="alarm") if further else Markup("")
 
 
 def _not_testable(d: Diagnosis) -> Markup:

@@ -1,4 +1,4 @@
-"""Four real machines, imported by their mappings alone and diagnosed; published values where there are any."""
+"""Four real machines, imported by mapping alone and diagnosed; published values where there are any."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import pytest
 
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis, NamedEffect
-from samrl_core.diagnosis.selection import SelectionSettings
 from samrl_ros.diagnose_command import DiagnoseOptions, load
 from samrl_ros.recordings.logs.importer import import_logs
 from samrl_ros.recordings.logs.mapping import read_mapping
@@ -42,7 +41,7 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Named:
                 (source,), (), folder / "unused", None, None, None, None, seed=0, fail_on_gap=False
             )
             fit, held_out, notes = load(options)
-            settings = DiagnosisSettings(selection=SelectionSettings(simulate_nothing=False))
+            settings = DiagnosisSettings()
             done[machine, recording] = diagnose(fit, held_out, settings, notes)[0]
         return done[machine, recording]
 

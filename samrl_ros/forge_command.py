@@ -113,10 +113,8 @@ def forge(
     }
     console = make_console()
     if failed:
-        for world, why in failed.items():
-            console.print(f"[red]not made[/] {world}: {escape(why)}", soft_wrap=True)
         console.print("[red]nothing is sealed[/] while worlds are missing; the same command tries them again")
-        raise typer.Exit(FAILED)
+    _name_failed("not made", failed)
     if not study.forge_file.exists():
         study.seal(order, facts)
     console.print(
@@ -158,15 +156,19 @@ def diagnose(
     todo = [job for job in jobs if not job.finished or (again and job.crashed)]
     for stage in (STAGE, LEFT_OUT_STAGE):
         study.sweep(stage)
-    crashed = 0
+    crashed, failed = 0, {}
     mapping = _mapping(ray, parallel.in_threads)
     for done in _with_progress("diagnoses", diagnose_world, todo, len(jobs), mapping, workers):
-        if done.error is not None:
+        if isinstance(done.error, InterruptedError):
             raise done.error
+        if done.error is not None:
+            failed[f"{done.item.stage}/{done.item.world}"] = f"{type(done.error).__name__}: {done.error}"
+            continue
         crashed += done.result["exit_code"] != 0
     make_console().print(
         f"{len(jobs)} diagnoses, {crashed} of the new ones crashed or were refused; they count as wrong"
     )
+    _name_failed("not run", failed)
 
 
 @forge_app.command()
@@ -193,11 +195,13 @@ def baselines(
     todo = [job for job in jobs if not job.finished]
     for name in names:
         study.sweep(f"baselines/{name}")
+    failed: dict[str, str] = {}
     for done in _with_progress(
         "baselines", ask_baseline, todo, len(jobs), _mapping(ray, parallel.in_processes), workers
     ):
         if done.error is not None:
-            raise done.error
+            failed[f"{done.item.name}/{done.item.world}"] = f"{type(done.error).__name__}: {done.error}"
+    _name_failed("not asked", failed)
 
 
 @forge_app.command()
@@ -244,6 +248,15 @@ def score(
         write_atomically(target / f"score_{name}.png", png(figure))
     show(scores, rows)
     make_console().print(f"[dim]{target / 'score.html'}[/]", soft_wrap=True)
+
+
+def _name_failed(what: str, failed: dict[str, str]) -> None:
+    """Say at the end what could not be done; one failure does not stop the hours of the others."""
+    console = make_console()
+    for name, why in failed.items():
+        console.print(f"[red]{what}[/] {name}: {escape(why)}", soft_wrap=True)
+    if failed:
+        raise typer.Exit(FAILED)
 
 
 def _mapping(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.scoring.outcome import Outcome
+from samrl_core.scoring.parameters import comparable
 from samrl_core.scoring.statistics import Share
 
 ONSET_TOLERANCE = 0.5  # [s]
@@ -51,7 +52,7 @@ def _where_first(o: Outcome) -> bool:
 
 
 def intervals(single: list[Outcome]) -> dict[str, Any]:
-    """Whether stated 95 % intervals hold the truth: right name, form T0, parameters of equal name, unit."""
+    """Whether stated 95 % intervals hold the truth: right name, form T0, the same parameter."""
     covered: list[bool] = []
     errors: list[float] = []
     per_parameter: dict[str, list[bool]] = {}
@@ -59,7 +60,9 @@ def intervals(single: list[Outcome]) -> dict[str, Any]:
     for o in single:
         if not (o.name_right and o.truth.form == "T0" and o.primary is not None):
             continue
-        pairs = comparable(o.primary.get("parameters", {}), o.truth.effects[0]["parameters"])
+        pairs = comparable(
+            o.primary["family"], o.primary.get("parameters", {}), o.truth.effects[0]["parameters"]
+        )
         without += not pairs
         for name, stated, true in pairs:
             inside = float(stated["ci95"][0]) <= true <= float(stated["ci95"][1])
@@ -73,19 +76,6 @@ def intervals(single: list[Outcome]) -> dict[str, Any]:
         "median_relative_error": float(np.median(errors)) if errors else None,
         "right_but_nothing_comparable": without,
     }
-
-
-def comparable(stated: Any, true: Any) -> list[tuple[str, Any, float]]:
-    """(name, stated estimate, true value) of scalar parameters with equal name and unit."""
-    pairs = []
-    for name, estimate in stated.items():
-        known = true.get(name)
-        if not isinstance(known, dict) or known.get("unit") != estimate.get("unit"):
-            continue
-        bounds = estimate.get("ci95") or (None, None)
-        if isinstance(known.get("value"), int | float) and None not in bounds:
-            pairs.append((name, estimate, float(known["value"])))
-    return pairs
 
 
 def two_effects(double: list[Outcome], single: list[Outcome]) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def score_page(
     )
     worlds = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in scores["worlds"].items())
     provenance = "".join(
-        f"<tr><td>{escape(str(k))}</td><td><code>{escape(str(v))}</code></td></tr>"
+        f"<tr><td>{escape(str(k).replace('_', ' '))}</td><td><code>{escape(_fact(v))}</code></td></tr>"
         for k, v in facts.items()
         if k != "worlds"
     )
@@ -74,6 +74,14 @@ def score_page(
         f"{_apart(scores['apart'])}{_baselines(baselines)}"
         f"<h2>Pictures</h2><div class='grid'>{pictures}</div>"
         f"<h2>Provenance</h2><div class='scroll'><table>{provenance}</table></div></html>\n"
+    )
+
+
+def _fact(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{k.replace('_', ' ')} {_fact(v)}" for k, v in value.items())
+    return (
+        "given by hand, sealed" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
     )
 
 

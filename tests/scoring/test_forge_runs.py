@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.forge import nominal, simulate, world
+from samrl_core.forge import world
 from samrl_core.forge.plan import PlanItem, PlannedEffect
 from samrl_core.scoring.shrink_scores import shrinks_of
 from samrl_core.scoring.study import Study
-from samrl_core.types.arm_recording import JointSignal
 from samrl_ros.forge_runs import Making, make
 from samrl_ros.recordings.read import read_recordings
 
@@ -20,22 +19,9 @@ EFFECT = PlannedEffect("viscous_friction", "joint:panda_joint4", "T0", 0.95, Non
 ITEM = PlanItem("w007", "single", "pybullet", "tool_arm", 0, (EFFECT,), 1.0, 5, 0.6)
 
 
-def _swing(role: str, number: int, letter: str, duration_s: float) -> JointSignal:
-    time = np.arange(0.0, duration_s, 0.001)
-    swing = 0.3 * np.sin(2 * np.pi * time)[:, None] ** 2 * np.ones(7)
-    position = nominal.nominal_arm(role).spec.home + swing
-    velocity = np.gradient(position, time, axis=0)
-    return JointSignal(time, position, velocity, np.gradient(velocity, time, axis=0), np.zeros_like(position))
-
-
 @pytest.fixture
-def study(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Study:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(nominal, "world_command", _swing)
-    monkeypatch.setattr(world, "world_command", _swing)
-    monkeypatch.setattr(simulate, "SETTLE_S", 0.1)
-    for cached in (world._nominal, world._peak_rate, nominal.demands):
-        cached.cache_clear()
+def study(short_worlds: None, tmp_path: Path) -> Study:
+
     made = Study(tmp_path / "study")
     make(Making(made.root, ITEM))
     return made

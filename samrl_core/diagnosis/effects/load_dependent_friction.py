@@ -30,11 +30,9 @@ class LoadDependentFriction(DriveTorque):
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         motion = trial.motion
-        if motion.raw_effort is not None:
-            load = np.abs(motion.smooth(motion.raw_effort[:, joint]))
-        else:
-            # The commanded effort holds the friction itself, and would explain it for any load.
-            load = np.abs(np.interp(motion.time, motion.t, trial.model_torque[:, joint]))
+        # The model's load: a reading has an offset, which would make plain Coulomb friction of it, and the
+        # commanded effort holds the friction itself.
+        load = np.abs(np.interp(motion.time, motion.t, trial.model_torque[:, joint]))
         return (load * smooth_sign(motion.full_velocity[:, joint], shape["v"]))[None]
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:

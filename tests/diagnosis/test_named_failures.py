@@ -29,7 +29,7 @@ UNSEEN_MASS = np.zeros((3, 10))
 UNSEEN_MASS[0, [0, 3]] = 1.5, 0.12
 
 
-# What an effect does is counted without the tolerances, which dwarfs what it leaves: nothing is unexplained then.
+# What an effect does is counted without the tolerances: beside it, nothing seems to stay unexplained.
 DWARFED = pytest.mark.xfail(
     strict=True, raises=AssertionError, reason="shares of what stays unexplained are of the raw prediction"
 )

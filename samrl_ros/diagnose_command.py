@@ -81,7 +81,7 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
     from samrl_ros.recordings import load_recordings, read_tolerances
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
-    urdf = options.urdf.read_text() if options.urdf else None
+    urdf = _text("URDF", options.urdf) if options.urdf else None
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []
     groups: list[list[tuple[ArmRecording, ...]]] = []
@@ -137,6 +137,13 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "samrl"
 
 
+def _text(what: str, path: Path) -> str:
+    try:
+        return path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{what} {path} cannot be read: {error}") from error
+
+
 def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """Files to fit and to hold out: as named, by recordings.json of an import, or the last one held out."""
     fit: list[Path] = []
@@ -146,7 +153,10 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
             raise InputError(f"{path} does not exist; give bags (.mcap), bag folders, or a folder of bags")
         index = path / "recordings.json"
         if path.is_dir() and index.exists():
-            table = json.loads(index.read_text())
+            try:
+                table = json.loads(_text("roles", index))
+            except json.JSONDecodeError as error:
+                raise InputError(f"{index} is no JSON ({error}); import again, or name the bags") from error
             fit += [path / name for name in table.get("fit", [])]
             if not held_out:
                 held += [path / name for name in table.get("held_out", [])]
@@ -160,7 +170,8 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
     chosen = {h.resolve() for h in held}
     fit = [f for f in fit if f.resolve() not in chosen]
     if not fit:
-        raise InputError("no recording is left to fit: all of them are held out")
+        names = ", ".join(sorted(h.name for h in held))
+        raise InputError(f"nothing is left to fit: {names} cannot be fitted and held out; give another bag")
     if not held and len(fit) > 1:
         held = [fit.pop()]
     return fit, held

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,13 @@ import pytest
 
 from samrl_core.errors import InputError
 from samrl_core.forge.plan import ForgeSettings
+from samrl_core.forge.simulate import DivergedError
+from samrl_core.scoring import parallel
 from samrl_core.scoring.families import ARM_FAMILIES, without
 from samrl_core.scoring.study import Study, write_atomically
 from samrl_ros import forge_study
 from samrl_ros.cli import run
-from samrl_ros.exit_codes import INPUT_REFUSED, OK
+from samrl_ros.exit_codes import FAILED, INPUT_REFUSED, OK
 
 JOINT = "joint:panda_joint1"
 
@@ -169,3 +172,32 @@ def test_sweeping_leaves_finished_worlds(study: Study) -> None:
     study.sweep("obs")
     assert not half.exists()
     assert study.made("w000")
+
+
+def test_a_world_that_runs_away_stops_no_other_and_nothing_is_sealed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+
+    def pretend(work: object, items: list[Any], workers: int) -> Iterator[parallel.Done]:
+        for item in items:
+            asked.append(item.item.id)
+            if item.item.id == "w001" and broken:
+                yield parallel.Done(item, error=DivergedError("lag 9.99 rad"))
+                continue
+            put_world(Study(item.root), item.item.id, "none", None)
+            yield parallel.Done(item, 1.0)
+
+    monkeypatch.setattr(parallel, "in_processes", pretend)
+    command = ["forge", "--out", str(tmp_path / "s"), "--seed", "4711", "--single", "2", "--none", "2",
+               "--outside", "0", "--double", "0", "--mujoco", "0"]  # fmt: skip
+    broken = True
+    assert run(command) == FAILED
+    said = capsys.readouterr().out
+    assert "w001" in said and "lag 9.99" in said and "nothing is sealed" in said
+    assert len(asked) == 4 and not Study(tmp_path / "s").forge_file.exists()
+    broken = False
+    assert run(command) == OK
+    assert asked[4:] == ["w001"]
+    assert "4711" not in Study(tmp_path / "s").forge_file.read_text()  # the seed is sealed, not published
+    assert '"seed": 4711' in Study(tmp_path / "s").plan.read_text()

@@ -129,8 +129,9 @@ def _conclude(
     evidence = Evidence(likelihood, selection.correlation_time)
     k = selection.correlation_time
     z = likelihood.whitened()
-    grid, items = heatmap(likelihood, z, k)
     chosen = selection.chosen
+    does = None if chosen is None else likelihood.y - evidence.rest(chosen)
+    grid, items = heatmap(likelihood, z, k, does)
     named: tuple[NamedEffect, ...] = ()
     runner_ups: tuple[NamedEffect, ...] = ()
     alarms: list[str] = []

@@ -15,7 +15,7 @@ from samrl_core.diagnosis.trial import Trial
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
 FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
-COMPLIANCE = 3e-4  # [rad] twist at the effort limit: no joint is quite rigid
+COMPLIANCE = 1e-4  # [rad] twist at the effort limit: no joint is quite rigid
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 
@@ -103,6 +103,10 @@ def _stamps(trial: Trial) -> list[tuple[Columns, float]]:
     if motion.u is not None and motion.tau is not None:
         columns = {("drive", j): motion.derivative(motion.u[:, j])[None] for j in range(trial.joints)}
         out.append((columns, stamp))
+        if np.any(trial.rotor > 0):
+            # States that are stamped half a period early or late move the rotor's share of the torque.
+            jerk = motion.derivative(trial.rotor * motion.ddq)
+            out.append(({("drive", j): jerk[None, :, j] for j in range(trial.joints)}, stamp))
     torque, channel = (motion.tau, "link") if "link" in trial.channels else (motion.u, "dynamics")
     if torque is not None and channel in trial.channels:
         out.append(

@@ -3,7 +3,8 @@
 Worlds are closed-loop rollouts of the recordings' own commands with nominal parameters drawn from the
 tolerances and the recordings' own sensor noise; each goes through the whole screening, since a little
 friction moves a joint elsewhere and regressors must follow. The largest gain over the library is kept, so
-that a threshold takes into account how many effects and places are tried. Gains are kept on disk per trajectory.
+that a threshold takes into account how many effects and places are tried. Gains are kept on disk per
+trajectory.
 """
 
 from __future__ import annotations

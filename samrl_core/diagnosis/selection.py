@@ -30,6 +30,7 @@ class SelectionSettings:
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
     onset_rest: float = 0.15  # share left by the best effect from which on it may have been switched on
+    same_share: float = 0.12  # of all there was, where the first effects act on the same channels and joints
     local_rest: float = 0.2  # less left than this share of what there was: the first effect's formula
 
 
@@ -108,10 +109,6 @@ def select(
     remaining = likelihood.deficit(evidence.rest(chosen), k)
     held_rest = held_out_rest(held_out, chosen)
     held_remaining = held_out.deficit(held_rest, k)
-    # Tolerances may take up much of a strong effect, at a price; what it does counts in full nevertheless.
-    does = 0.5 * float(np.sum((likelihood.y - evidence.rest(chosen)) ** 2)) / k
-    held_does = 0.5 * float(np.sum((held_out.y - held_rest) ** 2)) / k
-    excess, held_excess = max(excess, remaining + does), max(held_excess, held_remaining + held_does)
     return Selection(
         chosen, tuple(singles), tuple(rivals), least, excess, remaining, held_excess,
         held_remaining, evidence.correlation_time,
@@ -228,6 +225,9 @@ def _worth(
     after = likelihood.deficit(rest_wide, k, there)
     at_all = likelihood.deficit(likelihood.y, k, there)
     mends = before < settings.local_rest * at_all
+    same = {b[1:] for b in there} <= {b[1:] for h in narrow.hypotheses for b in h.regressors.blocks}
+    if same and before - after < settings.same_share * at_all:
+        return False
     if before - after < (settings.local_share if not mends else 0.9) * before:
         return False
     held_before = held_out.deficit(held_out_rest(held_out, narrow), k, _known(held_out, there))

@@ -14,9 +14,10 @@ from samrl_core.diagnosis.selection import Selection
 class VerdictSettings:
     """When to name, and when to refuse. Figures come from calibration worlds, never from judged ones."""
 
-    unexplained: float = 0.25  # share of the excess that may remain on fitted recordings
+    unexplained: float = 0.35  # share of the excess that may remain on fitted recordings
     held_out_unexplained: float = 0.45  # likewise on held-out ones, where parameters were not fitted
     visible: float = 25.0  # [nat] excess below which shares say nothing
+    worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings
     tie: float = 0.6  # a probability below it is no name
     rival: float = 0.15  # a rival's probability from which on it belongs to the ambiguity set
     no_gap: float = 60.0  # [nat] excess without any effect above threshold that still counts as no gap
@@ -73,6 +74,8 @@ def decide(
             )
     elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
         refusals.append("with it, held-out recordings fit worse than without")
+    if far.gap is not None and far.gap.shrink is not None and far.gap.shrink < settings.worse:
+        refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
     refusals += list(alarms)
     if refusals:
         return Outcome("none_of_mine", (*refusals, f"nearest is {named[0].name}, which would be wrong"))

@@ -37,9 +37,15 @@ def phases_of(trial: Trial) -> np.ndarray:
 
 
 def heatmap(
-    likelihood: Likelihood, z: np.ndarray, correlation: float
+    likelihood: Likelihood, z: np.ndarray, correlation: float, effects: np.ndarray | None = None
 ) -> tuple[Heatmap, tuple[WhereItem, ...]]:
-    """Excess by joint, channel and phase, and its significant cells, strongest first."""
+    """Excess by joint, channel and phase, and its significant cells, strongest first.
+
+    `effects` (N,) is what named effects do: a gap with the shape of a tolerance is cheap sample by sample,
+    and shows where it lies only by its own prediction.
+    """
+    if effects is not None:
+        z = np.sign(z) * np.hypot(z, effects)
     trials = likelihood.trials
     joints = trials[0].recording.arm.joints
     channels = [c for c in CHANNELS if c in trials[0].channels]

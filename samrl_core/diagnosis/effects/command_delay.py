@@ -72,6 +72,13 @@ class CommandDelay(FixedResponse):
                 parts = [trial.controller(j, lost[:, [j]].T) for j in self.joints_at(trial, place)]
         return add(*parts)
 
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        # Less than a sample cannot be told from how the channels are stamped.
+        return (
+            super().admissible(trial, place, form, shape, amplitudes)
+            and shape["T"] > 0.75 / trial.motion.rate
+        )
+
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:

@@ -99,10 +99,15 @@ class CoulombFriction(DriveTorque):
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, np.ndarray | float] | None:
-        """Smooth Coulomb friction."""
+        """The same friction in closed loop."""
         if "tracking" in trial.channels:
             return None
         joints = self.joints_at(trial, place)
+        if form == "stiff bristle":
+            return {
+                "coulomb": at_joint(trial, joints, amplitudes),
+                "presliding_stiffness": at_joint(trial, joints, amplitudes / shape["xs"]),
+            }
         return {
             "coulomb": at_joint(trial, joints, amplitudes),
             "coulomb_velocity": at_joint(trial, joints, shape.get("v", 0.003), 0.005),

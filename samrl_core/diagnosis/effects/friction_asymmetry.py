@@ -42,7 +42,7 @@ class FrictionAsymmetry(DriveTorque):
         if form == "offset":
             return (smooth_sign(speed + shape["b"], shape["v"]) - np.tanh(shape["b"] / shape["v"]))[None]
         sign = smooth_sign(speed, shape["v"])
-        return np.stack([sign, np.abs(sign)])
+        return np.stack([sign, sign**2])
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return np.full(1 if form == "offset" else 2, 0.05 * trial.scale[joint])

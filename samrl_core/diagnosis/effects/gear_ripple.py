@@ -50,7 +50,8 @@ class GearRipple(DriveTorque):
         return {
             "harmonic_amplitude": at_joint(trial, joints, np.hypot(a, b)),
             "harmonic_order": at_joint(trial, joints, shape["N"]),
-            "harmonic_phase": at_joint(trial, joints, np.arctan2(b, a)),
+            # The simulator adds to the drive what the residual counts as lost.
+            "harmonic_phase": at_joint(trial, joints, np.arctan2(-b, -a)),
         }
 
 

@@ -86,6 +86,7 @@ def _find_holds(trial: Trial, joint: int, form: str, longest: int = 12) -> tuple
     else:
         assert motion.raw_commanded is not None and motion.raw_effort is not None
         residual = motion.raw_commanded[:, joint] - motion.raw_effort[:, joint]
+        residual = residual - trial.rotor[joint] * motion.full_acceleration[:, joint]
         residual = residual - signal.medfilt(residual, 51)
         stream = motion.raw_commanded[:, joint]
     noise = 1.4826 * float(np.median(np.abs(residual - np.median(residual)))) + 1e-9

@@ -62,7 +62,8 @@ class PositionDependentFriction(DriveTorque):
     ) -> dict[str, np.ndarray | float] | None:
         joints = self.joints_at(trial, place)
         head = "friction_harmonic" if form == "friction" else "harmonic"
-        a, b = amplitudes
+        # A friction is lost as the residual counts it; a torque is added by the simulator.
+        a, b = amplitudes if form == "friction" else -amplitudes
         return {
             f"{head}_amplitude": at_joint(trial, joints, np.hypot(a, b)),
             f"{head}_order": at_joint(trial, joints, shape["k"]),

@@ -23,8 +23,8 @@ class TorqueSaturation(FixedResponse, DriveTorque):
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         (joint,) = self.joints_at(trial, place)
         most = float(np.max(np.abs(trial.motion.u[:, joint]))) if trial.motion.u is not None else 1.0
-        grid = tuple({"L": f * most} for f in (0.4, 0.6, 0.75, 0.85, 0.92, 0.97))
-        limits = {"L": (0.2 * most, 0.995 * most)}
+        grid = tuple({"L": f * most} for f in (0.4, 0.6, 0.75, 0.85, 0.92, 0.96))
+        limits = {"L": (0.2 * most, 1.3 * most)}
         forms = (Form("drive", ("present",), grid, limits),)
         return forms + (
             (Form("controller", ("present",), grid, limits),) if trial.equations.law is not None else ()

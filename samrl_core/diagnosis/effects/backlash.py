@@ -13,7 +13,7 @@ from samrl_core.diagnosis.trial import Trial
 GAPS = (2e-4, 8e-4, 3e-3)  # [rad]
 FLANK = 300.0  # [1/rad] stiffness of a tooth over effort limit, before it is searched
 DAMPING_S = 0.002  # of stiffness
-LEAST_GAP = 3e-5  # [rad] below it a gap is smaller than what encoders of arms resolve
+LEAST_GAP = 8e-5  # [rad] below it a gap is smaller than what encoders of arms resolve
 
 
 class Backlash(Deflection):

@@ -10,6 +10,7 @@ from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
 STIFF = (10.0, 25.0, 60.0, 150.0, 350.0)  # [1/rad] grid of stiffness over effort limit
+STIFFEST = 600.0  # [1/rad] stiffness over effort limit that still counts as elastic
 DAMPING_S = 0.002  # of stiffness: lightly damped
 
 
@@ -50,7 +51,11 @@ class JointElasticity(Deflection):
         return np.zeros(1), np.full(1, 0.02 / trial.scale[joint])
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(amplitudes[0] > 0 or "tracking" in trial.channels)
+        if "tracking" in trial.channels:
+            return True
+        (joint,) = self.joints_at(trial, place)
+        stiffness = self.physical(trial, place, form, shape, amplitudes)["K"]
+        return bool(amplitudes[0] > 0 and stiffness < STIFFEST * trial.scale[joint])
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -40,7 +40,7 @@ class TransmissionHysteresis(Deflection):
         return np.zeros(1), np.full(1, 0.005)
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(amplitudes[0] > 0)
+        return bool(amplitudes[0] > 1e-4)  # [rad] less is below what is known of drives
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -13,6 +13,9 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     floor, peak = float(site.gravity_torque[i]), float(site.peak_torque[i])
     # Between what motion asks for and what gravity alone asks for: lower and the arm would sink.
     limit = floor + (peak - floor) * (1.0 - quantile(severity, 0.1, 0.85))
+    # A real arm may weigh and rub more than the nominal one: background at twice its tolerances (masses and
+    # centres 4 %, offset 0.8 % of the effort limit) let the fourth Rizon joint sink a radian without this.
+    limit = max(limit, 1.04 * floor + 0.008 * float(site.spec.limits.effort[i]))
     if severity == 0.0:
         limit = 10.0 * peak
     power = 12.0

@@ -11,7 +11,10 @@ from samrl_core.forge.hooks import Hooks
 def _make(site: Site, form: str, severity: float) -> Effect:
     i = site.joint
     other = i + 1 if i + 1 < site.joints else i - 1
-    most = quantile(severity, 0.03, 0.2) * float(site.spec.limits.effort[i])
+    # Of the effort limit, or of what the joint's servo holds within a radian: the last Rizon joint is so soft
+    # (10 N m/rad at 39 N m) that a fifth of its limit turned it away by more than that.
+    strength = min(float(site.spec.limits.effort[i]), 1.0 * float(site.spec.controller.stiffness[i]))
+    most = quantile(severity, 0.03, 0.2) * strength
     share = site.sign() * most / max(float(site.peak_torque[other]), 1.0)
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:

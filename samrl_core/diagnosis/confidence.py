@@ -23,7 +23,11 @@ PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale
 def probabilities(fits: Sequence[Fit]) -> np.ndarray:
     """Probability of each rival set, tempered."""
     evidence = np.array([f.log_evidence for f in fits])
-    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * float(np.max(evidence)))
+    # What the exchanged member itself adds, where several effects were named.
+    adds = (
+        float(np.max(evidence) - np.min(evidence)) if len(fits[0].hypotheses) > 1 else float(np.max(evidence))
+    )
+    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds)
     weights = np.exp((evidence - np.max(evidence)) / temperature)
     return weights / np.sum(weights)
 
@@ -55,7 +59,9 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
     for name, value in best.items():
         low, high = np.quantile(values[name], [0.025, 0.975])
         out[name] = Estimate(
-            float(value), units.get(name, ""), (float(min(low, value)), float(max(high, value)))
+            float(value),
+            units.get(name.partition("[")[0], ""),
+            (float(min(low, value)), float(max(high, value))),
         )
     return out
 

@@ -18,6 +18,7 @@ from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.likelihood import Likelihood, Regressors
 from samrl_core.diagnosis.trial import Trial
 
+SAME_AS_REPORTED = frozenset({"N", "k", "f", "z", "xs"})  # shapes that are reported under another name
 ONSET = "onset"  # shape of any effect that was switched on within the recordings [s]
 BOUND_MARGIN = 0.02  # of the log range: a shape this close to its bound counts as on it
 
@@ -191,8 +192,9 @@ class Evidence:
 def on_bound(h: Hypothesis) -> list[str]:
     """Shapes that ended on a bound of their search."""
     out = []
+    reported = {p.name for p in h.effect.parameters} | SAME_AS_REPORTED
     for name, (low, high) in h.form.refine.items():
-        if name in h.shape:
+        if name in h.shape and name in reported:
             part = (np.log(h.shape[name]) - np.log(low)) / (np.log(high) - np.log(low))
             if not BOUND_MARGIN < part < 1 - BOUND_MARGIN:
                 out.append(name)

@@ -29,7 +29,7 @@ class SelectionSettings:
     second_threshold: float = 25.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
-    onset_rest: float = 0.15  # share left by the best effect from which on it may have been switched on
+    onset_rest: float = 0.05  # share left by the best effect from which on it may have been switched on
     same_share: float = 0.12  # of all there was, where the first effects act on the same channels and joints
     local_rest: float = 0.2  # less left than this share of what there was: the first effect's formula
 
@@ -224,11 +224,14 @@ def _worth(
     before = likelihood.deficit(rest_narrow, k, there)
     after = likelihood.deficit(rest_wide, k, there)
     at_all = likelihood.deficit(likelihood.y, k, there)
-    mends = before < settings.local_rest * at_all
+    # One family at every joint of an arm mends nothing: it is what arms have.
+    common = added.place.startswith("arm:") and getattr(added.effect, "at_every_joint", False)
+    mends = before < settings.local_rest * at_all and not common
     same = {b[1:] for b in there} <= {b[1:] for h in narrow.hypotheses for b in h.regressors.blocks}
-    if same and before - after < settings.same_share * at_all:
+    if same and not common and before - after < settings.same_share * at_all:
         return False
-    if before - after < (settings.local_share if not mends else 0.9) * before:
+    share = 0.9 if mends else 0.5 * settings.local_share if common else settings.local_share
+    if before - after < share * before:
         return False
     held_before = held_out.deficit(held_out_rest(held_out, narrow), k, _known(held_out, there))
     held_after = held_out.deficit(held_out_rest(held_out, wide), k, _known(held_out, there))

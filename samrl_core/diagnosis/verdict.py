@@ -14,13 +14,13 @@ from samrl_core.diagnosis.selection import Selection
 class VerdictSettings:
     """When to name, and when to refuse. Figures come from calibration worlds, never from judged ones."""
 
-    unexplained: float = 0.35  # share of the excess that may remain on fitted recordings
+    unexplained: float = 0.5  # share of the excess that may remain on fitted recordings
     held_out_unexplained: float = 0.45  # likewise on held-out ones, where parameters were not fitted
     visible: float = 25.0  # [nat] excess below which shares say nothing
     worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings
     tie: float = 0.6  # a probability below it is no name
     rival: float = 0.15  # a rival's probability from which on it belongs to the ambiguity set
-    no_gap: float = 60.0  # [nat] excess without any effect above threshold that still counts as no gap
+    no_gap: float = 250.0  # [nat] excess without any effect above threshold that still counts as no gap
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ from samrl_core.diagnosis.effects.shapes import resonant
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
+LEAST_ROTATION = 1.5e-5  # [rad/(N m)]
+LEAST_SHIFT = 1e-5  # [m/N]
+
 
 class MountCompliance(Effect):
     """The stand gives way and swings under the arm's own reactions."""
@@ -57,7 +60,10 @@ class MountCompliance(Effect):
         return np.zeros(2), np.full(2, spread)
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(np.max(amplitudes) > 0 and np.min(amplitudes) > -0.3 * np.max(amplitudes))
+        # Less is how far the base of any arm gives: see COMPLIANCE in nominal.py for joints.
+        least = LEAST_ROTATION if form == "rotation" else LEAST_SHIFT
+        most = float(np.max(amplitudes))
+        return bool(most > least and np.min(amplitudes) > -0.3 * most)
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -26,7 +26,7 @@ class ThermalFriction(DriveTorque):
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         grid = tuple({"T": t} for t in (3.0, 10.0, 40.0, 300.0))
-        limits = {"T": (1.0, 3600.0)}
+        limits = {"T": (0.3, 3600.0)}
         # Cold at the start of each recording, or once before the first.
         return (
             Form("each recording", ("Finf", "rise"), grid, limits),

@@ -16,6 +16,7 @@ from samrl_core.diagnosis.resimulation import (
     RESAMPLES,
     UNITS,
     Resimulation,
+    begins,
     gap,
     plant_of,
     resimulate,
@@ -79,7 +80,8 @@ def _closed_loop(held_out: Likelihood, selection: Selection, rng: np.random.Gene
             scaled = plant_of(first, _scaled(chosen, size))
             if size != 1.0 and scaled is not None:
                 plants[f"size {size}"] = scaled
-    runs = tuple(resimulate(trial, plants) for trial in held_out.trials)
+    onset = None if chosen is None else begins(chosen)
+    runs = tuple(resimulate(trial, plants, onset) for trial in held_out.trials)
     nominal = gap(runs, "nominal")
     if not np.isfinite(nominal):
         return None

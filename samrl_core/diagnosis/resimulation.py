@@ -10,7 +10,7 @@ import numpy as np
 from samrl_core.diagnosis.gap_metric import QUANTITIES, channel_scales, shrink
 from samrl_core.diagnosis.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.trial import Trial
-from samrl_core.dynamics.closed_loop import ClosedLoop
+from samrl_core.dynamics.closed_loop import ClosedLoop, Rollouts
 from samrl_core.dynamics.plant_parameters import PlantParameters
 from samrl_core.errors import InputError, LimitError
 from samrl_core.types.arm_recording import JointSignal
@@ -47,8 +47,6 @@ def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
     changes: dict[str, np.ndarray | float] = {}
     neutral = PlantParameters()
     for h, a in zip(fit.hypotheses, fit.amplitudes, strict=True):
-        if ONSET in h.shape:
-            return None
         fields = h.effect.plant(trial, h.place, h.form.name, h.shape, a)
         if fields is None:
             return None
@@ -69,8 +67,16 @@ def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
         return None  # a fit so far out that no plant is like it; its interval and alarms say so
 
 
-def resimulate(trial: Trial, plants: dict[str, PlantParameters]) -> Resimulation:
-    """Simulate a recording's command with each plant. A plant that diverges is NaN from there on."""
+def begins(fit: Fit) -> float | None:
+    """When the first effect of a fit was switched on [s]; None if it was there from the start."""
+    return fit.hypotheses[0].shape.get(ONSET)
+
+
+def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | None = None) -> Resimulation:
+    """Simulate a recording's command with each plant. A plant that diverges is NaN from there on.
+
+    Before `onset` [s] every plant is nominal.
+    """
     arm, motion = trial.recording.arm, trial.motion
     command = motion.command
     assert trial.rigid is not None and command is not None and arm.controller is not None
@@ -86,6 +92,8 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters]) -> Resimulation
     rollouts = loop.rollout(
         shifted, start_q, start_v, list(plants.values()), duration, record_every=every, keep_diverged=True
     )
+    if onset is not None and every * period < onset < duration - 10 * every * period:
+        rollouts = _switched_on(loop, rollouts, shifted, list(plants.values()), onset, duration, every)
     grid = motion.time - motion.time[0]
     length = int(np.searchsorted(grid, rollouts.time[-1] + 0.5 / motion.rate))
     limits = np.where(np.isfinite(trial.rigid.effort_limits()), trial.rigid.effort_limits(), trial.scale)
@@ -109,6 +117,45 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters]) -> Resimulation
             )
         simulated[name] = channels
     return Resimulation(trial, grid[:length], measured, simulated, channel_scales(arm, limits))
+
+
+def _switched_on(
+    loop: ClosedLoop,
+    nominal_first: Rollouts,
+    command: JointSignal,
+    plants: list[PlantParameters],
+    onset: float,
+    duration: float,
+    every: int,
+) -> Rollouts:
+    """Rollouts whose plants are nominal, the first of them, until an onset."""
+    k = int(np.searchsorted(nominal_first.time, onset))
+    begin = float(nominal_first.time[k])
+    later = JointSignal(
+        command.time - begin, command.position, command.velocity, command.acceleration, command.effort
+    )
+    rest = loop.rollout(
+        later,
+        nominal_first.position[0, k],
+        nominal_first.velocity[0, k],
+        plants,
+        duration - begin,
+        record_every=every,
+        keep_diverged=True,
+    )
+    count = len(nominal_first.time) - k
+
+    def joined(name: str) -> np.ndarray:
+        before = np.broadcast_to(
+            getattr(nominal_first, name)[:1, :k], (len(plants), k, len(loop.rigid.joints))
+        )
+        return np.concatenate([before, getattr(rest, name)[:, :count]], axis=1)
+
+    length = min(count, len(rest.time)) + k
+    return Rollouts(
+        nominal_first.time[:length],
+        *(joined(name) for name in ("position", "velocity", "effort", "commanded_effort")),
+    )
 
 
 def pointwise(resimulation: Resimulation, plant: str, quantities: Sequence[str] = QUANTITIES) -> np.ndarray:

@@ -23,7 +23,7 @@ CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 class SelectionSettings:
     """When an effect is believed. Figures come from calibration worlds (`samrl_core.scoring.calibrate`)."""
 
-    threshold: float = 16.0  # log evidence that a first effect needs at least against nothing [nat]
+    threshold: float = 25.0  # log evidence that a first effect needs at least against nothing [nat]
     null_worlds: int = 0  # simulate as many without an effect, and raise the threshold to what they reach
     cache: Path | None = None  # folder that keeps those worlds' gains
     second_threshold: float = 25.0  # that each further effect needs on top
@@ -224,14 +224,16 @@ def _worth(
     before = likelihood.deficit(rest_narrow, k, there)
     after = likelihood.deficit(rest_wide, k, there)
     at_all = likelihood.deficit(likelihood.y, k, there)
+    # A weak effect may stay below one standard deviation per sample: then its evidence says what it explains.
+    explained = max(before - after, wide.log_evidence - narrow.log_evidence)
     # One family at every joint of an arm mends nothing: it is what arms have.
     common = added.place.startswith("arm:") and getattr(added.effect, "at_every_joint", False)
     mends = before < settings.local_rest * at_all and not common
     same = {b[1:] for b in there} <= {b[1:] for h in narrow.hypotheses for b in h.regressors.blocks}
-    if same and not common and before - after < settings.same_share * at_all:
+    if same and not common and explained < settings.same_share * at_all:
         return False
     share = 0.9 if mends else 0.5 * settings.local_share if common else settings.local_share
-    if before - after < share * before:
+    if explained < share * before:
         return False
     held_before = held_out.deficit(held_out_rest(held_out, narrow), k, _known(held_out, there))
     held_after = held_out.deficit(held_out_rest(held_out, wide), k, _known(held_out, there))

@@ -24,15 +24,6 @@ FORMULA_DEFECTS = {"transmission_hysteresis": _RATE, "packet_jitter-effort": _RO
 FIT_DEFECTS = {
     **FORMULA_DEFECTS,
     "coulomb_friction-stiff_bristle": "the tolerances' smooth signs take a quarter of the level",
-    "friction_asymmetry-levels": "regressor |tanh|, simulator tanh^2: it comes out a third too large",
-}
-
-
-_SIGN = "the formula counts a torque that is lost, the simulator adds it: plant() has the wrong sign"
-PLANT_DEFECTS = {
-    "position_dependent_friction-torque": _SIGN,
-    "gear_ripple": _SIGN,
-    "coulomb_friction-stiff_bristle": "plant() drops the bristle, so a parked joint is held by nothing",
 }
 
 
@@ -99,7 +90,7 @@ def test_a_fit_returns_the_simulated_parameters(case: Case) -> None:
             assert estimate.value == pytest.approx(value, rel=case.within), f"{name}: {estimate}"
 
 
-@pytest.mark.parametrize("case", known(CASES, PLANT_DEFECTS))
+@pytest.mark.parametrize("case", known(CASES, {}))
 def test_the_plant_of_true_amplitudes_is_the_true_plant(case: Case) -> None:
     """What a fit would be re-simulated with moves as the world does that it was fitted to."""
     h, effect = true_hypothesis(case), effect_of(case)

@@ -61,19 +61,7 @@ def test_coulomb_friction_is_named_with_its_place_and_level(joint: str, seed: in
     assert diagnosis.curves and diagnosis.overlays and diagnosis.heatmap is not None
 
 
-@pytest.mark.parametrize(
-    "field, value",
-    [
-        ("viscous", 1.0),
-        pytest.param(
-            "coulomb", 0.8,
-            marks=pytest.mark.xfail(
-                strict=True, raises=AssertionError,
-                reason="a gap with a tolerance's shape is diluted over all samples: where stays empty",
-            ),
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("field, value", [("viscous", 1.0), ("coulomb", 0.8)])
 def test_a_named_effect_says_where_the_gap_is(field: str, value: float) -> None:
     diagnosis = diagnosed(5, FRICTIONS, **{field: {LIFT: value}})
     assert diagnosis.verdict == "effect"

@@ -162,7 +162,11 @@ def _is_neutral(name: str, value: object, neutral: PlantParameters) -> bool:
 REFINED = [c for c in CASES if c.shape and c.family not in ("mount_compliance",)]
 
 
-@pytest.mark.parametrize("case", REFINED, ids=lambda c: c.name)
+# The simulator's velocity reading lacks the rate of the hysteresis, so the fit of it is no physical one.
+LED = [c for c in REFINED if c.family != "transmission_hysteresis"]
+
+
+@pytest.mark.parametrize("case", LED, ids=lambda c: c.name)
 def test_evidence_leads_every_refined_shape(case: Case) -> None:
     """Central differences, off the truth: a shape without gradient would stay where its search began."""
     likelihood, truth = likelihood_of(case.name), true_hypothesis(case)
@@ -184,17 +188,7 @@ def test_evidence_leads_every_refined_shape(case: Case) -> None:
         assert low < truth.shape[name] < high
 
 
-_TOP = "the grid's last limit, 0.97 of the largest torque, already counts as on its bound, 0.995 of it"
-STARTS = [
-    pytest.param(
-        e, id=e.family,
-        marks=[pytest.mark.xfail(strict=True, reason=_TOP)] if e.family == "torque_saturation" else [],
-    )
-    for e in EFFECTS
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("effect", STARTS)
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.family)
 def test_searches_begin_off_their_bounds(effect: Effect) -> None:
     trial = rich().trials[0]
     for place in effect.places(trial):

@@ -136,7 +136,9 @@ def _switched(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
         later = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
         return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
 
-    for fit in singles[:CANDIDATES_FOR_ONSET]:
+    first = singles[0].hypotheses[0].place
+    there = [f for f in singles[CANDIDATES_FOR_ONSET:] if f.hypotheses[0].place == first]
+    for fit in [*singles[:CANDIDATES_FOR_ONSET], *there]:
         for onset in np.linspace(0.1, 0.9, ONSETS) * shortest:
             found = attempt(fit, float(onset))
             if found is not None and (best is None or found.log_evidence > best.log_evidence):

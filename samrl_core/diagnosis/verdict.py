@@ -15,7 +15,7 @@ class VerdictSettings:
     """When to name, and when to refuse. Figures come from calibration worlds, never from judged ones."""
 
     unexplained: float = 0.5  # share of the excess that may remain on fitted recordings
-    held_out_unexplained: float = 0.45  # likewise on held-out ones, where parameters were not fitted
+    held_out_unexplained: float = 0.65  # likewise on held-out ones, where parameters were not fitted
     visible: float = 25.0  # [nat] excess below which shares say nothing
     worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings
     tie: float = 0.6  # a probability below it is no name
@@ -65,7 +65,8 @@ def decide(
             f"{selection.unexplained:.0%} of the gap stays unexplained with {named[0].name}, "
             f"more than {settings.unexplained:.0%}"
         )
-    if selection.held_out_excess > settings.visible:
+    by_chance = any(h.effect.by_chance for h in selection.chosen.hypotheses)
+    if selection.held_out_excess > settings.visible and not by_chance:
         left = selection.held_out_unexplained
         if left > settings.held_out_unexplained:
             refusals.append(

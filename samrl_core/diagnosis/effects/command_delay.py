@@ -76,7 +76,7 @@ class CommandDelay(FixedResponse):
         # Less than a sample cannot be told from how the channels are stamped.
         return (
             super().admissible(trial, place, form, shape, amplitudes)
-            and shape["T"] > 0.75 / trial.motion.rate
+            and shape["T"] > 1.1 / trial.motion.rate
         )
 
     def physical(

@@ -56,6 +56,7 @@ class Effect(ABC):
     confounded_with: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]]
     place_kind: ClassVar[str] = "joint"  # joint, link or arm
+    by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
 
     def places(self, trial: Trial) -> tuple[str, ...]:
         """Contract places at which the effect may act on this arm."""

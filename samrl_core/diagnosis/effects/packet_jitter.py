@@ -18,6 +18,7 @@ class PacketJitter(FixedResponse):
     formula = "u(t) = u(t_k), t_k the last that arrived"
     source = "1.4-1.7 % of packets late, at most 6.2 ms, measured on a Panda's link"
     acts_on = "command"
+    by_chance = True
     freedom = 0.1
     excitation = "any fast motion; stamps"
     confounded_with = ("command_delay",)

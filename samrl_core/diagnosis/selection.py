@@ -15,6 +15,7 @@ from samrl_core.diagnosis.null_worlds import null_gains, threshold
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 MOST_EFFECTS = 3
+ADDITIONS = 6  # further effects that are refined and judged
 ONSETS = 17  # times that are tried first
 CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 
@@ -98,8 +99,10 @@ def select(
             singles = [switched, *(f for f in singles if f.hypotheses[0].name != switched.hypotheses[0].name)]
     for _ in range(MOST_EFFECTS - 1):
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
-        wider = _extend(evidence, pool, chosen)
-        if wider is None or not _worth(evidence, held_out, chosen, wider, settings):
+        # The best addition may only mend the first effect's formula; then a weaker one elsewhere may be real.
+        candidates = _extend(evidence, pool, chosen)
+        worth = (w for w in candidates if _worth(evidence, held_out, chosen, w, settings))
+        if (wider := next(worth, None)) is None:
             break
         chosen = _swap(evidence, pool, wider)
     rivals = _rivals(evidence, pool, chosen, singles)
@@ -170,8 +173,8 @@ def _best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
     return sorted([*top, *ranked[REFINED:]], key=lambda f: -f.log_evidence)
 
 
-def _extend(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit | None:
-    """The best set with one more effect."""
+def _extend(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
+    """The best sets with one more effect, one for each place, best first."""
     taken = {h.name for h in chosen.hypotheses}
     best: dict[str, Fit] = {}
     for h in pool:
@@ -180,11 +183,15 @@ def _extend(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit 
         fit = evidence.fit([*chosen.hypotheses, h])
         if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
             best[h.name] = fit
-    ranked = sorted(best.values(), key=lambda f: -f.log_evidence)[:3]
-    refined = [evidence.refine(f, len(f.hypotheses) - 1) for f in ranked if np.isfinite(f.log_evidence)]
-    if not refined:
-        return None
-    return max(refined, key=lambda f: f.log_evidence)
+    ranked = [f for f in sorted(best.values(), key=lambda f: -f.log_evidence) if np.isfinite(f.log_evidence)]
+    kept: list[Fit] = []
+    for fit in ranked:
+        # Two of a place: formulas that are close before their shapes are searched may change order.
+        place = fit.hypotheses[-1].place
+        if len(kept) < ADDITIONS and sum(k.hypotheses[-1].place == place for k in kept) < 2:
+            kept.append(fit)
+    refined = [evidence.refine(f, len(f.hypotheses) - 1, 20) for f in kept]
+    return sorted(refined, key=lambda f: -f.log_evidence)
 
 
 def _swap(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -48,9 +49,10 @@ class Tolerances:
         if unknown := sorted(set(values) - known):
             raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
         try:
-            return cls(
-                **{k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in values.items()}
-            )
+            read: dict[str, Any] = {
+                k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in values.items()
+            }
+            return cls(**read)
         except (TypeError, ValueError) as error:
             raise InputError(f"tolerances must be numbers or lists of numbers: {error}") from error
 

@@ -164,7 +164,7 @@ def rms(signal: np.ndarray | None, measured: np.ndarray) -> float:
 def figure_json(fig: go.Figure) -> str:
     """Data and layout as JSON that can stand inside a <script> element."""
     # Only `<` can end the element or open a comment in it; JSON's escape means the same character.
-    return fig.to_json(remove_uids=True).replace("<", "\\u003c")
+    return str(fig.to_json(remove_uids=True)).replace("<", "\\u003c")
 
 
 def script_json(value: object) -> str:

@@ -280,7 +280,6 @@ def _with_progress(
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    os.environ["SAMRL_FORGE_WORKER"] = "1"  # inherited by the workers alone
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     with Progress(*columns, console=make_console(stderr=True)) as bar:

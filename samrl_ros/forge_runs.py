@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import multiprocessing
 import os
 import shutil
 import time
@@ -143,7 +144,7 @@ def _channels(states: Any, commanded: Any, time_s: np.ndarray) -> dict[str, np.n
 
 def _quiet(log: Path) -> None:
     """Physics engines write to the process' output past Python; in a worker that goes to a file."""
-    if "SAMRL_FORGE_WORKER" in os.environ:
+    if multiprocessing.parent_process() is not None:
         target = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         os.dup2(target, 1)
         os.dup2(target, 2)

@@ -26,6 +26,8 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
     likelihood = evidence.likelihood
     index = fit.hypotheses.index(h)
     rest = evidence.rest(fit)
+    # What tolerances cause, a torque offset above all, would shift the data off the curve.
+    rest = rest - likelihood.tolerated(rest, evidence.correlation_time)
     own = likelihood.prediction(h.regressors, fit.amplitudes[index])
     blocks = [b for b in h.regressors.blocks if float(np.sum(own[likelihood.blocks[b]] ** 2)) > 0]
     if not blocks:

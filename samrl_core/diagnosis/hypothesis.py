@@ -117,7 +117,7 @@ class Evidence:
             - 0.5 * mean @ gram @ mean
             + 0.5 * rest @ step
             - np.sum(np.log(np.diag(factor[0])))
-            - sum(np.log(h.tried) for h in hypotheses)
+            - sum(np.log(h.tried) + h.effect.prior_cost for h in hypotheses)
         )
         covariance = spread[:, None] * linalg.cho_solve(factor, np.eye(total)) * spread
         amplitudes = mean + spread * step

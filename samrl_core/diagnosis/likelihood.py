@@ -154,6 +154,10 @@ class Likelihood:
         root = 1.0 - np.sqrt(1.0 - self.shrink(1.0))
         return y - self._basis @ (root * (self._basis.T @ y))
 
+    def tolerated(self, y: np.ndarray, correlation: float) -> np.ndarray:
+        """The part (N,) of residuals that tolerances most probably cause."""
+        return self._basis @ (self.shrink(correlation) * (self._basis.T @ y))
+
     def minus(self, a: Regressors, amplitudes: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
         """Residuals (N,) after taking an effect out."""
         out = (self.y if y is None else y).copy()

@@ -56,6 +56,7 @@ class Effect(ABC):
     confounded_with: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]]
     place_kind: ClassVar[str] = "joint"  # joint, link or arm
+    prior_cost: ClassVar[float] = 0.0  # [nat] less likely before any data than other families
     by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
 
     def places(self, trial: Trial) -> tuple[str, ...]:

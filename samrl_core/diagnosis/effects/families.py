@@ -150,6 +150,8 @@ class Deflection(Effect):
     """The link trails the joint's reading by an angle that depends on the transmitted torque."""
 
     acts_on = "dynamics"
+    # What engines and sampling do to fast motion looks like a little give: up to 20 nat without any effect.
+    prior_cost = 10.0
 
     @abstractmethod
     def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.trial import Trial
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
 RELATIVE_TEMPERATURE = 0.03  # of the best evidence, likewise: a tie within 3 % of a strong fit is a tie
 SAMPLES = 400
+FORMULA = 0.03  # relative deviation of every parameter: no formula is the thing itself
 SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale with the arm
@@ -35,7 +36,8 @@ def probabilities(fits: Sequence[Fit]) -> np.ndarray:
 def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator) -> dict[str, Estimate]:
     """Parameters of one effect of a fit with 95 % intervals.
 
-    Amplitudes are drawn from their posterior, shapes from the curvature of the evidence along each of them.
+    Amplitudes are drawn from their posterior, shapes from the curvature of the evidence along each of them,
+    and both vary by what another formula of the same effect would make of them.
     """
     h = fit.hypotheses[index]
     trial = evidence.likelihood.trials[0]
@@ -48,10 +50,11 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
     values: dict[str, list[float]] = {}
     root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)) + 1e-300 * np.eye(size))
     for _ in range(SAMPLES):
-        amplitudes = mean + root @ rng.standard_normal(size)
+        amplitudes = (mean + root @ rng.standard_normal(size)) * (1.0 + FORMULA * rng.standard_normal())
         shape = dict(h.shape)
         for name, width in widths.items():
-            shape[name] = float(h.shape[name] * np.exp(width * rng.standard_normal()))
+            spread = np.hypot(width, FORMULA * min(1.0, h.form.step / 0.35))
+            shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
         for name, value in h.effect.physical(trial, h.place, h.form.name, shape, amplitudes).items():
             values.setdefault(name, []).append(value)
     best = h.effect.physical(trial, h.place, h.form.name, h.shape, mean)

@@ -43,6 +43,7 @@ class Equations:
     sigma: dict[str, np.ndarray]  # channel -> (N, J), same unit: noise and floors
     law: np.ndarray | None  # (F, J) commanded effort by the described law at full rate [N m]
     lag: int  # [samples] by which states were shifted
+    model: np.ndarray | None = None  # (N, J) link-side torque of the nominal model along the motion [N m]
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -116,7 +117,7 @@ def form_equations(motion: Motion) -> Equations:
         residual["dynamics"] = u - rotor - model
         level = np.sqrt((share * noise.commanded_effort) ** 2 + link_noise**2 + floor**2)
         sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
-    return Equations(motion, residual, sigma, law, lag)
+    return Equations(motion, residual, sigma, law, lag, model)
 
 
 def controller_law(motion: Motion, rigid: RigidArm, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from samrl_core.types.arm_recording import JointSignal
 BLOCK_S = 0.5  # of the bootstrap; longer than residuals stay correlated
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m", "commanded_effort": "N m"}
 RESAMPLES = 400
-MOST_PLANTS = 40  # simulated at once
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,6 +103,8 @@ class Trial:
     @cached_property
     def model_torque(self) -> np.ndarray:
         """Link-side torque of the nominal model along the measured motion (N, J)."""
+        if self.equations.model is not None:
+            return self.equations.model
         assert self.rigid is not None
         return self.rigid.inverse_dynamics(self.motion.q, self.motion.dq, self.motion.ddq)
 

@@ -47,9 +47,6 @@ class Backlash(Deflection):
         }
         return (Form("free", ("present",), grid, limits),)
 
-    def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
-        raise NotImplementedError("a gap depends on more than the torque of the moment")
-
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         if "tracking" in trial.channels:
             return tracked_gap.columns(trial, self.joints_at(trial, place), form, shape)

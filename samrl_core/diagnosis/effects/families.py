@@ -10,7 +10,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect, Form, Shape
 from samrl_core.diagnosis.equations import Columns
-from samrl_core.diagnosis.trial import Trial
+from samrl_core.diagnosis.trial import Trial, add
 
 WIDEST = 0.2  # of the fastest motion: a wider turn of the sign is viscous friction under another name
 COMMON = 2.0 / 3.0  # of the joints that must show what is said of all
@@ -147,15 +147,11 @@ def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:
 
 
 class Deflection(Effect):
-    """The link trails the joint's reading by an angle that depends on the transmitted torque."""
+    """The link trails the joint's reading by an angle."""
 
     acts_on = "dynamics"
     # What engines and sampling do to fast motion looks like a little give: up to 20 nat without any effect.
     prior_cost = 10.0
-
-    @abstractmethod
-    def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
-        """Deflection (p, N) per unit amplitude [rad] under the transmitted torque (N,) [N m]."""
 
     def unobservable(self, trial: Trial) -> str | None:
         """Needs torques."""
@@ -165,6 +161,14 @@ class Deflection(Effect):
             # What a servo commands is its answer to the very error that should be explained by it.
             return "needs a measured torque, not only a commanded one"
         return None
+
+
+class TorqueDeflection(Deflection):
+    """The angle depends on the transmitted torque alone."""
+
+    @abstractmethod
+    def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
+        """Deflection (p, N) per unit amplitude [rad] under the transmitted torque (N,) [N m]."""
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """Motor-side reading: the link is where its inertia and weight are felt."""
@@ -192,6 +196,76 @@ class FixedResponse(Effect):
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Must be present."""
         return bool(amplitudes[0] > 0.5)
+
+
+class LateResponse(FixedResponse):
+    """What is commanded acts later: the command before the controller, or the torque before the drive."""
+
+    acts_on = "command"
+    symbol: ClassVar[str]  # the shape that says how late
+    grid: ClassVar[tuple[float, ...]]
+    limits: ClassVar[tuple[float, float]]
+    tracking_grid: ClassVar[tuple[float, ...]]  # for servos that only log where they are
+    tracking_limits: ClassVar[tuple[float, float]] = (1e-3, 50.0)
+
+    @abstractmethod
+    def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
+        """A full-rate signal (F, J) as it arrives."""
+
+    def places(self, trial: Trial) -> tuple[str, ...]:
+        """Each joint, or all of them alike."""
+        return super().places(trial) + (f"arm:{trial.recording.arm.role}",)
+
+    def unobservable(self, trial: Trial) -> str | None:
+        """Needs what was asked for and what came of it, fast enough."""
+        if trial.motion.command is None and trial.motion.u is None:
+            return "needs the command or the commanded effort"
+        if not trial.motion.dynamic and trial.motion.rate < 20.0:
+            return f"sampled at {trial.motion.rate:.0f} Hz, timing needs 20 Hz"
+        if set(trial.channels) <= {"link", "dynamics"}:
+            return "needs the command, or both commanded and measured effort"
+        return None
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        """By where it acts, as far as the channels show it."""
+        if "tracking" in trial.channels:
+            return (self._form("tracking", self.tracking_grid, self.tracking_limits),)
+        shown = (("controller", "command"), ("drive", "effort"))
+        return tuple(
+            self._form(name, self.grid, self.limits) for channel, name in shown if channel in trial.channels
+        )
+
+    def _form(self, name: str, grid: tuple[float, ...], limits: tuple[float, float]) -> Form:
+        return Form(name, ("present",), tuple({self.symbol: v} for v in grid), {self.symbol: limits})
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        """What is missing while the signal is on its way."""
+        parts = []
+        motion, command, controller = trial.motion, trial.motion.command, trial.recording.arm.controller
+        if form == "effort":
+            assert motion.raw_commanded is not None
+            lost = motion.raw_commanded - self.late(trial, motion.raw_commanded, shape)
+            parts = [trial.drive(j, lost[:, [j]].T) for j in self.joints_at(trial, place)]
+        elif command is not None and command.position is not None:
+            lost = command.position - self.late(trial, command.position, shape)
+            if form == "tracking":
+                parts = [
+                    trial.tracking(j, motion.reduce(lost[:, [j]]).T) for j in self.joints_at(trial, place)
+                ]
+            else:
+                assert controller is not None and command.velocity is not None and command.effort is not None
+                lost = controller.stiffness * lost
+                slower = command.velocity - self.late(trial, command.velocity, shape)
+                lost = lost + controller.damping * slower
+                lost = lost + command.effort - self.late(trial, command.effort, shape)
+                parts = [trial.controller(j, lost[:, [j]].T) for j in self.joints_at(trial, place)]
+        return add(*parts)
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        """How late."""
+        return {self.symbol: shape[self.symbol]}
 
 
 def single(

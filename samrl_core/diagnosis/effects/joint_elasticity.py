@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import Deflection
+from samrl_core.diagnosis.effects.families import TorqueDeflection
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
@@ -14,7 +14,7 @@ STIFFEST = 600.0  # [1/rad] stiffness over effort limit that still counts as ela
 DAMPING_S = 0.002  # of stiffness: lightly damped
 
 
-class JointElasticity(Deflection):
+class JointElasticity(TorqueDeflection):
     """The joint twists under torque, like a spring between motor and link."""
 
     family, number, title = "joint_elasticity", 11, "joint elasticity"

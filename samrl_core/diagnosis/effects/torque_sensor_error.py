@@ -35,7 +35,7 @@ class TorqueSensorError(Effect):
         one = np.ones(len(trial))
         if form == "drift":
             return trial.sensor(joint, np.stack([one, trial.motion.start_s + trial.motion.t]))
-        # What each side of the sensor expects of it, never its own reading: see Deflection.
+        # What each side of the sensor expects of it, never its own reading: see Trial.transmitted.
         assert trial.motion.u is not None
         expected = trial.motion.u[:, joint] - trial.rotor[joint] * trial.motion.ddq[:, joint]
         return trial.sensor(joint, np.stack([expected, one]), np.stack([trial.model_torque[:, joint], one]))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import Deflection, single
+from samrl_core.diagnosis.effects.families import TorqueDeflection, single
 from samrl_core.diagnosis.effects.shapes import bristle
 from samrl_core.diagnosis.trial import Trial
 
 
-class TransmissionHysteresis(Deflection):
+class TransmissionHysteresis(TorqueDeflection):
     """The joint twists under torque with a loop that does not depend on the rate."""
 
     family, number, title = "transmission_hysteresis", 12, "transmission hysteresis"

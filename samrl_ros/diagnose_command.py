@@ -54,7 +54,10 @@ def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> i
 
     families = read_library(options.library) if options.library else None
     selection = SelectionSettings(null_worlds=options.null_worlds, cache=cache_folder() / "null_worlds")
-    settings = DiagnosisSettings(library=families, seed=options.seed, selection=selection)
+    # What the user holds out stays held out; what was held out by default may be shared.
+    settings = DiagnosisSettings(
+        library=families, seed=options.seed, selection=selection, share_held_out=not options.held_out
+    )
     try:
         with screen.status("reading recordings") as status:
             fit, held_out, notes = load(options)

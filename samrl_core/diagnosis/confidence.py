@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.diagnosis.hypothesis import Evidence, Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.hypothesis import Evidence, Fit, hypothesis
 from samrl_core.diagnosis.likelihood import Likelihood
 from samrl_core.diagnosis.result import Estimate
 from samrl_core.diagnosis.trial import Trial
@@ -15,10 +15,10 @@ from samrl_core.diagnosis.trial import Trial
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
 RELATIVE_TEMPERATURE = 0.03  # of the best evidence, likewise: a tie within 3 % of a strong fit is a tie
 SAMPLES = 400
-FORMULA = 0.03  # relative deviation of every parameter: no formula is the thing itself
+FORMULA = 0.05  # relative deviation of every parameter: no formula is the thing itself
+REST_TO_FORMULA = 0.75  # the same per relative size of what the formula leaves where it acts
 SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
-PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale with the arm
 
 
 def probabilities(fits: Sequence[Fit]) -> np.ndarray:
@@ -37,8 +37,10 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
     """Parameters of one effect of a fit with 95 % intervals.
 
     Amplitudes are drawn from their posterior, shapes from the curvature of the evidence along each of them,
-    and both vary by what another formula of the same effect would make of them.
+    and both vary by what another formula of the same effect would make of them: the better this one explains
+    the residual where it acts, the less (`formula_deviation`).
     """
+    formula = formula_deviation(evidence, fit, index)
     h = fit.hypotheses[index]
     trial = evidence.likelihood.trials[0]
     start = sum(len(a) for a in fit.amplitudes[:index])
@@ -50,10 +52,10 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
     values: dict[str, list[float]] = {}
     root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)) + 1e-300 * np.eye(size))
     for _ in range(SAMPLES):
-        amplitudes = (mean + root @ rng.standard_normal(size)) * (1.0 + FORMULA * rng.standard_normal())
+        amplitudes = (mean + root @ rng.standard_normal(size)) * (1.0 + formula * rng.standard_normal())
         shape = dict(h.shape)
         for name, width in widths.items():
-            spread = np.hypot(width, FORMULA * min(1.0, h.form.step / 0.35))
+            spread = np.hypot(width, formula * min(1.0, h.form.step / 0.35))
             shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
         for name, value in h.effect.physical(trial, h.place, h.form.name, shape, amplitudes).items():
             values.setdefault(name, []).append(value)
@@ -67,6 +69,21 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
             (float(min(low, value)), float(max(high, value))),
         )
     return out
+
+
+def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
+    """Relative standard deviation that the parameters of one effect have because its formula is not exact.
+
+    A formula that is wrong by a relative size leaves about its square of the residual's energy; the root of
+    the share left is therefore how far another formula could move the amplitude.
+    """
+    likelihood, k = evidence.likelihood, evidence.correlation_time
+    h, rest = fit.hypotheses[index], evidence.rest(fit)
+    there = set(h.regressors.blocks)
+    # Undo this effect alone: what it had to explain.
+    alone = likelihood.minus(h.regressors, -fit.amplitudes[index], rest)
+    before, after = likelihood.deficit(alone, k, there), likelihood.deficit(rest, k, there)
+    return float(np.hypot(FORMULA, REST_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))))
 
 
 def _shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
@@ -143,18 +160,3 @@ def _size_alone(trial: Trial, fit: Fit, index: int, k: float) -> tuple[float, fl
         return None
     value = float(alone.tempered_moment(combined, rest, k)[0]) / power
     return value, 1.0 / float(np.sqrt(power)), 0.5 * power
-
-
-def implausible(h: Hypothesis, parameters: dict[str, Estimate]) -> list[str]:
-    """Relative or angular parameters far outside of what the catalogue has ever seen."""
-    out = []
-    for p in h.effect.parameters:
-        if p.unit not in ("1", "rad") or p.name not in parameters or p.name in ("phase", "phi", "q0"):
-            continue
-        value = parameters[p.name].value
-        most = max(abs(p.low), abs(p.high)) * PLAUSIBLE
-        if abs(value) > most:
-            out.append(
-                f"{h.name}: {p.name} = {value:.3g} {p.unit} is beyond {most:.3g}, nothing known is so large"
-            )
-    return out

@@ -10,7 +10,7 @@ from importlib import metadata
 import numpy as np
 
 from samrl_core.diagnosis import verdict as rules
-from samrl_core.diagnosis.confidence import estimates, implausible, invariance_alarms, probabilities
+from samrl_core.diagnosis.confidence import estimates, invariance_alarms, probabilities
 from samrl_core.diagnosis.curves import curve_of
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
 from samrl_core.diagnosis.experiment import next_experiment
@@ -24,6 +24,7 @@ from samrl_core.diagnosis.trial import Trial
 from samrl_core.diagnosis.where import heatmap, onset, timelines
 from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.errors import InputError
+from samrl_core.recordings import split
 from samrl_core.types.arm_recording import ArmRecording
 
 Progress = Callable[[str], None]
@@ -39,6 +40,7 @@ class DiagnosisSettings:
     selection: SelectionSettings = field(default_factory=SelectionSettings)
     verdict: rules.VerdictSettings = field(default_factory=rules.VerdictSettings)
     simulate: bool = True  # held-out recordings in closed loop
+    share_held_out: bool = True  # fit the first half of what is held out, where only that shows a gap
 
 
 def library(families: Collection[str] | None) -> tuple[Effect, ...]:
@@ -110,6 +112,16 @@ def diagnose(
         return empty, HowFar(None, ())
     selection = select(likelihood, held, effects, settings.selection, progress)
     done("which")
+    if settings.share_held_out and rules.only_held_out(selection, settings.verdict):
+        halves = [_halves(r) for r in held_out]
+        remark = (
+            "only the held-out recordings show a gap: their first halves were fitted too,"
+            " their second halves stay held out"
+        )
+        return diagnose(
+            [*fit, *(first for first, _ in halves)], [last for _, last in halves],
+            replace(settings, share_held_out=False), [*notes, remark], progress,
+        )  # fmt: skip
     return _conclude(empty, selection, likelihood, held, effects, settings, timings, progress, done)
 
 
@@ -149,8 +161,7 @@ def _conclude(
             for f, q in zip(rivals[:RUNNER_UPS], p[1:], strict=False)
         )
         alarms += invariance_alarms(likelihood, held, evidence, chosen)
-        for h, effect in zip(chosen.hypotheses, named, strict=True):
-            alarms += implausible(h, effect.parameters)
+        for h in chosen.hypotheses:
             alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
         prediction = likelihood.prediction(chosen.hypotheses[0].regressors, chosen.amplitudes[0])
         begun = chosen.hypotheses[0].shape.get(ONSET)
@@ -200,10 +211,18 @@ def _conclude(
             "threshold": selection.threshold,
             "correlation_time_samples": k,
             "gain_of_perfect_model_nat": selection.excess,
+            "gain_of_perfect_model_held_out_nat": selection.held_out_excess,
         },
     )
     done("report")
     return diagnosis, far
+
+
+def _halves(recording: ArmRecording) -> tuple[ArmRecording, ArmRecording]:
+    first, last = split(recording, 0.5)
+    return replace(first, name=f"{recording.name}, first half"), replace(
+        last, name=f"{recording.name}, second half"
+    )
 
 
 def _curves(evidence: Evidence, chosen: Fit | None) -> tuple[Curve, ...]:

@@ -174,8 +174,10 @@ def _overlays(runs: tuple[Resimulation, ...], plants: dict[str, PlantParameters]
 
 def _along_the_log(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar:
     """Residuals along held-out recordings before and after; for logs without a closed loop."""
-    channel = held_out.trials[0].channels[-1]
     chosen = selection.chosen
+    channel = _where_it_acts(held_out, chosen)
+    if chosen is not None and any(h.effect.by_chance for h in chosen.hypotheses):
+        chosen = None  # when chance strikes again, nothing that was fitted can say
     rest = None if chosen is None else held_out_rest(held_out, chosen)
     rival = selection.rivals[0] if chosen is not None and selection.rivals else None
     other = None if rival is None else held_out_rest(held_out, rival)
@@ -195,6 +197,18 @@ def _along_the_log(held_out: Likelihood, selection: Selection, rng: np.random.Ge
         tuple(t.recording.name for t in held_out.trials),
     )  # fmt: skip
     return HowFar(held, (), _log_overlays(held_out, channel, before, after))
+
+
+def _where_it_acts(held_out: Likelihood, chosen: Fit | None) -> str:
+    """The channel in which the named effect explains most; the last one where nothing is named."""
+    channels = held_out.trials[0].channels
+    if chosen is None:
+        return channels[-1]
+    first, amplitudes = chosen.hypotheses[0], chosen.amplitudes[0]
+    energy = dict.fromkeys(channels, 0.0)
+    for (_, channel, _joint), rows in first.regressors.blocks.items():
+        energy[channel] = energy.get(channel, 0.0) + float(np.sum((amplitudes @ rows) ** 2))
+    return max(channels, key=lambda c: energy[c])
 
 
 def _physical(held_out: Likelihood, y: np.ndarray, channel: str) -> list[np.ndarray]:

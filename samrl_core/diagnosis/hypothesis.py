@@ -20,6 +20,8 @@ from samrl_core.diagnosis.trial import Trial
 
 SAME_AS_REPORTED = frozenset({"N", "k", "f", "z", "xs"})  # shapes that are reported under another name
 ONSET = "onset"  # shape of any effect that was switched on within the recordings [s]
+PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale with the arm
+UNBOUNDED = frozenset({"phase", "phi", "q0"})  # angles that may be anything
 BOUND_MARGIN = 0.02  # of the log range: a shape this close to its bound counts as on it
 
 
@@ -124,7 +126,7 @@ class Evidence:
         parts = tuple(amplitudes[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
         trial = self.likelihood.trials[0]
         possible = all(
-            h.effect.admissible(trial, h.place, h.form.name, h.shape, a)
+            h.effect.admissible(trial, h.place, h.form.name, h.shape, a) and not implausible(h, trial, a)
             for h, a in zip(hypotheses, parts, strict=True)
         )
         return Fit(tuple(hypotheses), parts, covariance, log_evidence if possible else -np.inf)
@@ -187,6 +189,19 @@ class Evidence:
             options={"maxfev": evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 0.05},
         )
         return best
+
+
+def implausible(h: Hypothesis, trial: Trial, amplitudes: np.ndarray) -> bool:
+    """Whether a relative or angular parameter lies far outside of what the catalogue has ever seen."""
+    ranges = {
+        p.name: PLAUSIBLE * max(abs(p.low), abs(p.high))
+        for p in h.effect.parameters
+        if p.unit in ("1", "rad") and p.name not in UNBOUNDED
+    }
+    if not ranges:
+        return False
+    values = h.effect.physical(trial, h.place, h.form.name, h.shape, amplitudes)
+    return any(abs(value) > ranges.get(name.partition("[")[0], np.inf) for name, value in values.items())
 
 
 def on_bound(h: Hypothesis) -> list[str]:

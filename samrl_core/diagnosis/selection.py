@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
-from samrl_core.diagnosis.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.likelihood import Likelihood
 from samrl_core.diagnosis.null_worlds import null_gains, threshold
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 MOST_EFFECTS = 3
+NEARLY = 0.9  # of the best evidence
 ADDITIONS = 6  # further effects that are refined and judged
 ONSETS = 17  # times that are tried first
 CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
@@ -170,7 +171,20 @@ def _best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
     ranked = sorted(best.values(), key=lambda f: -f.log_evidence)
     ranked = [f for f in ranked if np.isfinite(f.log_evidence)]
     top = [evidence.refine(f, 0) for f in ranked[:REFINED]]
-    return sorted([*top, *ranked[REFINED:]], key=lambda f: -f.log_evidence)
+    return _inside_first(sorted([*top, *ranked[REFINED:]], key=lambda f: -f.log_evidence))
+
+
+def _inside_first(fits: list[Fit]) -> list[Fit]:
+    """A shape on the bound of its search says that another formula is meant: one nearly as good goes first."""
+    if not fits or not on_bound(fits[0].hypotheses[0]) or fits[0].log_evidence <= 0:
+        return fits
+    least = NEARLY * fits[0].log_evidence
+    for k, fit in enumerate(fits):
+        if fit.log_evidence < least:
+            break
+        if not on_bound(fit.hypotheses[0]):
+            return [fit, *fits[k + 1 :]]
+    return fits
 
 
 def _extend(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:

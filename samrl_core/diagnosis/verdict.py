@@ -43,6 +43,16 @@ def decide(
 ) -> Outcome:
     """Apply the rules in order: no gap, none of mine, ambiguous, effect."""
     if selection.chosen is None:
+        if only_held_out(selection, settings):
+            return Outcome(
+                "none_of_mine",
+                (
+                    f"held-out recordings are {selection.held_out_excess:.0f} nat beyond noise and tolerances,"
+                    " the fitted ones are not",
+                    "fit a recording of the same kind too",
+                ),
+                unexplained=1.0,
+            )
         if selection.excess < settings.no_gap:
             return Outcome(
                 "no_gap",
@@ -95,6 +105,12 @@ def decide(
     if far.gap is not None and far.gap.shrink is not None:
         reasons.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
     return Outcome("effect", tuple(reasons))
+
+
+def only_held_out(selection: Selection, settings: VerdictSettings) -> bool:
+    """Whether nothing is seen where it could be fitted, but much where it was not."""
+    quiet = selection.chosen is None and selection.excess < settings.no_gap
+    return quiet and selection.held_out_excess > settings.no_gap
 
 
 def _best(selection: Selection) -> float:

@@ -26,6 +26,7 @@ NEUTRAL_SHAPES = {
     ("command_low_pass", "command"): {"fc": 1e9},
     ("command_low_pass", "effort"): {"fc": 1e9},
     ("torque_saturation", "drive"): {"L": 1e6},
+    ("torque_saturation", "soft"): {"L": 1e6, "p": 14.0},
     ("torque_saturation", "controller"): {"L": 1e6},
     ("torque_rate_limit", ""): {"R": 1e9},
 }

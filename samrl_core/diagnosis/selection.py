@@ -175,7 +175,7 @@ def _best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
 
 
 def _inside_first(fits: list[Fit]) -> list[Fit]:
-    """A shape on the bound of its search says that another formula is meant: one nearly as good goes first."""
+    """A shape on the bound of its search means another formula: one nearly as good goes first."""
     if not fits or not on_bound(fits[0].hypotheses[0]) or fits[0].log_evidence <= 0:
         return fits
     least = NEARLY * fits[0].log_evidence

@@ -47,8 +47,8 @@ def decide(
             return Outcome(
                 "none_of_mine",
                 (
-                    f"held-out recordings are {selection.held_out_excess:.0f} nat beyond noise and tolerances,"
-                    " the fitted ones are not",
+                    f"held-out recordings are {selection.held_out_excess:.0f} nat beyond noise and"
+                    " tolerances, the fitted ones are not",
                     "fit a recording of the same kind too",
                 ),
                 unexplained=1.0,

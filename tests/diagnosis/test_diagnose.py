@@ -49,6 +49,31 @@ def test_a_nominal_arm_has_no_gap(seed: int) -> None:
     assert [i.role for i in diagnosis.inputs] == ["fit", "fit", "held_out"]
 
 
+def test_a_gap_that_only_held_out_recordings_show_is_fitted_on_their_first_half() -> None:
+    """The task-like motion stays below a drive's limit that the held-out chirp exceeds throughout."""
+    _, b, c = worlds.world(4, effort_limit={LIFT: 9.0})
+    settings = DiagnosisSettings(library={"torque_saturation", "coulomb_friction", "actuator_gain"})
+    diagnosis, _ = diagnose([c], [b], settings)
+    assert [e.name for e in diagnosis.effects] == ["torque_saturation@joint:lift"], diagnosis.reasons
+    assert [i.role for i in diagnosis.inputs] == ["fit", "fit", "held_out"]
+    assert any("first halves" in note for note in diagnosis.notes)
+
+    # What the user holds out is never fitted: then the contradiction is said.
+    kept, _ = diagnose([c], [b], replace(settings, share_held_out=False))
+    assert kept.verdict == "none_of_mine" and "held-out recordings are" in kept.reasons[0]
+    assert [i.role for i in kept.inputs] == ["fit", "held_out"]
+
+
+def test_what_nothing_known_can_be_is_not_named() -> None:
+    """A sensor that reads a tenth is dead, not off by a gain: no catalogue knows such an error."""
+    diagnosis = diagnosed(9, {"actuator_gain", "torque_sensor_error"}, sensor_gain={LIFT: -0.9})
+    assert diagnosis.verdict == "none_of_mine"
+    named = [diagnosis.nearest, *diagnosis.runner_ups]
+    for effect in named:
+        if effect is not None:
+            assert all(abs(p.value) < 0.35 for p in effect.parameters.values() if p.unit == "1")
+
+
 @pytest.mark.parametrize("joint, seed", [("lift", 5), pytest.param("turn", 6, marks=pytest.mark.slow)])
 def test_coulomb_friction_is_named_with_its_place_and_level(joint: str, seed: int) -> None:
     diagnosis = diagnosed(seed, coulomb={worlds.JOINTS.index(joint): 0.8})

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from samrl_core.errors import InputError
-from samrl_core.recordings import check_held_out, check_recording, split
+from samrl_core.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.recordings.motion import no_motion
 from samrl_core.types.arm_recording import ArmRecording
 from samrl_ros.exit_codes import GAP_FOUND, INTERRUPTED, OK
@@ -107,8 +107,11 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
             one.append(found[0])
         chosen.append(one)
     fit, held_out = chosen
-    for recording in [*fit, *held_out]:
-        notes += [f"{recording.name}: {note}" for note in check_recording(recording)]
+    for group in (fit, held_out):
+        for k, recording in enumerate(group):
+            notes += [f"{recording.name}: {note}" for note in check_recording(recording)]
+            group[k], note = longest_whole(recording)
+            notes += [f"{recording.name}: {note}"] if note else []
     if not held_out:
         (whole,) = fit
         first, last = split(whole)

@@ -3,5 +3,14 @@
 from samrl_core.recordings.check import check_recording
 from samrl_core.recordings.held_out import block, check_held_out, split
 from samrl_core.recordings.motion import no_motion, still_joints
+from samrl_core.recordings.whole import longest_whole
 
-__all__ = ["block", "check_held_out", "check_recording", "no_motion", "split", "still_joints"]
+__all__ = [
+    "block",
+    "check_held_out",
+    "check_recording",
+    "longest_whole",
+    "no_motion",
+    "split",
+    "still_joints",
+]

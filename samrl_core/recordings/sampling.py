@@ -12,6 +12,7 @@ from samrl_core.types.arm_recording import ArmRecording, JointSignal
 QUANTITIES = ("position", "velocity", "acceleration", "effort")
 LEAST_SAMPLES = 200  # of a channel; ASSUMPTION: about ten samples per parameter and joint
 LEAST_DURATION_S = 1.0
+SPARSE_S = 0.05  # typical step from which on a channel is setpoints, not a stream
 LONGEST_GAP_S = 0.2
 RATE_CHANGE = 2.0  # ratio of the largest to the smallest local rate
 RATE_RANGE_HZ = (5.0, 20_000.0)  # outside, the unit of time is suspected
@@ -68,6 +69,11 @@ def check_increasing(where: str, channel: str, signal: JointSignal) -> None:
         )
 
 
+def longest_step(signal: JointSignal) -> float:
+    """Time between samples [s] from which on something is missing."""
+    return max(LONGEST_GAP_S, 5.0 * float(np.median(np.diff(signal.time))))
+
+
 def rate_notes(channel: str, signal: JointSignal) -> list[str]:
     """Rates out of the ordinary, gaps, and a rate that changes within the recording."""
     steps = np.diff(signal.time)
@@ -78,7 +84,7 @@ def rate_notes(channel: str, signal: JointSignal) -> list[str]:
             f"{channel} comes at {1.0 / typical:.4g} Hz over {signal.time[-1] - signal.time[0]:.4g} s; is the"
             " time in seconds?"
         )
-    longest = max(LONGEST_GAP_S, 5.0 * typical)
+    longest = longest_step(signal)
     gaps = np.flatnonzero(steps > longest)
     if len(gaps):
         worst = int(gaps[np.argmax(steps[gaps])])

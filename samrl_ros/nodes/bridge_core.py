@@ -132,6 +132,8 @@ class BridgeCore:
             target = self._guards[role].tick(self._world.read_arm(role), steady, robot)
             self._world.command(role, target)
         self._world.advance()
+        if self._ticks_done % self._every["joints"] == 0:
+            self._publish_commanded(self._world.time_ns - self._period_ns)
         self._ticks_done += 1
         self._publish_due()
 
@@ -187,6 +189,14 @@ class BridgeCore:
             guard.reset(readings[role])
         return ""
 
+    def _publish_commanded(self, stamp_ns: int) -> None:
+        """What the controllers made of the states that were published with the same stamp."""
+        for role in ROLES:
+            message = to_message.effort_state(
+                stamp_ns, self._world.commanded_effort(role), self._cell.arm(role).joint_names
+            )
+            self._outbox.publish(arm_topic(role, "commanded_effort"), message)
+
     def _publish_due(self) -> None:
         n = self._ticks_done
         if n % self._every["joints"] == 0:
@@ -194,12 +204,8 @@ class BridgeCore:
             self._outbox.publish("/clock", Clock(clock=to_message.time(stamp)))
             for role in ROLES:
                 names = self._cell.arm(role).joint_names
-                effort = self._world.commanded_effort(role)
                 self._outbox.publish(
                     arm_topic(role, "joint_states"), to_message.joint_state(self._world.read_arm(role), names)
-                )
-                self._outbox.publish(
-                    arm_topic(role, "commanded_effort"), to_message.effort_state(stamp, effort, names)
                 )
             self._publish_safety()
         if n % self._every["tf"] == 0:

@@ -107,3 +107,19 @@ def test_a_refused_command_is_forgotten_with_its_episode() -> None:
     assert np.array_equal(rig.world.read_arm("tool_arm").position, here)
     rig.bridge.start_episode(1, 1)
     assert rig.safety()[0] == 0
+
+
+def test_commanded_efforts_bear_the_stamp_of_the_states_they_were_made_of() -> None:
+    rig = Rig()
+    rig.said.clear()
+    rig.tick(0.1)
+
+    def stamps(topic: str) -> list[int]:
+        heard = [m.header.stamp for name, m in rig.said if name == topic]
+        return [s.sec * 1_000_000_000 + s.nanosec for s in heard]
+
+    for role in ("tool_arm", "camera_arm"):
+        states, efforts = stamps(f"/cell/{role}/joint_states"), stamps(f"/cell/{role}/commanded_effort")
+        assert len(efforts) == pytest.approx(len(states), abs=1) and len(efforts) > 20
+        # the newest state's torque is sent one period later
+        assert set(efforts[1:]) <= set(states)

@@ -37,13 +37,13 @@ class Chain:
     def wandering(chains: int, ages: int) -> Chain:
         """A delay that stays for a while, drifts by single samples, and now and then jumps."""
         one = np.ones((chains, ages))
-        return Chain(0.01 * one, 0.96 * one, 0.01 * one, 0.02 * one, one / ages)
+        return Chain(0.2 * one, 0.5 * one, 0.2 * one, 0.1 * one, one / ages)
 
     def learnt(self, counts: np.ndarray) -> Chain:
         """From expected transitions (B, 5, ages) in the order of the fields."""
         total = counts + PSEUDO * np.stack([self.up, self.stay, self.down, self.new, self.target], axis=1)
-        # A drift does not depend on the age. Losses come in bursts (Gilbert 1960, Bell Syst. Tech. J. 39): the
-        # first has a probability of its own, and further ones another.
+        # A drift does not depend on the age. Losses come in bursts (Gilbert 1960, Bell Syst. Tech. J. 39):
+        # the first has a probability of its own, and further ones another.
         alike = slice(None) if self.stay.any() else slice(1, None)
         total[:, :4, alike] = np.sum(total[:, :4, alike], axis=2, keepdims=True)
         moves = total[:, :4] / np.sum(total[:, :4], axis=1, keepdims=True)

@@ -18,7 +18,7 @@ JITTERY = "wandering"
 
 
 class CommandDelay(LateResponse):
-    """What is commanded is done later; by a time that is constant, or that drifts and jumps about its mean."""
+    """What is commanded is done later; by a constant time, or by one that drifts and jumps about its mean."""
 
     family, number, title = "command_delay", 18, "command delay"
     formula = "x(t) = x_in(t - T), T constant or T(t)"

@@ -17,7 +17,7 @@ class CommandLowPass(LateResponse):
 
     family, number, title = "command_low_pass", 17, "command low-pass"
     formula = "x' = 2 pi fc (x_in - x), or Butterworth of second order: x'' = w (w (x_in - x) - sqrt(2) x')"
-    source = "libfranka: first order, 100 Hz by default, up to 1000 Hz; drives: torque filters of second order"
+    source = "libfranka: first order, 100 Hz by default, up to 1000 Hz; drives: second-order torque filters"
     excitation = "chirp to 10-30 Hz"
     confounded_with = ("command_delay", "joint_elasticity", "torque_rate_limit")
     parameters = (Parameter("fc", "Hz", 0.5, 100.0, "cutoff frequency, at -3 dB"),)

@@ -110,7 +110,7 @@ class Effect(ABC):
         return self.physical(trial, place, form, shape, amplitudes)
 
     def cost(self, trials: Sequence[Trial], place: str, form: str) -> float:
-        """Evidence [nat] that it must win before it is as likely as other effects; infinite if it is denied."""
+        """Evidence [nat] that it must win to be as likely as other effects; infinite if it is denied."""
         return self.prior_cost
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:

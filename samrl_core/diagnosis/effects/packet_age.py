@@ -1,8 +1,8 @@
 """How old the packet is that a drive acts on, sample by sample: a hidden Markov chain over its age.
 
 What is done follows what was sent some samples ago: y(t) = g x(t - age(t)) + slow + noise. Everything slow is
-taken out, so the ages are learnt from detail above `DETAIL_HZ` only, while the evidence compares below it: when
-something was late is then a prediction that the compared band confirms or not, and costs it no freedom.
+taken out, so the ages are learnt from detail above `DETAIL_HZ` only, while the evidence compares below it:
+when something was late is then a prediction that the compared band confirms or not, and costs no freedom.
 Ages, noise and the chain's own probabilities by expectation maximisation (Rabiner 1989, IEEE Proc. 77).
 """
 
@@ -179,7 +179,5 @@ def _usual_ages(old: Sequence[np.ndarray], done: np.ndarray, low: np.ndarray) ->
         along = np.clip(fast @ aged, 0.0, None) ** 2 / np.maximum(np.sum(aged**2, axis=0), 1e-12)
         left = 1.0 - along / max(float(fast @ fast), 1e-12)
         logs.append(-0.5 * len(fast) * np.log(np.maximum(left, 1e-6)))
-    clear = [x - x[0] > AGED for x in [*logs, np.sum(logs, axis=0)]]
-    return np.array(
-        [int(np.argmax(x)) if np.any(c) else 0 for x, c in zip([*logs, np.sum(logs, axis=0)], clear, strict=True)]
-    )
+    logs.append(np.sum(logs, axis=0))
+    return np.array([int(np.argmax(x)) if np.max(x) > x[0] + AGED else 0 for x in logs])

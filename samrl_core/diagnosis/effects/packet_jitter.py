@@ -66,7 +66,7 @@ class PacketJitter(FixedResponse):
         alone, together = gains[:-1], float(gains[-1])
         kind, _, name = place.partition(":")
         mine = float(alone[trials[0].recording.arm.joints.index(name)]) if kind == "joint" else together
-        # What the others deny makes the arm's holds less probable than one joint's; what they cannot tell, not.
+        # What others deny makes the arm's holds less probable than one joint's; silence does not.
         denied = mine < together + CLEAR if kind == "joint" else together < float(np.max(alone))
         return np.inf if denied or mine < CLEAR else CLEAR
 
@@ -90,7 +90,7 @@ class PacketJitter(FixedResponse):
         amplitudes: np.ndarray,
         rng: np.random.Generator,
     ) -> dict[str, float]:
-        """Bursts are few, so their share is uncertain; a burst ends within a sample, and its ends may be missed."""
+        """Bursts are few, so their share is uncertain; their ends may be missed."""
         age = age_at(trial, place, form, HELD)
         few = 1.0 / max(1.0, age.bursts)
         # Lengths of bursts are geometric: their sum deviates by twice what their number does, in variance.

@@ -57,7 +57,8 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
         for name, width in widths.items():
             spread = np.hypot(width, formula * min(1.0, h.form.step / 0.35))
             shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
-        for name, value in h.effect.physical(trial, h.place, h.form.name, shape, amplitudes).items():
+        drawn = h.effect.drawn(trial, h.place, h.form.name, shape, amplitudes, rng)
+        for name, value in drawn.items():
             values.setdefault(name, []).append(value)
     best = h.effect.physical(trial, h.place, h.form.name, h.shape, mean)
     out = {}

@@ -39,6 +39,7 @@ class Hypothesis:
     gram: np.ndarray  # (p, p) without tolerances
     moment: np.ndarray  # (p,) likewise
     tried: int = 1  # shapes and forms that were searched
+    cost: float = 0.0  # [nat] of the effect before these data
 
     @property
     def name(self) -> str:
@@ -70,9 +71,9 @@ def hypothesis(
     if not np.isfinite(gram).all() or float(np.max(np.diag(gram))) <= 0:
         return None
     mean, spread = effect.prior(likelihood.trials[0], place, form.name, shape)
-    return Hypothesis(
-        effect, place, form, shape, regressors, mean, spread, gram, likelihood.plain_moment(regressors)
-    )
+    moment = likelihood.plain_moment(regressors)
+    cost = effect.cost(likelihood.trials, place, form.name)
+    return Hypothesis(effect, place, form, shape, regressors, mean, spread, gram, moment, cost=cost)
 
 
 def _from(trial: Trial, columns: Columns, onset: float) -> Columns:
@@ -119,7 +120,7 @@ class Evidence:
             - 0.5 * mean @ gram @ mean
             + 0.5 * rest @ step
             - np.sum(np.log(np.diag(factor[0])))
-            - sum(np.log(h.tried) + h.effect.prior_cost for h in hypotheses)
+            - sum(np.log(h.tried) + h.cost for h in hypotheses)
         )
         covariance = spread[:, None] * linalg.cho_solve(factor, np.eye(total)) * spread
         amplitudes = mean + spread * step

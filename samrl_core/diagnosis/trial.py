@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class Trial:
         self.scale = scale_limits(recording.arm, rigid, self.motion)
         self.channels = self.equations.channels
         self.joints = self.motion.joints
-        self.kept: dict[tuple[str, int, str], tuple[np.ndarray, np.ndarray]] = {}  # of effects, per trial
+        self.kept: dict[tuple[str, str], Any] = {}  # what an effect works out once per trial
 
     def __len__(self) -> int:
         return len(self.motion)

@@ -19,8 +19,7 @@ from tests.diagnosis.cases import CASES, Case
 
 BY_FAMILY = {e.family: e for e in EFFECTS}
 _RATE = "the simulator's velocity reading lacks the rate of the hysteresis that its position reading has"
-_ROTOR = "holds are sought in effort that still contains the rotor's share, so most are missed"
-FORMULA_DEFECTS = {"transmission_hysteresis": _RATE, "packet_jitter-effort": _ROTOR}
+FORMULA_DEFECTS = {"transmission_hysteresis": _RATE}
 FIT_DEFECTS = {
     **FORMULA_DEFECTS,
     "coulomb_friction-stiff_bristle": "the tolerances' smooth signs take a quarter of the level",

@@ -8,7 +8,7 @@ linear in its amplitudes. Amplitudes are then solved exactly, and only shapes ar
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -96,6 +96,22 @@ class Effect(ABC):
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         """Reported parameters by name, from amplitudes and shape."""
+
+    def drawn(
+        self,
+        trial: Trial,
+        place: str,
+        form: str,
+        shape: Shape,
+        amplitudes: np.ndarray,
+        rng: np.random.Generator,
+    ) -> dict[str, float]:
+        """The same for one draw of the posterior; drawn too is what amplitudes and shapes leave open."""
+        return self.physical(trial, place, form, shape, amplitudes)
+
+    def cost(self, trials: Sequence[Trial], place: str, form: str) -> float:
+        """Evidence [nat] that it must win to be as likely as other effects; infinite if it is denied."""
+        return self.prior_cost
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Whether amplitudes are physically possible (no negative friction, say)."""

@@ -207,9 +207,10 @@ class LateResponse(FixedResponse):
     limits: ClassVar[tuple[float, float]]
     tracking_grid: ClassVar[tuple[float, ...]]  # for servos that only log where they are
     tracking_limits: ClassVar[tuple[float, float]] = (1e-3, 50.0)
+    variants: ClassVar[tuple[str, ...]] = ("",)  # formulas of the response, of loggers at full rate
 
     @abstractmethod
-    def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
+    def late(self, trial: Trial, x: np.ndarray, form: str, shape: Shape) -> np.ndarray:
         """A full-rate signal (F, J) as it arrives."""
 
     def places(self, trial: Trial) -> tuple[str, ...]:
@@ -227,12 +228,15 @@ class LateResponse(FixedResponse):
         return None
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        """By where it acts, as far as the channels show it."""
+        """By where it acts, as far as the channels show it, and by formula."""
         if "tracking" in trial.channels:
             return (self._form("tracking", self.tracking_grid, self.tracking_limits),)
         shown = (("controller", "command"), ("drive", "effort"))
         return tuple(
-            self._form(name, self.grid, self.limits) for channel, name in shown if channel in trial.channels
+            self._form(f"{name} {variant}".strip(), self.grid, self.limits)
+            for channel, name in shown
+            if channel in trial.channels
+            for variant in self.variants
         )
 
     def _form(self, name: str, grid: tuple[float, ...], limits: tuple[float, float]) -> Form:
@@ -242,12 +246,12 @@ class LateResponse(FixedResponse):
         """What is missing while the signal is on its way."""
         parts = []
         motion, command, controller = trial.motion, trial.motion.command, trial.recording.arm.controller
-        if form == "effort":
+        if form.startswith("effort"):
             assert motion.raw_commanded is not None
-            lost = motion.raw_commanded - self.late(trial, motion.raw_commanded, shape)
+            lost = motion.raw_commanded - self.late(trial, motion.raw_commanded, form, shape)
             parts = [trial.drive(j, lost[:, [j]].T) for j in self.joints_at(trial, place)]
         elif command is not None and command.position is not None:
-            lost = command.position - self.late(trial, command.position, shape)
+            lost = command.position - self.late(trial, command.position, form, shape)
             if form == "tracking":
                 parts = [
                     trial.tracking(j, motion.reduce(lost[:, [j]]).T) for j in self.joints_at(trial, place)
@@ -255,9 +259,9 @@ class LateResponse(FixedResponse):
             else:
                 assert controller is not None and command.velocity is not None and command.effort is not None
                 lost = controller.stiffness * lost
-                slower = command.velocity - self.late(trial, command.velocity, shape)
+                slower = command.velocity - self.late(trial, command.velocity, form, shape)
                 lost = lost + controller.damping * slower
-                lost = lost + command.effort - self.late(trial, command.effort, shape)
+                lost = lost + command.effort - self.late(trial, command.effort, form, shape)
                 parts = [trial.controller(j, lost[:, [j]].T) for j in self.joints_at(trial, place)]
         return add(*parts)
 

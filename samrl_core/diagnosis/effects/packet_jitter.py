@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from scipy import signal
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape
 from samrl_core.diagnosis.effects.families import FixedResponse
+from samrl_core.diagnosis.effects.packet_age import HELD, age_at, ages
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial, add
 
+CLEAR = 10.0  # [nat] that holds must win above the compared band: three probabilities are learnt there
+MOSTLY = 0.6  # share of samples above which packets are not now and then late, but delayed
+UNSEEN = 0.2  # ASSUMPTION: relative deviation of the share by holds too short or too quiet to be told
+
 
 class PacketJitter(FixedResponse):
-    """Now and then a command does not arrive, and the last one is held."""
+    """Now and then a command does not arrive, and the last one is held.
+
+    Packets carry all joints: one joint alone is only named where the others deny that they share its holds.
+    """
 
     family, number, title = "packet_jitter", 19, "packet jitter or loss"
     formula = "u(t) = u(t_k), t_k the last that arrived"
@@ -48,57 +57,44 @@ class PacketJitter(FixedResponse):
         return tuple(forms)
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        parts = []
-        for j in self.joints_at(trial, place):
-            lost, _ = _holds(trial, j, form)
-            parts.append(trial.controller(j, lost[None]) if form == "command" else trial.drive(j, lost[None]))
-        return add(*parts)
+        age = age_at(trial, place, form, HELD)
+        put = trial.controller if form == "command" else trial.drive
+        return add(*(put(j, age.lost(trial, form, j)[None]) for j in self.joints_at(trial, place)))
+
+    def cost(self, trials: Sequence[Trial], place: str, form: str) -> float:
+        gains = np.sum([[a.gain for a in ages(trial, form, HELD)] for trial in trials], axis=0)
+        alone, together = gains[:-1], float(gains[-1])
+        kind, _, name = place.partition(":")
+        mine = float(alone[trials[0].recording.arm.joints.index(name)]) if kind == "joint" else together
+        # What others deny makes the arm's holds less probable than one joint's; silence does not.
+        denied = mine < together + CLEAR if kind == "joint" else together < float(np.max(alone))
+        return np.inf if denied or mine < CLEAR else CLEAR
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        rare = age_at(trial, place, form, HELD).late < MOSTLY
+        return rare and super().admissible(trial, place, form, shape, amplitudes)
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
-        ages = np.concatenate([_holds(trial, j, form)[1] for j in self.joints_at(trial, place)])
-        return {"held": float(np.mean(ages > 0)), "longest": float(np.max(ages)) / trial.motion.rate}
+        age = age_at(trial, place, form, HELD)
+        longest = int(np.max(np.flatnonzero(age.reaches() > 0.5), initial=0))
+        return {"held": age.late, "longest": longest / age.rate}
 
-
-def _holds(trial: Trial, joint: int, form: str) -> tuple[np.ndarray, np.ndarray]:
-    """Found once per recording: many places and draws ask for the same."""
-    key = (PacketJitter.family, joint, form)
-    if key not in trial.kept:
-        trial.kept[key] = _find_holds(trial, joint, form)
-    return trial.kept[key]
-
-
-def _find_holds(trial: Trial, joint: int, form: str, longest: int = 12) -> tuple[np.ndarray, np.ndarray]:
-    """Torque lost to holds (F,), and the age of the held value in samples (F,), as the residual shows them.
-
-    A sample counts as held only where the residual stands clear of its own detail noise and an older value
-    explains it; when most samples are late it is a delay, not jitter, and nothing is returned.
-    """
-    motion = trial.motion
-    if form == "command":
-        law, u = trial.equations.law, motion.raw_commanded
-        command, controller = motion.command, trial.recording.arm.controller
-        assert law is not None and u is not None and command is not None and controller is not None
-        assert command.position is not None and command.velocity is not None
-        residual = law[:, joint] - u[:, joint]
-        stream = controller.stiffness[joint] * command.position[:, joint]
-        stream = stream + controller.damping[joint] * command.velocity[:, joint]
-    else:
-        assert motion.raw_commanded is not None and motion.raw_effort is not None
-        residual = motion.raw_commanded[:, joint] - motion.raw_effort[:, joint]
-        residual = residual - trial.rotor[joint] * motion.full_acceleration[:, joint]
-        residual = residual - signal.medfilt(residual, 51)
-        stream = motion.raw_commanded[:, joint]
-    noise = 1.4826 * float(np.median(np.abs(residual - np.median(residual)))) + 1e-9
-    lost, ages = np.zeros(len(residual)), np.zeros(len(residual))
-    best = np.abs(residual)
-    clear = best > 5.0 * noise
-    for age in range(1, longest + 1):
-        old = stream - np.concatenate([np.full(age, stream[0]), stream[:-age]])
-        error = np.abs(residual - old)
-        better = clear & (error < best) & (error < 3.0 * noise)
-        lost[better], ages[better], best[better] = old[better], age, error[better]
-    if np.mean(ages > 0) > 0.6:
-        return np.zeros_like(lost), np.zeros_like(ages)
-    return lost, ages
+    def drawn(
+        self,
+        trial: Trial,
+        place: str,
+        form: str,
+        shape: Shape,
+        amplitudes: np.ndarray,
+        rng: np.random.Generator,
+    ) -> dict[str, float]:
+        """Bursts are few, so their share is uncertain; their ends may be missed."""
+        age = age_at(trial, place, form, HELD)
+        few = 1.0 / max(1.0, age.bursts)
+        # Lengths of bursts are geometric: their sum deviates by twice what their number does, in variance.
+        share = age.late * np.exp(np.hypot(UNSEEN, np.sqrt(2.0 * few)) * rng.standard_normal())
+        reaches = age.reaches()
+        longest = int(np.max(np.flatnonzero(reaches > rng.uniform()), initial=0))
+        return {"held": float(min(share, 1.0)), "longest": (longest + rng.uniform(-0.5, 1.0)) / age.rate}

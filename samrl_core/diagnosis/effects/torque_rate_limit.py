@@ -24,17 +24,19 @@ class TorqueRateLimit(FixedResponse, DriveTorque):
         (joint,) = self.joints_at(trial, place)
         most = 1.0
         if trial.motion.raw_commanded is not None:
-            smooth = trial.motion.smooth(trial.motion.raw_commanded[:, joint])
-            most = float(np.quantile(np.abs(np.diff(smooth)), 0.999)) * trial.motion.rate
+            steps = np.abs(np.diff(trial.motion.raw_commanded[:, joint]))
+            most = max(float(np.quantile(steps, 0.999)) * trial.motion.rate, 1e-6)
         return single(
             ("present",),
-            tuple({"R": f * most} for f in (0.05, 0.1, 0.2, 0.35, 0.6, 0.85)),
-            R=(0.01 * most, 1.2 * most),
+            # Other recordings of the arm may move faster than the first.
+            tuple({"R": f * most} for f in (0.05, 0.1, 0.2, 0.35, 0.6, 0.85, 1.2, 2.0)),
+            R=(0.01 * most, 4.0 * most),
         )
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         assert trial.motion.raw_commanded is not None
-        u = trial.motion.smooth(trial.motion.raw_commanded[:, joint])
+        # As it was sent, with what sensor noise does through the gains: a limit acts on that as well.
+        u = trial.motion.raw_commanded[:, joint]
         return (u - rate_limited(u, shape["R"] / trial.motion.rate))[None]
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:

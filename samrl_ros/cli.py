@@ -115,9 +115,7 @@ def diagnose(
     held_out: Annotated[
         list[Path] | None, typer.Option(help="Bags never fitted; without it, the last of several is one.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder of report.json and report.html.")] = Path(
-        "out/diagnosis"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder of report.json and report.html.")] = Path("out/diagnosis"),
     arm: Annotated[str | None, typer.Option(help="tool_arm or camera_arm; else the one that moves.")] = None,
     urdf: Annotated[Path | None, typer.Option(help="Nominal model, in place of the bags' own.")] = None,
     tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None,

@@ -118,9 +118,7 @@ class Model:
             InputError: wrong shapes, non-finite values, or a camera with other intrinsics than the cell's.
         """
         if tuple(colors.shape) != (len(self.color_names), 3):
-            raise InputError(
-                f"colors have shape {tuple(colors.shape)}, must be ({len(self.color_names)}, 3)"
-            )
+            raise InputError(f"colors have shape {tuple(colors.shape)}, must be ({len(self.color_names)}, 3)")
         if isinstance(camera, Camera):
             if camera.intrinsics != self.cell.intrinsics:
                 raise InputError(f"camera has {camera.intrinsics}, the cell's is {self.cell.intrinsics}")

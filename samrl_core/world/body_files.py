@@ -32,9 +32,7 @@ class Mounted:
         reach = [abs(part.part_in_body.position[2]) for part in tool.parts]
         farthest = int(np.argmax(reach))
         colors = tuple(tool.color if i == farthest else GRIPPER_COLOR for i in range(len(tool.parts)))
-        return Mounted(
-            tool.parts, colors, tool.mass, tool.center_of_mass, tool.inertia, tool.friction
-        )
+        return Mounted(tool.parts, colors, tool.mass, tool.center_of_mass, tool.inertia, tool.friction)
 
 
 GRIPPER_COLOR: Rgb = (0.75, 0.75, 0.75)

@@ -24,9 +24,7 @@ def test_law_by_hand() -> None:
     spec = CELL.tool_arm
     controller = replace(spec.controller, stiffness=np.full(7, 2.0), damping=np.full(7, 3.0))
     command = ArmCommand(0, np.full(7, 0.5), np.zeros(7), np.full(7, 99.0), np.full(7, 5.0))
-    effort = impedance_effort(
-        controller, spec.limits, command, np.zeros(7), np.full(7, 0.1), np.full(7, 4.0)
-    )
+    effort = impedance_effort(controller, spec.limits, command, np.zeros(7), np.full(7, 0.1), np.full(7, 4.0))
     np.testing.assert_allclose(effort, 9.7)
 
 

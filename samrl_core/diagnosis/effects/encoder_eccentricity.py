@@ -8,6 +8,8 @@ from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, 
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
+LEAST_WAVE = 0.25  # of the error's root mean square that must vary over the travel
+
 
 class EncoderEccentricity(Effect):
     """The reading errs once per turn, or a few times."""
@@ -40,6 +42,13 @@ class EncoderEccentricity(Effect):
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(2), np.full(2, 0.005)
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        # Over a short travel a long wave is constant: an encoder's offset under another name.
+        (joint,) = self.joints_at(trial, place)
+        angle = shape["k"] * trial.motion.q[:: max(1, len(trial) // 200), joint]
+        wave = amplitudes[0] * np.sin(angle) + amplitudes[1] * np.cos(angle)
+        return bool(np.std(wave) > LEAST_WAVE * np.sqrt(np.mean(wave**2)))
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -115,8 +115,7 @@ class PegInsertion(Task):
             "camera_arm": camera_in_base @ cell.camera_in_flange.inverse(),
         }
         return {
-            role: solve_ik(cell.arm(role), pose, cell.arm(role).home)
-            for role, pose in flange_in_base.items()
+            role: solve_ik(cell.arm(role), pose, cell.arm(role).home) for role, pose in flange_in_base.items()
         }
 
     def start_camera(self) -> Pose:

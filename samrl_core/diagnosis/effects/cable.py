@@ -66,8 +66,8 @@ class Cable(Effect):
         """Hysteresis (N,) of unit height."""
         key = ("cable", joint, f"{distance:.9g}")
         if key not in trial.kept:
-            z = bristle(trial.motion.full_position[:, joint], distance)
-            trial.kept[key] = (trial.motion.reduce(z), z)
+            z = trial.motion.reduce(bristle(trial.motion.full_position[:, joint], distance))
+            trial.kept[key] = (z, z)
         return trial.kept[key][0]
 
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:

@@ -18,7 +18,7 @@ class TransmissionHysteresis(TorqueDeflection):
     """The joint twists under torque with a loop that does not depend on the rate."""
 
     family, number, title = "transmission_hysteresis", 12, "transmission hysteresis"
-    formula = "tau = K x + ts z(x), x = q_motor - q_link; or q_link = q_motor - a z, dz = dtau / ts (1 - z sgn dtau)"
+    formula = "tau = K x + ts z(x); or x = a z, dz = dtau / ts (1 - z sgn dtau), with x = q_motor - q_link"
     source = "Bouc-Wen family; harmonic drives: Tjahjowidodo et al. 2013"
     excitation = "quasi-static load cycles"
     confounded_with = ("presliding", "backlash", "joint_elasticity")

@@ -36,7 +36,8 @@ class TransmissionHysteresis(TorqueDeflection):
         span = max(float(np.ptp(seen[:, joint])), 1e-3)
         loop = Form("", ("a",), tuple({"ts": f * span} for f in (0.05, 0.2)), {"ts": (0.01 * span, span)})
         grid = tuple({"ts": t * span, "y": y * span} for t in (0.1, 0.3) for y in (0.04, 0.12, 0.35))
-        limits = {"ts": (0.01 * span, span), "y": (0.005 * span, span)}
+        # a slider that does not turn round within the torques that were seen is a part of the spring
+        limits = {"ts": (0.01 * span, 0.5 * span), "y": (0.005 * span, 0.5 * span)}
         return loop, Form("spring", ("compliance",), grid, limits)
 
     def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:

@@ -6,12 +6,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy import signal
 
 from samrl_core.diagnosis.equations import Columns, Equations, armature, form_equations, scale_limits, settled
 from samrl_core.diagnosis.motion import Motion
 from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.dynamics.sprung_link import sprung_link
 from samrl_core.types.arm_recording import ArmRecording
+
+FINE_HZ = 40.0  # of torques whose turning points count
 
 
 class Trial:
@@ -121,6 +124,27 @@ class Trial:
         return self.motion.u - self.rotor * self.motion.ddq
 
     @cached_property
+    def transmitted_finely(self) -> np.ndarray | None:
+        """`transmitted` (G, J) before the band, thinned: a loop is drawn by its turning points."""
+        motion = self.motion
+        if motion.raw_commanded is None or motion.rate < 4.0 * FINE_HZ:
+            return None
+        acceleration = np.gradient(motion.full_velocity, 1.0 / motion.rate, axis=0)
+        torque = motion.raw_commanded - self.rotor * acceleration
+        low = signal.butter(3, FINE_HZ, fs=motion.rate, output="sos")
+        return np.asarray(signal.sosfiltfilt(low, torque, axis=0))[:: self._fine_step]
+
+    def from_fine(self, x: np.ndarray) -> np.ndarray:
+        """Band-limited (p, N) of what was computed from `transmitted_finely`, (p, G)."""
+        time = self.motion.time
+        full = [np.interp(time, time[:: self._fine_step], row) for row in x]
+        return self.motion.reduce(np.stack(full, axis=1)).T
+
+    @property
+    def _fine_step(self) -> int:
+        return max(1, int(self.motion.rate / (6.0 * FINE_HZ)))
+
+    @cached_property
     def rigid_torque(self) -> np.ndarray:
         """Link-side torque (F, J) at full rate that the nominal model needs to follow the reading rigidly."""
         assert self.rigid is not None
@@ -157,7 +181,7 @@ class Trial:
         link = tau - RNEA(q): with the true link at q - delta, tau = RNEA(q - delta), so the residual is
         -(d RNEA/dq delta + M d2 delta/dt2) to first order.
         """
-        second = np.stack([self.motion.derivative(self.motion.derivative(d)) for d in delta])
+        second = np.stack([self.motion.second_derivative(d) for d in delta])
         return -(
             np.einsum("nj,pn->pnj", self.stiffness[:, :, joint], delta)
             + np.einsum("nj,pn->pnj", self.mass[:, :, joint], second)

@@ -170,6 +170,8 @@ class TorqueDeflection(Deflection):
     def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
         """Deflection (p, N) per unit amplitude [rad] under the transmitted torque (N,) [N m]."""
 
+    by_turns: ClassVar[tuple[str, ...]] = ()  # forms in which the torque's turning points count
+
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """Motor-side reading: the link is where its inertia and weight are felt."""
         (joint,) = self.joints_at(trial, place)
@@ -177,8 +179,20 @@ class TorqueDeflection(Deflection):
             load = trial.motion.tau if trial.motion.tau is not None else trial.motion.u
             assert load is not None
             return trial.tracking(joint, self.angle(trial, joint, form, shape, load[:, joint]))
-        angle = self.angle(trial, joint, form, shape, trial.transmitted[:, joint])
+        fine = trial.transmitted_finely if form in self.by_turns else None
+        if fine is None:
+            angle = self.angle(trial, joint, form, shape, trial.transmitted[:, joint])
+        else:
+            angle = trial.from_fine(self.angle(trial, joint, form, shape, fine[:, joint]))
         return trial.link(trial.deflection(joint, angle))
+
+    def line(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> float:
+        """Stiffness [N m/rad] of the straight line through what the torque does to the angle."""
+        (joint,) = self.joints_at(trial, place)
+        torque = trial.transmitted[:, joint]
+        angle = amplitudes @ self.angle(trial, joint, form, shape, torque)
+        slope = float(np.polyfit(torque - np.mean(torque), angle, 1)[0])
+        return 1.0 / max(slope, 1e-12)
 
 
 class FixedResponse(Effect):

@@ -47,7 +47,7 @@ class MountCompliance(Effect):
         for axis in (0, 1):
             load = wrench[:, 3 + axis] if form == "rotation" else wrench[:, axis]
             angle = resonant(load, shape["f"], shape["z"], trial.motion.dt)
-            second = trial.motion.derivative(trial.motion.derivative(angle))
+            second = trial.motion.second_derivative(angle)
             row = unit[3 + axis if form == "rotation" else axis] * second[:, None]
             if form == "rotation":
                 row = row + trial.tilt[axis] * angle[:, None]

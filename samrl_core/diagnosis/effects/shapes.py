@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy import signal
 
@@ -25,6 +27,26 @@ def bristle(position: np.ndarray, distance: float) -> np.ndarray:
     for d, s in zip(decay, target, strict=True):
         z = s + (z - s) * d
         out.append(z)
+    return np.array(out)
+
+
+def rubbing_spring(force: np.ndarray, level: float, yield_force: float) -> np.ndarray:
+    """Twist (F,) under a force, times the spring's stiffness K, of a spring with a Dahl slider beside it.
+
+    force = K x + level z(x), dz = dx K / yield_force (1 - z sgn dx): stiffer by 1 + level / yield_force after
+    each turn, and soft as the spring alone once it slides (Tjahjowidodo 2013 with one element; Bouc 1967).
+    """
+    out, twist, z, last = [], float(force[0]), 0.0, float(force[0])
+    for f in force.tolist():
+        # steps well below the force over which the slider turns round
+        count = int(4.0 * abs(f - last) / yield_force) + 1
+        part, side = (f - last) / count, (1.0 if f > last else -1.0)
+        for _ in range(count):
+            step = part / (1.0 + level / yield_force * (1.0 - z * side))
+            twist += step
+            z = side + (z - side) * math.exp(-abs(step) / yield_force)
+        out.append(twist)
+        last = f
     return np.array(out)
 
 

@@ -23,7 +23,7 @@ class GearRipple(DriveTorque):
     parameters = (
         Parameter("amplitude", "N m", 0.02, 0.5, "of the ripple's first line"),
         Parameter("order", "1/rad", 15.0, 420.0, "periods per 2 pi"),
-        Parameter("phase", "rad", -3.1416, 3.1416, "of the torque that is lost; of one that is added, pi more"),
+        Parameter("phase", "rad", -3.1416, 3.1416, "of the torque that is lost; pi more if added"),
     )
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:

@@ -48,7 +48,9 @@ class StribeckFriction(DriveTorque):
         speed = trial.motion.full_velocity[:, joint]
         sign = smooth_sign(speed, shape["v"])
         x = np.abs(speed) / shape["vs"]
-        return np.stack([sign, sign * (1.0 / (1.0 + x**2) if form == RATIONAL else np.exp(-(x ** shape["d"])))])
+        return np.stack(
+            [sign, sign * (1.0 / (1.0 + x**2) if form == RATIONAL else np.exp(-(x ** shape["d"])))]
+        )
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return np.full(2, 0.1 * trial.scale[joint])

@@ -28,7 +28,7 @@ class ThermalFriction(DriveTorque):
         Parameter("Finf", "N m", 0.0, 1.5, "level when warm"),
         Parameter("F0", "N m", 0.1, 2.0, "level when cold"),
         Parameter("T", "s", 2.0, 3600.0, "time constant"),
-        Parameter("vw", "rad/s", 0.01, 1.0, "mean speed that warms the joint by one e-folding of its friction"),
+        Parameter("vw", "rad/s", 0.01, 1.0, "mean speed that warms the joint by one e-folding"),
     )
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:

@@ -8,8 +8,8 @@ from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, 
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
-
-MOST_GAIN = 0.34  # a sensor that is further off is none: all friction of a weightless joint would be its gain
+# Further off is none of a sensor that works: all friction of a joint without load would be its gain.
+MOST_GAIN = 0.34
 
 
 class TorqueSensorError(Effect):
@@ -56,7 +56,9 @@ class TorqueSensorError(Effect):
         # What each side of the sensor expects of it, never its own reading: see Trial.transmitted.
         assert motion.u is not None
         expected = motion.u[:, joint] - trial.rotor[joint] * motion.ddq[:, joint]
-        return trial.sensor(joint, np.stack([expected, *zero]), np.stack([trial.model_torque[:, joint], *zero]))
+        return trial.sensor(
+            joint, np.stack([expected, *zero]), np.stack([trial.model_torque[:, joint], *zero])
+        )
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         (joint,) = self.joints_at(trial, place)

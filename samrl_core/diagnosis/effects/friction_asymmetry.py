@@ -73,11 +73,27 @@ class FrictionAsymmetry(DriveTorque):
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, np.ndarray | float] | None:
-        if form in OFFSETS:
-            return None
         joints = self.joints_at(trial, place)
+        if form in OFFSETS:
+            level, difference, width = self._as_levels(trial, joints[0], form, shape, float(amplitudes[0]))
+        else:
+            (level, difference), width = amplitudes, shape["v"]
         return {
-            "coulomb": at_joint(trial, joints, amplitudes[0]),
-            "friction_asymmetry": at_joint(trial, joints, amplitudes[1]),
-            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
+            "coulomb": at_joint(trial, joints, level),
+            "friction_asymmetry": at_joint(trial, joints, difference),
+            "coulomb_velocity": at_joint(trial, joints, width, 0.005),
         }
+
+    def _as_levels(
+        self, trial: Trial, joint: int, form: str, shape: Shape, size: float
+    ) -> tuple[float, float, float]:
+        """Levels and width by which the simulator, which knows no offset, comes closest at these speeds."""
+        wanted = size * self.torque(trial, joint, form, shape)[0]
+        best = np.inf, 0.0, 0.0, shape["v"]
+        for width in shape["v"] * np.array([0.5, 0.7, 1.0, 1.4, 2.0]):
+            rows = self.torque(trial, joint, "levels", {"v": float(width)})
+            (level, difference), *_ = np.linalg.lstsq(rows.T, wanted, rcond=None)
+            error = float(np.mean((level * rows[0] + difference * rows[1] - wanted) ** 2))
+            if error < best[0]:
+                best = error, float(level), float(difference), float(width)
+        return best[1:]

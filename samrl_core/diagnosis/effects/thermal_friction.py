@@ -70,14 +70,16 @@ class ThermalFriction(DriveTorque):
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, np.ndarray | float] | None:
-        if form == WORKED:
-            return None  # the simulator warms with time alone
         joints = self.joints_at(trial, place)
-        warm = max(float(amplitudes[0]), 1e-6)
+        warm, rise, time = float(amplitudes[0]), float(amplitudes[1]), shape["T"]
+        if form == WORKED:
+            level = warm + rise * np.exp(-_warmth(trial.motion, joints[0], shape["T"]) / shape["vw"])
+            warm, rise, time = _with_time(trial.motion.time - trial.motion.time[0], level)
+        warm = max(warm, 1e-6)
         return {
             "coulomb": at_joint(trial, joints, warm),
-            "thermal_ratio": at_joint(trial, joints, amplitudes[1] / warm),
-            "thermal_time": at_joint(trial, joints, shape["T"], 60.0),
+            "thermal_ratio": at_joint(trial, joints, rise / warm),
+            "thermal_time": at_joint(trial, joints, time, 60.0),
         }
 
 
@@ -89,3 +91,15 @@ def _warmth(motion: Motion, joint: int, time_constant: float) -> np.ndarray:
     speed = np.abs(motion.full_velocity[:, joint])
     # The filter starts settled on its first sample: a zero ahead of the recording makes that cold.
     return low_passed(np.append(0.0, speed), 1.0 / (2.0 * np.pi * time_constant), motion.rate)[1:]
+
+
+def _with_time(time: np.ndarray, level: np.ndarray) -> tuple[float, float, float]:
+    """Warm level, rise and time constant of the simulator, which warms with time alone, that come closest."""
+    best: tuple[float, float, float, float] = (np.inf, 0.0, 0.0, 1.0)
+    for constant in np.geomspace(0.3, 60.0, 16):
+        terms = np.stack([np.ones_like(time), np.exp(-time / constant)], axis=1)
+        (warm, rise), *_ = np.linalg.lstsq(terms, level, rcond=None)
+        error = float(np.mean((terms @ [warm, rise] - level) ** 2))
+        if error < best[0] and warm > 0:
+            best = error, float(warm), float(rise), float(constant)
+    return best[1:]

@@ -41,7 +41,7 @@ class PositionDependentFriction(DriveTorque):
             Form("friction", ("sine", "cosine"), grid, limits),
             Form("torque", ("sine", "cosine"), grid, limits),
             # Orders in steps that the travel tells apart.
-            Form(EVERYWHERE, ("level", "sine", "cosine", "sine2", "cosine2"), WAVES, limits, step=0.1),
+            Form(EVERYWHERE, ("level", "sine", "cosine", "sine2", "cosine2"), WAVES, limits),
         )
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:

@@ -10,7 +10,7 @@ from samrl_core.diagnosis.effects.shapes import smooth_sign
 from samrl_core.diagnosis.trial import Trial
 
 EVERYWHERE = "friction everywhere"  # positive all over the turn: a level with two harmonics
-WAVES = tuple({"k": k} for k in (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0))
+WAVES = tuple({"k": k} for k in (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0))
 LEAST_NEGATIVE = 0.25  # of the largest friction: what missing harmonics may make negative somewhere
 LEAST_WAVE = 0.25  # of a harmonic's root mean square that must vary over the travel
 LEAST_CHANGE = 0.1  # likewise of a friction with a level, which for the rest is Coulomb's

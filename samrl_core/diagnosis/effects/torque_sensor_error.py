@@ -17,7 +17,7 @@ class TorqueSensorError(Effect):
 
     family, number, title = "torque_sensor_error", 23, "torque-sensor error"
     formula = "tau_read = (1 + g) tau + b (+ d t or + w exp(-t / T))"
-    source = "biases of -0.43 to 0.05 N m seen on a Panda; warm-up drift of strain gauges: Keil 2017, ch. 4"
+    source = "biases of -0.43 to 0.05 N m seen on a Panda; warm-up drift of strain gauges: Keil 2017"
     acts_on = "reading"
     excitation = "static poses"
     confounded_with = ("payload", "base_tilt", "actuator_gain")

@@ -125,9 +125,10 @@ class Evidence:
         covariance = spread[:, None] * linalg.cho_solve(factor, np.eye(total)) * spread
         amplitudes = mean + spread * step
         parts = tuple(amplitudes[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
-        trial = self.likelihood.trials[0]
+        # What only one recording has reached (a tight spot, say) is possible if it is in that one.
         possible = all(
-            h.effect.admissible(trial, h.place, h.form.name, h.shape, a) and not implausible(h, trial, a)
+            any(h.effect.admissible(t, h.place, h.form.name, h.shape, a) for t in self.likelihood.trials)
+            and not implausible(h, self.likelihood.trials[0], a)
             for h, a in zip(hypotheses, parts, strict=True)
         )
         return Fit(tuple(hypotheses), parts, covariance, log_evidence if possible else -np.inf)

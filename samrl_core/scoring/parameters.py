@@ -14,12 +14,19 @@ _SAME: dict[str, dict[str, Callable[[_Values], float]]] = {
         "mean": lambda p: (p["forward"] + p["backward"]) / 2.0,
         "difference": lambda p: (p["forward"] - p["backward"]) / 2.0,
     },
-    # Of its first harmonic; the mean is Coulomb's, the second one nobody asks for.
+    # Of its first harmonic; the second one nobody asks for.
     "position_dependent_friction": {
         "amplitude": lambda p: 0.35 * p["swing"],
         "order": lambda p: p["harmonic"],
+        "level": lambda p: 0.5 * p["swing"],
     },
-    "gear_ripple": {"amplitude": lambda p: p["A"], "order": lambda p: p["N"], "phase": lambda p: p["phi"]},
+    "load_dependent_friction": {"Kb": lambda p: p["Kl"] * p.get("back_driving", 1.0)},
+    # The label's ripple is added to the drive's torque, the stated one is lost from it.
+    "gear_ripple": {
+        "amplitude": lambda p: p["A"],
+        "order": lambda p: p["N"],
+        "phase": lambda p: p["phi"] + math.pi,
+    },
     "backlash": {"b": lambda p: p["half_width"]},
     "transmission_hysteresis": {"a": lambda p: p["loop_width"] / 2.0},
     "reflected_inertia": {"Ja": lambda p: p["J"]},

@@ -58,16 +58,26 @@ CASES: tuple[Case, ...] = (
     ),
     Case("viscous_friction", "joint:lift", "", {"viscous": {LIFT: 0.8}}, {}, (0.8,), {"Fv": 0.8}),
     Case(
-        "stribeck_friction", "joint:turn", "",
+        "stribeck_friction", "joint:turn", "exponential",
         {"coulomb": {TURN: 0.4}, "stribeck_drop": {TURN: 0.5}, "stribeck_velocity": {TURN: 0.1}},
-        {"v": 0.005, "vs": 0.1}, (0.4, 0.5), {"Fc": 0.4, "drop": 0.5, "vs": 0.1},
+        {"v": 0.005, "vs": 0.1, "d": 2.0}, (0.4, 0.5), {"Fc": 0.4, "drop": 0.5, "vs": 0.1},
     ),
     Case(
         "load_dependent_friction", "joint:lift", "", {"load_friction": {LIFT: 0.1}}, SIGN, (0.1,), {"Kl": 0.1}
     ),
     Case(
+        "load_dependent_friction", "joint:lift", "directional", {"load_friction": {LIFT: 0.1}}, SIGN,
+        (0.1, 0.1), {"Kl": 0.1, "Kb": 0.1},
+    ),
+    Case(
         "presliding", "joint:lift", "", {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}},
         {"xs": 0.002}, (0.8,), {"Fc": 0.8, "sigma0": 400.0},
+    ),
+    # springs that yield in turn are not the simulator's bristle, but near to it
+    Case(
+        "presliding", "joint:lift", "Maxwell slip",
+        {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 400.0}}, {"xs": 0.002}, (0.8,), {"Fc": 0.8},
+        explained=0.8,
     ),
     Case(
         "friction_asymmetry", "joint:lift", "levels",
@@ -80,6 +90,13 @@ CASES: tuple[Case, ...] = (
          "friction_harmonic_phase": {TURN: 0.6}},
         {"k": 4.0}, harmonic(0.5, 0.6), {"amplitude": 0.5, "order": 4.0, "phase": 0.6},
     ),
+    Case(
+        "position_dependent_friction", "joint:turn", "friction everywhere",
+        {"coulomb": {TURN: 0.6}, "friction_harmonic_amplitude": {TURN: 0.4},
+         "friction_harmonic_order": {TURN: 4.0}, "friction_harmonic_phase": {TURN: 0.6}},
+        {"k": 4.0}, (0.6, *harmonic(0.4, 0.6), 0.0, 0.0),
+        {"level": 0.6, "amplitude": 0.4, "order": 4.0, "phase": 0.6},
+    ),
     # a torque that the drive gets on top is one that is not lost: the formula counts what is lost
     Case(
         "position_dependent_friction", "joint:turn", "torque",
@@ -90,6 +107,11 @@ CASES: tuple[Case, ...] = (
         "gear_ripple", "joint:turn", "",
         {"harmonic_amplitude": {TURN: 0.3}, "harmonic_order": {TURN: 30.0}, "harmonic_phase": {TURN: 1.0}},
         {"N": 30.0}, harmonic(0.3, 1.0, -1.0), {"amplitude": 0.3, "order": 30.0, "phase": 1.0 - np.pi},
+    ),
+    Case(
+        "gear_ripple", "joint:turn", "two lines",
+        {"harmonic_amplitude": {TURN: 0.3}, "harmonic_order": {TURN: 30.0}, "harmonic_phase": {TURN: 1.0}},
+        {"N": 30.0}, (*harmonic(0.3, 1.0, -1.0), 0.0, 0.0), {"amplitude": 0.3, "phase": 1.0 - np.pi},
     ),
     Case(
         "thermal_friction", "joint:lift", "each recording",

@@ -6,7 +6,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
 from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque, widest_turn
-from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, bristle, smooth_sign
+from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, bristle, smooth_sign, travel
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
@@ -52,7 +52,7 @@ class CoulombFriction(DriveTorque):
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         """Smooth sign of the velocity, or a stiff bristle along the position."""
         if form == "stiff bristle":
-            return bristle(trial.motion.full_position[:, joint], shape["xs"])[None]
+            return bristle(travel(trial.motion.full_velocity[:, joint], trial.motion.rate), shape["xs"])[None]
         return smooth_sign(trial.motion.full_velocity[:, joint], shape["v"])[None]
 
     def of_shaft(

@@ -50,6 +50,15 @@ def rubbing_spring(force: np.ndarray, level: float, yield_force: float) -> np.nd
     return np.array(out)
 
 
+def travel(velocity: np.ndarray, rate: float) -> np.ndarray:
+    """Path (F,) along a velocity, sampled at `rate`.
+
+    For bristles a better position than the encoder's: its noise alone turns a stiff bristle over, and a
+    bristle has forgotten where it was long before an integral drifts.
+    """
+    return np.cumsum(velocity) / rate
+
+
 def play(position: np.ndarray, half_width: float) -> np.ndarray:
     """Output (F,) of a play (backlash) operator of half width `half_width`, started in its middle."""
     out, y = [], float(position[0])

@@ -1,0 +1,113 @@
+"""Forms that the simulator does not have: what their formula says, and that a fit returns what was put in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from samrl_core.diagnosis.diagnose import library
+from samrl_core.diagnosis.effects import Effect
+from samrl_core.diagnosis.effects.effect import Form, Shape
+from samrl_core.diagnosis.effects.shapes import bristle, travel
+from samrl_core.diagnosis.hypothesis import Evidence, hypothesis
+from samrl_core.diagnosis.likelihood import Likelihood
+from samrl_core.diagnosis.trial import Trial
+from tests.diagnosis import worlds
+
+
+def form_of(effect: Effect, trial: Trial, place: str, name: str) -> Form:
+    return next(f for f in effect.forms(trial, place) if f.name == name)
+
+
+def disturbed(effect: Effect, place: str, name: str, shape: Shape, amplitudes: np.ndarray) -> Likelihood:
+    """A nominal arm's recordings with an effect's own prediction added to their residuals."""
+    trials = worlds.trials(worlds.world(3, "AB"))
+    for trial in trials:
+        for (channel, joint), rows in effect.columns(trial, place, name, shape).items():
+            trial.equations.residual[channel][:, joint] += amplitudes @ rows
+    return Likelihood(trials)
+
+
+@pytest.mark.parametrize(
+    "family, joint, name, shape, amplitudes, expected",
+    [
+        (
+            "torque_sensor_error", "lift", "warm-up", {"T": 4.0}, (0.05, 1.0, -0.6),
+            {"g": 0.05, "b": 1.0, "w": -0.6, "T": 4.0},
+        ),
+        (
+            "torque_sensor_error", "lift", "gain and drift", {}, (0.05, 1.0, 0.05),
+            {"g": 0.05, "b": 1.0, "d": 0.05},
+        ),
+        (
+            "thermal_friction", "turn", "by its work", {"T": 3.0, "vw": 0.2}, (0.3, 0.8),
+            {"Finf": 0.3, "F0": 1.1, "T": 3.0, "vw": 0.2},
+        ),
+        (
+            "friction_asymmetry", "turn", "offset ahead", {"v": 0.05, "b": 0.03}, (0.8,),
+            {"mean": 0.8, "difference": -0.8 * np.tanh(0.6)},
+        ),
+        (
+            "friction_asymmetry", "turn", "offset behind", {"v": 0.05, "b": 0.03}, (0.8,),
+            {"mean": 0.8, "difference": 0.8 * np.tanh(0.6)},
+        ),
+        (
+            "stribeck_friction", "turn", "rational", {"v": 0.004, "vs": 0.12}, (0.3, 0.6),
+            {"Fc": 0.3, "drop": 0.6, "vs": 0.12},
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_put_in_comes_out(
+    family: str,
+    joint: str,
+    name: str,
+    shape: Shape,
+    amplitudes: tuple[float, ...],
+    expected: dict[str, float],
+) -> None:
+    place = f"joint:{joint}"
+    (effect,) = library([family])
+    likelihood = disturbed(effect, place, name, shape, np.array(amplitudes))
+    trial, evidence = likelihood.trials[0], Evidence(likelihood)
+    found = effect.physical(trial, place, name, shape, np.array(amplitudes))
+    assert {k: found[k] for k in expected} == pytest.approx(expected)
+    form = form_of(effect, trial, place, name)
+    starts = [hypothesis(likelihood, effect, place, form, start) for start in form.shapes]
+    fits = [evidence.fit([h]) for h in starts if h is not None]
+    fit = evidence.refine(max(fits, key=lambda f: f.log_evidence), 0, 60)
+    h = fit.hypotheses[0]
+    again = effect.physical(trial, place, name, h.shape, fit.amplitudes[0])
+    assert {k: again[k] for k in expected} == pytest.approx(expected, rel=0.15)
+
+
+def test_a_sensor_that_reads_a_tenth_is_no_gain_error() -> None:
+    """All friction of a joint without load would be a gain of -0.9."""
+    (effect,) = library(["torque_sensor_error"])
+    trial = worlds.trials(worlds.world(3, "A"))[0]
+    for name, rest in (("gain and bias", (0.0,)), ("warm-up", (0.0, 0.0)), ("gain and drift", (0.0, 0.0))):
+        shape = form_of(effect, trial, "joint:lift", name).shapes[0]
+        assert not effect.admissible(trial, "joint:lift", name, shape, np.array([-0.9, *rest]))
+        assert effect.admissible(trial, "joint:lift", name, shape, np.array([-0.1, *rest]))
+
+
+def test_a_friction_that_drives_somewhere_in_the_turn_is_none() -> None:
+    (effect,) = library(["position_dependent_friction"])
+    trial = worlds.trials(worlds.world(3, "A"))[0]
+
+    def possible(level: float, wave: float) -> bool:
+        amplitudes = np.array([level, wave, 0.0, 0.0, 0.0])
+        return effect.admissible(trial, "joint:turn", "friction everywhere", {"k": 6.0}, amplitudes)
+
+    assert possible(0.5, 0.4)
+    assert not possible(0.1, 0.4), "negative over most of the turn"
+    assert not possible(0.5, 0.01), "constant: Coulomb's"
+
+
+def test_encoder_noise_does_not_turn_a_stiff_bristle_over() -> None:
+    rate, rng = 1000.0, np.random.default_rng(0)
+    time = np.arange(0.0, 4.0, 1.0 / rate)
+    position, velocity = 0.2 * np.sin(time), 0.2 * np.cos(time)
+    exact = bristle(position, 5e-5)
+    along = bristle(travel(velocity + 1e-3 * rng.standard_normal(len(time)), rate), 5e-5)
+    read = bristle(position + 2e-4 * rng.standard_normal(len(time)), 5e-5)
+    assert np.std(along - exact) < 0.1 < np.std(read - exact)

@@ -72,7 +72,7 @@ def hypothesis(
         return None
     mean, spread = effect.prior(likelihood.trials[0], place, form.name, shape)
     moment = likelihood.plain_moment(regressors)
-    cost = effect.cost(likelihood.trials, place, form.name)
+    cost = effect.cost(likelihood.trials, place, form.name, shape)
     return Hypothesis(effect, place, form, shape, regressors, mean, spread, gram, moment, cost=cost)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import LateResponse
+from samrl_core.diagnosis.effects.families import LateResponse, clearest_delay
 from samrl_core.diagnosis.effects.packet_age import WANDERING, age_at, usual_age
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial, add
@@ -34,6 +35,14 @@ class CommandDelay(LateResponse):
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         """Where single samples show a delay of two or more, it may also wander."""
         constant = super().forms(trial, place)
+        if any(form.name == "effort" for form in constant):
+            # Detail fixes a delay to a part of a sample: too narrow to be met by a search from afar.
+            clearest = clearest_delay(trial, self.joints_at(trial, place))
+            more = ({"T": clearest},) if clearest * trial.motion.rate > 1.0 else ()
+            constant = tuple(
+                replace(form, shapes=form.shapes + more) if form.name == "effort" else form
+                for form in constant
+            )
         offered = [
             f"{form.name} {JITTERY}"
             for form in constant
@@ -52,10 +61,10 @@ class CommandDelay(LateResponse):
         put = trial.controller if where == "command" else trial.drive
         return add(*(put(j, age.lost(trial, where, j)[None]) for j in self.joints_at(trial, place)))
 
-    def cost(self, trials: Sequence[Trial], place: str, form: str) -> float:
+    def cost(self, trials: Sequence[Trial], place: str, form: str, shape: Shape) -> float:
         where, _, wanders = form.partition(" ")
         if not wanders:
-            return self.prior_cost
+            return super().cost(trials, place, form, shape)
         gain = sum(age_at(trial, place, where, WANDERING).gain for trial in trials)
         return CLEAR if gain > CLEAR else np.inf
 

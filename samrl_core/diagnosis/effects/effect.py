@@ -109,7 +109,7 @@ class Effect(ABC):
         """The same for one draw of the posterior; drawn too is what amplitudes and shapes leave open."""
         return self.physical(trial, place, form, shape, amplitudes)
 
-    def cost(self, trials: Sequence[Trial], place: str, form: str) -> float:
+    def cost(self, trials: Sequence[Trial], place: str, form: str, shape: Shape) -> float:
         """Evidence [nat] that it must win to be as likely as other effects; infinite if it is denied."""
         return self.prior_cost
 

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect, Form, Shape
+from samrl_core.diagnosis.effects.packet_age import detail_support
+from samrl_core.diagnosis.effects.shapes import low_passed, resonant
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial, add
 
 WIDEST = 0.2  # of the fastest motion: a wider turn of the sign is viscous friction under another name
 COMMON = 2.0 / 3.0  # of the joints that must show what is said of all
 COUPLED = "coupled"
+CUTOFFS = (8.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0)  # [Hz] of filters that detail is compared with
+DELAYS = np.arange(0.0, 25.1, 0.5)  # [samples] likewise of delays
 BEYOND = 3.0  # tolerances; a background of twice the tolerances is none
 
 
@@ -279,11 +284,52 @@ class LateResponse(FixedResponse):
                 parts = [trial.controller(j, lost[:, [j]].T) for j in self.joints_at(trial, place)]
         return add(*parts)
 
+    def cost(self, trials: Sequence[Trial], place: str, form: str, shape: Shape) -> float:
+        """What the best response loses of the torque's detail above the compared band, where noise passes.
+
+        There a delay leaves everything as it was and a filter takes it away: within the band both look alike.
+        """
+        if not form.startswith("effort"):
+            return self.prior_cost
+        lacks = 0.0
+        for trial in trials:
+            joints = list(self.joints_at(trial, place))
+            mine = np.sum(self._support(trial, form, shape)[joints])
+            lacks += max(0.0, max(float(np.sum(x[joints])) for x in _supports(trial)) - float(mine))
+        return self.prior_cost + lacks
+
+    def _support(self, trial: Trial, form: str, shape: Shape) -> np.ndarray:
+        key = (f"{self.family} {form}", repr(sorted(shape.items())))
+        if key not in trial.kept:
+            assert trial.motion.raw_commanded is not None
+            late = self.late(trial, trial.motion.raw_commanded, form, shape)
+            trial.kept[key] = detail_support(trial, late)
+        return trial.kept[key]
+
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         """How late."""
         return {self.symbol: shape[self.symbol]}
+
+
+def clearest_delay(trial: Trial, joints: Sequence[int]) -> float:
+    """The delay [s] that explains most of the torque's detail, to half a sample."""
+    supports = [float(np.sum(x[list(joints)])) for x in _supports(trial)[: len(DELAYS)]]
+    return float(DELAYS[int(np.argmax(supports))]) / trial.motion.rate
+
+
+def _supports(trial: Trial) -> list[np.ndarray]:
+    """What pure delays and filters of a few sizes explain of the torque's detail, (J,) [nat] each."""
+    key = ("supports", "effort")
+    if key not in trial.kept:
+        motion, u = trial.motion, trial.motion.raw_commanded
+        assert u is not None
+        late = [motion.delayed(u, d / motion.rate) for d in DELAYS]
+        late += [low_passed(u, f, motion.rate) for f in CUTOFFS]
+        late += [resonant(u, f, np.sqrt(0.5), 1.0 / motion.rate) for f in CUTOFFS]
+        trial.kept[key] = [detail_support(trial, x) for x in late]
+    return trial.kept[key]
 
 
 def single(

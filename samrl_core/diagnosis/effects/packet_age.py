@@ -89,6 +89,18 @@ def usual_age(trial: Trial, place: str, form: str) -> int:
     return int(trial.kept[key][trial.recording.arm.joints.index(name) if kind == "joint" else -1])
 
 
+def detail_support(trial: Trial, late: np.ndarray) -> np.ndarray:
+    """[nat] by which an effort (F, J) as it arrives explains the detail of each joint's torque, (J,)."""
+    low = _slow_filter(trial.motion.rate)
+    if ("detail", "effort") not in trial.kept:
+        done = _done(trial, "effort")
+        trial.kept["detail", "effort"] = done - signal.sosfiltfilt(low, done, axis=0)
+    done, fast = trial.kept["detail", "effort"], late - signal.sosfiltfilt(low, late, axis=0)
+    along = np.clip(np.sum(done * fast, axis=0), 0.0, None) ** 2 / np.maximum(np.sum(fast**2, axis=0), 1e-12)
+    left = 1.0 - along / np.maximum(np.sum(done**2, axis=0), 1e-12)
+    return -0.5 * len(fast) * np.log(np.maximum(left, 1e-6))
+
+
 def _sent(trial: Trial, form: str) -> np.ndarray:
     """Stream (F, J) [N m] as sent: effort to the drives, or what the controller makes of its command."""
     motion = trial.motion

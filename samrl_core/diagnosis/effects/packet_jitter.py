@@ -61,7 +61,7 @@ class PacketJitter(FixedResponse):
         put = trial.controller if form == "command" else trial.drive
         return add(*(put(j, age.lost(trial, form, j)[None]) for j in self.joints_at(trial, place)))
 
-    def cost(self, trials: Sequence[Trial], place: str, form: str) -> float:
+    def cost(self, trials: Sequence[Trial], place: str, form: str, shape: Shape) -> float:
         gains = np.sum([[a.gain for a in ages(trial, form, HELD)] for trial in trials], axis=0)
         alone, together = gains[:-1], float(gains[-1])
         kind, _, name = place.partition(":")

@@ -217,13 +217,11 @@ def _swap(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
         for h in pool:
             if h.name in taken:
                 continue
-            fit = evidence.fit([*others, h])
+            # In its place: the order says which effect is the first, and rounding must not change it.
+            fit = evidence.fit([*others[:index], h, *others[index:]])
             if fit.log_evidence > best.log_evidence:
                 best = fit
-        if best is not chosen:
-            chosen = evidence.refine(best, len(best.hypotheses) - 1)
-        else:
-            chosen = evidence.refine(chosen, index)
+        chosen = evidence.refine(best, index)
     return chosen
 
 

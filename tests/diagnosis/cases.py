@@ -160,8 +160,7 @@ CASES: tuple[Case, ...] = (
     Case("command_delay", "arm:tool_arm", "effort", {"effort_delay": 0.004}, {"T": 0.004}, (1.0,),
          {"T": 0.004}),
     Case("packet_jitter", "arm:tool_arm", "effort", {"hold_probability": 0.1}, {}, (1.0,),
-         # 99 % of the drive's residual; the rest is the controller's noise floor, which has no part in it.
-         {"held": 0.1}, "D", explained=0.15),
+         {"held": 0.1}, "D"),
     Case(
         "controller_gain", "joint:lift", "gains",
         {"stiffness_scale": {LIFT: 0.8}, "damping_scale": {LIFT: 1.2}}, {}, (-0.2, 0.2),

@@ -13,7 +13,8 @@ from samrl_core.diagnosis.result import Estimate
 from samrl_core.diagnosis.trial import Trial
 
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
-RELATIVE_TEMPERATURE = 0.03  # of the best evidence, likewise: a tie within 3 % of a strong fit is a tie
+RELATIVE_TEMPERATURE = 0.005  # of the best evidence, likewise: a tie within half a percent is one
+REST_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
 FORMULA = 0.05  # relative deviation of every parameter: no formula is the thing itself
 REST_TO_FORMULA = 0.75  # the same per relative size of what the formula leaves where it acts
@@ -21,14 +22,18 @@ SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 
 
-def probabilities(fits: Sequence[Fit]) -> np.ndarray:
-    """Probability of each rival set, tempered."""
+def probabilities(fits: Sequence[Fit], remaining: float = 0.0) -> np.ndarray:
+    """Probability of each rival set, tempered.
+
+    `remaining` [nat] is what the best of them leaves unexplained: formulas that are wrong by so much are not
+    told apart by less.
+    """
     evidence = np.array([f.log_evidence for f in fits])
     # What the exchanged member itself adds, where several effects were named.
     adds = (
         float(np.max(evidence) - np.min(evidence)) if len(fits[0].hypotheses) > 1 else float(np.max(evidence))
     )
-    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds)
+    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REST_TEMPERATURE * remaining)
     weights = np.exp((evidence - np.max(evidence)) / temperature)
     return weights / np.sum(weights)
 

@@ -151,7 +151,7 @@ def _conclude(
     rivals = selection.rivals if chosen is not None else ()
     if chosen is not None:
         progress("how sure")
-        p = probabilities([chosen, *rivals])
+        p = probabilities([chosen, *rivals], selection.remaining)
         named = tuple(
             _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
             for i in range(len(chosen.hypotheses))
@@ -212,6 +212,7 @@ def _conclude(
             "correlation_time_samples": k,
             "gain_of_perfect_model_nat": selection.excess,
             "gain_of_perfect_model_held_out_nat": selection.held_out_excess,
+            "held_out_unexplained_fraction": selection.held_out_unexplained,
         },
     )
     done("report")

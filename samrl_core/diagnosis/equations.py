@@ -170,11 +170,7 @@ def _high_frequency(x: np.ndarray, rate: float) -> np.ndarray:
 
 def _acceleration_noise(motion: Motion, rigid: RigidArm) -> np.ndarray:
     """Torque noise (J,) that band-limited noisy accelerations leave in inverse dynamics."""
-    band, rate = motion.band, motion.rate
-    if motion.raw_velocity is not None:
-        variance = motion.noise.velocity**2 * (2.0 / rate) * (2 * np.pi) ** 2 * band**3 / 3.0
-    else:
-        variance = motion.noise.position**2 * (2.0 / rate) * (2 * np.pi) ** 4 * band**5 / 5.0
+    variance = motion.acceleration_noise(0.0, motion.band)
     some = motion.q[:: max(1, len(motion.q) // 20)]
     mass = np.mean(rigid.mass_matrix(some) ** 2, axis=0)
     return np.sqrt(mass @ variance)

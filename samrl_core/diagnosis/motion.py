@@ -153,6 +153,14 @@ class Motion:
             )
         )
 
+    def acceleration_noise(self, low: float, high: float) -> np.ndarray:
+        """Variance (J,) [rad2/s4] of accelerations between two frequencies [Hz] by white sensor noise."""
+        if self.raw_velocity is not None:
+            power = self.noise.velocity**2 * (2.0 / self.rate) * (2 * np.pi) ** 2 * (high**3 - low**3) / 3.0
+        else:
+            power = self.noise.position**2 * (2.0 / self.rate) * (2 * np.pi) ** 4 * (high**5 - low**5) / 5.0
+        return np.asarray(power)
+
     @property
     def band_share(self) -> float:
         """Part of a white noise's variance that passes the band."""

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.null_worlds import null_gains, threshold
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 MOST_EFFECTS = 3
+SEEN_THERE = 0.1  # of the fitted excess: held-out recordings with less hardly show the effect
 NEARLY = 0.9  # of the best evidence
 ADDITIONS = 6  # further effects that are refined and judged
 ONSETS = 17  # times that are tried first
@@ -57,8 +58,12 @@ class Selection:
 
     @property
     def held_out_unexplained(self) -> float:
-        """The same on held-out recordings; may exceed 1."""
-        return float(max(0.0, self.held_out_remaining / max(self.held_out_excess, 1e-9)))
+        """The same on held-out recordings; may exceed 1.
+
+        Where those hardly show the effect, what is left there is little beside what it explained elsewhere.
+        """
+        whole = max(self.held_out_excess, SEEN_THERE * self.excess, 1e-9)
+        return float(max(0.0, self.held_out_remaining / whole))
 
 
 def select(

@@ -14,6 +14,8 @@ from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.dynamics.sprung_link import sprung_link
 from samrl_core.types.arm_recording import ArmRecording
 
+ROTOR_HZ = 13.0  # up to which every joint's accelerations tell a rotor from noise
+SWINGS = 60.0  # times the variance of noise: beyond, they do so up to the band
 FINE_HZ = 40.0  # of torques whose turning points count
 
 
@@ -121,7 +123,23 @@ class Trial:
         """
         if self.motion.u is None:
             return self.model_torque
-        return self.motion.u - self.rotor * self.motion.ddq
+        return self.motion.u - self.motion.reduce(self._rotor_share)
+
+    @cached_property
+    def _rotor_share(self) -> np.ndarray:
+        """Nominal rotor torque (F, J) at full rate, of accelerations that are more than noise.
+
+        The noise of measured accelerations is in the link residual too: twisted through a spring it comes
+        back with the sign of a resonance, and a rigid joint would seem to give. Only where a joint swings
+        well above that noise are its fast accelerations used.
+        """
+        motion = self.motion
+        acceleration = np.gradient(motion.full_velocity, 1.0 / motion.rate, axis=0)
+        slow = signal.butter(3, min(ROTOR_HZ, motion.rate / 5.0), fs=motion.rate, output="sos")
+        calm = np.asarray(signal.sosfiltfilt(slow, acceleration, axis=0))
+        fast = np.var(motion.reduce(acceleration - calm), axis=0)
+        swings = fast > SWINGS * motion.acceleration_noise(ROTOR_HZ, motion.band)
+        return self.rotor * np.where(swings, acceleration, calm)
 
     @cached_property
     def transmitted_finely(self) -> np.ndarray | None:
@@ -129,8 +147,7 @@ class Trial:
         motion = self.motion
         if motion.raw_commanded is None or motion.rate < 4.0 * FINE_HZ:
             return None
-        acceleration = np.gradient(motion.full_velocity, 1.0 / motion.rate, axis=0)
-        torque = motion.raw_commanded - self.rotor * acceleration
+        torque = motion.raw_commanded - self._rotor_share
         low = signal.butter(3, FINE_HZ, fs=motion.rate, output="sos")
         return np.asarray(signal.sosfiltfilt(low, torque, axis=0))[:: self._fine_step]
 

@@ -14,7 +14,7 @@ from samrl_core.diagnosis.selection import Selection
 class VerdictSettings:
     """When to name, and when to refuse. Figures come from calibration worlds, never from judged ones."""
 
-    unexplained: float = 0.5  # share of the excess that may remain on fitted recordings
+    unexplained: float = 0.4  # share of the excess that may remain on fitted recordings
     held_out_unexplained: float = 0.65  # likewise on held-out ones, where parameters were not fitted
     visible: float = 25.0  # [nat] excess below which shares say nothing
     worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings

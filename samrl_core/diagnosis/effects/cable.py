@@ -9,6 +9,7 @@ from samrl_core.diagnosis.effects.shapes import bristle
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
+LEAST_TAUT = 0.02  # share of the samples on each side of the slack
 LEAST_PULL = 0.1  # of the hysteresis, that the spring must change by over the travel
 TURN = 0.03  # [rad] over which the hysteresis turns round, before it is searched
 SLACK = (0.05, 0.2)  # [rad] half widths, likewise
@@ -84,8 +85,11 @@ class Cable(Effect):
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         (joint,) = self.joints_at(trial, place)
-        if form != "" and min(amplitudes[0], amplitudes[1]) <= 0:
-            return False
+        if form != "":
+            taut = self.pull(trial, joint, form, shape)[0]
+            # Felt on one side only, it may as well be a stop: a cable is known by both.
+            if min(np.mean(taut > 0), np.mean(taut < 0)) < LEAST_TAUT or min(amplitudes[:2]) <= 0:
+                return False
         # Hysteresis without a spring is dry friction under another name.
         pull = float(np.ptp(amplitudes[:2] @ self.pull(trial, joint, form, shape)))
         return bool(amplitudes[0] > 0 and pull > LEAST_PULL * abs(amplitudes[2]))

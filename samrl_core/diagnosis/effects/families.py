@@ -155,8 +155,8 @@ class Deflection(Effect):
     """The link trails the joint's reading by an angle."""
 
     acts_on = "dynamics"
-    # What engines and sampling do to fast motion looks like a little give: up to 20 nat without any effect.
-    prior_cost = 10.0
+    # What engines and sampling do to fast motion looks like a little give.
+    prior_cost = 2.0
 
     def unobservable(self, trial: Trial) -> str | None:
         """Needs torques."""

@@ -10,7 +10,7 @@ from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
 STIFF = (10.0, 25.0, 60.0, 150.0, 350.0)  # [1/rad] grid of stiffness over effort limit
-STIFFEST = 600.0  # [1/rad] stiffness over effort limit that still counts as elastic
+STIFFEST = 400.0  # [1/rad] stiffness over effort limit, 1.7 times what is known of drives: no more is elastic
 HARDENS = (
     0.5,
     1.0,

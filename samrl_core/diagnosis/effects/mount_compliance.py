@@ -21,7 +21,7 @@ class MountCompliance(Effect):
     source = "light stands and tables: 3-30 Hz"
     acts_on = "dynamics"
     place_kind = "arm"
-    prior_cost = 10.0  # as of other deflections
+    prior_cost = 2.0  # as of other deflections
     excitation = "impulses, chirp; a camera on another stand"
     confounded_with = ("joint_elasticity", "base_tilt")
     parameters = (

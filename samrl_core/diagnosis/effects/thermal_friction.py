@@ -59,7 +59,8 @@ class ThermalFriction(DriveTorque):
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         warm, rise = amplitudes
-        return bool(warm + rise > 0 and warm > -0.1 * abs(rise) and abs(rise) > 0.2 * abs(warm))
+        # Warm grease is thinner: friction that grows as the drive warms is something else, switched on late.
+        return bool(rise > 0 and warm > -0.1 * rise and rise > 0.2 * abs(warm))
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray

@@ -92,6 +92,9 @@ def select(
     k = evidence.correlation_time
     excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
     if not singles or singles[0].log_evidence < least:
+        # Nothing explains it: then all that lasts counts as one, as in any residual of unknown cause.
+        k = max(2.0, min(likelihood.correlation_time(likelihood.y), 25.0))
+        excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
         return Selection(
             None, tuple(singles), (), least, excess, excess, held_excess, held_excess,
             evidence.correlation_time,

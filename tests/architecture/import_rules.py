@@ -11,7 +11,12 @@ from pathlib import Path
 ALLOWED: dict[str, tuple[str, ...]] = {
     "pybullet": ("samrl_core/world/", "samrl_core/forge/"),
     "pybullet_data": (),
-    "warp": ("samrl_core/model/", "samrl_core/dynamics/", "samrl_core/warp_runtime.py"),
+    "warp": (
+        "samrl_core/model/",
+        "samrl_core/dynamics/",
+        "samrl_core/warp_runtime.py",
+        "samrl_core/diagnosis/effects/age_chain.py",  # a recursion over samples, too slow in Python
+    ),
     "mujoco": ("samrl_core/forge/", "samrl_core/scoring/"),  # second engine of sealed worlds, and a baseline
     "pinocchio": ("samrl_core/robots/", "samrl_core/dynamics/"),
     "plotly": ("samrl_core/report/",),

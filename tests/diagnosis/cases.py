@@ -169,7 +169,7 @@ CASES: tuple[Case, ...] = (
     Case("encoder_offset", "joint:lift", "", {"encoder_offset": {LIFT: 0.03}}, {}, (0.03,), {"e": 0.03}),
     Case(
         "encoder_eccentricity", "joint:lift", "",
-        {"encoder_amplitude": {LIFT: 0.03}, "encoder_phase": {LIFT: 0.5}}, {"k": 1.0}, harmonic(0.03, 0.5),
+        {"encoder_amplitude": {LIFT: 0.016}, "encoder_phase": {LIFT: 0.5}}, {"k": 1.0}, harmonic(0.016, 0.5),
     ),
     Case(
         "torque_sensor_error", "joint:lift", "gain and bias",

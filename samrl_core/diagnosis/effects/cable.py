@@ -65,7 +65,7 @@ class Cable(Effect):
 
     def loop(self, trial: Trial, joint: int, distance: float) -> np.ndarray:
         """Hysteresis (N,) of unit height."""
-        key = ("cable", joint, f"{distance:.9g}")
+        key = ("cable", f"{joint} {distance:.9g}")
         if key not in trial.kept:
             z = trial.motion.reduce(bristle(trial.motion.full_position[:, joint], distance))
             trial.kept[key] = (z, z)

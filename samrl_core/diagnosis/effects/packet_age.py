@@ -131,7 +131,7 @@ def _oldest(trial: Trial) -> int:
 
 
 def _slow_filter(rate: float) -> np.ndarray:
-    return signal.butter(2, min(DETAIL_HZ, rate / 5.0), fs=rate, output="sos")
+    return np.asarray(signal.butter(2, min(DETAIL_HZ, rate / 5.0), fs=rate, output="sos"))
 
 
 def _by_age(x: np.ndarray, ages: int) -> np.ndarray:
@@ -180,7 +180,8 @@ def _find(trial: Trial, form: str, clock: str) -> tuple[Age, ...]:
         fast = acted - signal.sosfiltfilt(low, acted, axis=0)
         power = np.sum(fast**2 + spread, axis=0)
         gain = np.clip(np.sum(fast * (done - slow), axis=0) / np.maximum(power, 1e-12), 0.0, 1.5)
-    return tuple(Age(p.astype(np.float32), float(b), rate) for p, b in zip(posterior, better, strict=True))
+    kept = np.asarray(posterior, dtype=np.float32)
+    return tuple(Age(kept[i], float(better[i]), rate) for i in range(joints + 1))
 
 
 def _usual_ages(old: Sequence[np.ndarray], done: np.ndarray, low: np.ndarray) -> np.ndarray:

@@ -107,7 +107,8 @@ def form_equations(motion: Motion) -> Equations:
         sigma["controller"] = _spread(np.hypot(share * hf, floor), residual["controller"])
     if u is not None and tau is not None:
         residual["drive"] = u - rotor - tau
-        level = np.hypot(share * np.hypot(noise.commanded_effort, noise.effort), floor)
+        rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
+        level = np.hypot(share * np.hypot(noise.commanded_effort, noise.effort), np.hypot(rotor_noise, floor))
         sigma["drive"] = _rest_wider(_spread(level, residual["drive"]), motion, scale)
     if tau is not None:
         residual["link"] = tau - model

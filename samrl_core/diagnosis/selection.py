@@ -26,7 +26,7 @@ CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 class SelectionSettings:
     """When an effect is believed. Figures come from calibration worlds (`samrl_core.scoring.calibrate`)."""
 
-    threshold: float = 16.0  # log evidence that a first effect needs at least against nothing [nat]
+    threshold: float = 12.0  # log evidence that a first effect needs at least against nothing [nat]
     null_worlds: int = 0  # simulate as many without an effect, and raise the threshold to what they reach
     cache: Path | None = None  # folder that keeps those worlds' gains
     second_threshold: float = 16.0  # that each further effect needs on top

@@ -79,6 +79,7 @@ def forge(
     if out is None:
         raise typer.BadParameter("--out is missing: the folder of the worlds")
     from samrl_core.forge.plan import ForgeSettings, plan_worlds, seed_from_commit
+    from samrl_core.forge.simulate import DivergedError
     from samrl_ros.forge_runs import Making, make
 
     study = Study(out.resolve())
@@ -97,12 +98,15 @@ def forge(
     )  # what a worker keeps
     todo = [Making(study.root, item) for item in by_trajectory if not study.made(item.id)]
     failed: dict[str, str] = {}
+    ran_away: list[str] = []
     for place in ("obs", "sealed"):
         study.sweep(place)
     for done in _with_progress(
         "worlds", make, todo, len(plan), _mapping(ray, parallel.in_processes), workers
     ):
-        if done.error is not None:
+        if isinstance(done.error, DivergedError):
+            ran_away.append(done.item.item.id)
+        elif done.error is not None:
             failed[done.item.item.id] = f"{type(done.error).__name__}: {done.error}"
     order = [item.id for item in plan if study.made(item.id)]
     facts = {
@@ -110,8 +114,11 @@ def forge(
         "commit": chosen,
         "settings": {name: value for name, value in asdict(settings).items() if name != "seed"},
         "versions": versions(),
+        "ran_away": sorted(ran_away),
     }
     console = make_console()
+    if ran_away:  # no arm could be recorded like this, and nobody draws it again until it suits
+        console.print(f"{len(ran_away)} worlds ran away in simulation and are left out: {sorted(ran_away)}")
     if failed:
         console.print("[red]nothing is sealed[/] while worlds are missing; the same command tries them again")
     _name_failed("not made", failed)

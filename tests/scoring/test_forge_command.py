@@ -174,29 +174,47 @@ def test_sweeping_leaves_finished_worlds(study: Study) -> None:
     assert study.made("w000")
 
 
-def test_a_world_that_runs_away_stops_no_other_and_nothing_is_sealed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    asked: list[str] = []
+def _forging(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, asked: list[str], broken: list[str]
+) -> list[str]:
+    """The command for four worlds, of which those in `broken` fail with `error`."""
 
     def pretend(work: object, items: list[Any], workers: int) -> Iterator[parallel.Done]:
         for item in items:
             asked.append(item.item.id)
-            if item.item.id == "w001" and broken:
-                yield parallel.Done(item, error=DivergedError("lag 9.99 rad"))
+            if item.item.id in broken:
+                yield parallel.Done(item, error=error)
                 continue
             put_world(Study(item.root), item.item.id, "none", None)
             yield parallel.Done(item, 1.0)
 
     monkeypatch.setattr(parallel, "in_processes", pretend)
-    command = ["forge", "--out", str(tmp_path / "s"), "--seed", "4711", "--single", "2", "--none", "2",
-               "--outside", "0", "--double", "0", "--mujoco", "0"]  # fmt: skip
-    broken = True
+    return ["forge", "--out", str(tmp_path / "s"), "--seed", "4711", "--single", "2", "--none", "2",
+            "--outside", "0", "--double", "0", "--mujoco", "0"]  # fmt: skip
+
+
+def test_a_world_that_runs_away_is_left_out_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = _forging(tmp_path, monkeypatch, DivergedError("lag 9.99 rad"), [], ["w001"])
+    assert run(command) == OK
+    assert "ran away" in capsys.readouterr().out
+    published = Study(tmp_path / "s").published()
+    assert published["ran_away"] == ["w001"]
+    assert sorted(published["worlds"]) == ["w000", "w002", "w003"]
+
+
+def test_a_world_that_fails_stops_no_other_and_nothing_is_sealed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+    broken = ["w001"]
+    command = _forging(tmp_path, monkeypatch, OSError("no space left"), asked, broken)
     assert run(command) == FAILED
     said = capsys.readouterr().out
-    assert "w001" in said and "lag 9.99" in said and "nothing is sealed" in said
+    assert "w001" in said and "no space left" in said and "nothing is sealed" in said
     assert len(asked) == 4 and not Study(tmp_path / "s").forge_file.exists()
-    broken = False
+    broken.clear()
     assert run(command) == OK
     assert asked[4:] == ["w001"]
     assert "4711" not in Study(tmp_path / "s").forge_file.read_text()  # the seed is sealed, not published

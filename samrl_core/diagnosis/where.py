@@ -86,7 +86,8 @@ def heatmap(
             )  # fmt: skip
     values = np.where(count > 0, np.sqrt(np.nan_to_num(mean)), np.nan)
     below = values[enough & ~significant]
-    threshold = float(np.max(below)) if below.size else 1.0
+    # Just above the largest that is not significant, so that it is not counted itself.
+    threshold = float(np.nextafter(np.max(below), np.inf)) if below.size else 1.0
     return Heatmap(tuple(f"joint:{j}" for j in joints), tuple(columns), values, threshold), tuple(items)
 
 

@@ -38,7 +38,7 @@ def _figures(gap: HeldOutGap, label: str) -> list[object]:
     if gap.runner_up is not None and gap.runner_up_effect:
         text += (
             f" With the runner-up, {words.effect(gap.runner_up_effect)}, "
-            f"{words.number(gap.runner_up)} {gap.unit} remain."
+            f"{words.number(gap.runner_up)} {words.symbol(gap.unit)} remain."
         )
     channels = gap.channels or ((gap.metric, gap.unit, gap.nominal, gap.with_effect),)
     rows = []

@@ -145,7 +145,7 @@ def _key_figures(d: Diagnosis) -> Markup:
             other = words.effect(gap.runner_up_effect) if gap.runner_up_effect else "the runner-up"
             items.append(key_figure("on the runner-up", words.points(gap.margin), other))
     elif gap is not None and math.isfinite(gap.nominal):
-        value = f"{words.number(gap.nominal)} {gap.unit}".rstrip()
+        value = f"{words.number(gap.nominal)} {words.symbol(gap.unit)}".rstrip()
         items.append(key_figure("held-out gap of the nominal model", value, gap.metric))
     if d.verdict == "ambiguous":
         items.append(key_figure("candidates", str(sum(map(len, d.ambiguity_set)))))

@@ -76,12 +76,18 @@ def _which(d: Diagnosis) -> list[str]:
 
 
 def _how_far(gap: HeldOutGap) -> str:
-    kept = f"{words.number(gap.nominal)} {gap.unit} {gap.metric} on held-out recordings".replace("  ", " ")
+    kept = (
+        f"{words.number(gap.nominal)} {words.symbol(gap.unit)} {gap.metric} on held-out recordings".replace(
+            "  ", " "
+        )
+    )
     if gap.shrink is None:
         return kept
     interval = f" ({ci})" if (ci := words.percent_interval(gap.ci95)) else ""
     margin = f"; {words.points(gap.margin)} on the runner-up" if gap.margin is not None else ""
-    value = f"{words.number(gap.nominal)} -> {words.number(gap.with_effect)} {gap.unit}".rstrip()
+    value = (
+        f"{words.number(gap.nominal)} -> {words.number(gap.with_effect)} {words.symbol(gap.unit)}".rstrip()
+    )
     return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({gap.metric} {value})"
 
 

@@ -57,7 +57,7 @@ def parameter(estimate: Estimate) -> str:
     """Value with half its 95 % interval and unit, to the digits that the interval supports."""
     low, high = estimate.ci95
     half = (high - low) / 2
-    unit = f" {estimate.unit}" if estimate.unit else ""
+    unit = f" {unit}" if (unit := symbol(estimate.unit)) else ""
     if not (math.isfinite(half) and half > 0):
         return f"{number(estimate.value)}{unit}"
     digits = _decimals(half, 2)
@@ -69,8 +69,8 @@ def parameter(estimate: Estimate) -> str:
 def value(estimate: Estimate) -> str:
     """The value alone with its unit, to the digits that the interval supports."""
     return (
-        parameter(estimate).partition(" ± ")[0].removesuffix(f" {estimate.unit}")
-        + f" {estimate.unit}".rstrip()
+        parameter(estimate).partition(" ± ")[0].removesuffix(f" {symbol(estimate.unit)}")
+        + f" {symbol(estimate.unit)}".rstrip()
     )
 
 
@@ -117,6 +117,11 @@ def points(difference: float | None) -> str:
 def number(value: float | None) -> str:
     """Three significant digits; an en dash where there is no finite number."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
+
+
+def symbol(unit: str) -> str:
+    """A unit as it is written behind a number: nothing for pure numbers."""
+    return "" if unit == "1" else unit
 
 
 def effect_label(d: Diagnosis) -> str:

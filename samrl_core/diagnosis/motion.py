@@ -111,8 +111,10 @@ class Motion:
         """Second time derivative of a band-limited signal (N,), good to 2 % up to the edge of the band.
 
         Differences of four samples a period would lose six tenths of it there, and with it all that tells a
-        link that swings from one that does not.
+        link that swings from one that does not. What is not finite (a shape that ran away) stays so.
         """
+        if not np.isfinite(x).all():
+            return np.full(len(x), np.nan)
         spline = interpolate.make_interp_spline(np.arange(len(x)), x, k=7)
         return np.asarray(spline(np.arange(len(x)), nu=2)) / self.dt**2
 

@@ -110,7 +110,8 @@ def select(
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
         # The best addition may only mend the first effect's formula; then a weaker one elsewhere may be real.
         candidates = _extend(evidence, pool, chosen)
-        worth = (w for w in candidates if _worth(evidence, held_out, chosen, w, settings))
+        inside = (w for w in candidates if not on_bound(w.hypotheses[-1]))
+        worth = (w for w in inside if _worth(evidence, held_out, chosen, w, settings))
         if (wider := next(worth, None)) is None:
             break
         chosen = _swap(evidence, pool, wider)

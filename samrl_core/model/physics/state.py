@@ -58,7 +58,8 @@ class PhysicsParameters:
         Raises:
             InputError: with the name, the value and the limit.
         """
-        for name, value in zip((f.name for f in fields(self)), self.tensors(), strict=True):
+        for name, tensor in zip((f.name for f in fields(self)), self.tensors(), strict=True):
+            value = tensor.detach()
             if not bool(torch.isfinite(value).all()):
                 raise InputError(f"parameter {name} is not finite: {value}")
             if name in ("com", "inertia", "joint_rest") or not value.numel():

@@ -76,7 +76,12 @@ def lay_out(scene: PhysicsScene) -> Layout:
         for place, joint in enumerate(body.joints):
             link = len(links["parent"])
             last = place == len(body.joints) - 1
-            values = (previous, int(joint.kind), joint.joint_in_parent.position, joint.joint_in_parent.rotation)
+            values = (
+                previous,
+                int(joint.kind),
+                joint.joint_in_parent.position,
+                joint.joint_in_parent.rotation,
+            )
             more = (joint.axis, len(start), len(dofs["link"]), index if last else -1)
             for key, value in zip(links, (*values, *more), strict=True):
                 links[key].append(value)

@@ -29,9 +29,7 @@ class PhysicsModel:
         device: torch's name of the device.
     """
 
-    def __init__(
-        self, scene: PhysicsScene, dtype: torch.dtype = torch.float32, device: str = "cpu"
-    ) -> None:
+    def __init__(self, scene: PhysicsScene, dtype: torch.dtype = torch.float32, device: str = "cpu") -> None:
         if dtype not in (torch.float32, torch.float64):
             raise InputError(f"dtype {dtype} is not float32 or float64")
         start()
@@ -58,9 +56,7 @@ class PhysicsModel:
             torch.zeros((steps, batch, len(self.scene.bodies), 6), **options),
         )
 
-    def step(
-        self, state: PhysicsState, action: PhysicsAction, parameters: PhysicsParameters
-    ) -> PhysicsState:
+    def step(self, state: PhysicsState, action: PhysicsAction, parameters: PhysicsParameters) -> PhysicsState:
         """State after one step of `scene.step_s`; raises as `rollout` does."""
         actions = PhysicsAction(action.velocity[None], action.wrench[None])
         return self.rollout(state, actions, parameters).at(1)
@@ -83,9 +79,7 @@ class PhysicsModel:
             SolveError: Newton's method failed, or a value is not finite.
         """
         self._check(state, actions, parameters)
-        q, v = _Rollout.apply(
-            self, state.q, state.v, actions.velocity, actions.wrench, *parameters.tensors()
-        )  # pyright: ignore[reportGeneralTypeIssues]
+        q, v = _Rollout.apply(self, state.q, state.v, actions.velocity, actions.wrench, *parameters.tensors())  # pyright: ignore[reportGeneralTypeIssues]
         return PhysicsState(q, v)
 
     def workspace(self, batch: int, steps: int) -> Workspace:

@@ -4,6 +4,7 @@ With r(v', x) = 0 the equation of the step and g the gradient with respect to v'
 theorem gives dL/dx = -lambda . dr/dx with (dr/dv')^T lambda = g. Here lambda . r is written as the power
 of all forces on the virtual motion lambda, one outward pass over the tree, and Warp derives that.
 """
+
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 # pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
@@ -56,7 +57,9 @@ def power_kernels(double: bool) -> SimpleNamespace:
         if kind == FREE:
             w.place[e, l + 1] = vec3(motion.q[k, e, i], motion.q[k, e, i + 1], motion.q[k, e, i + 2])
             w.turn[e, l + 1] = wp.quat_to_matrix(
-                quat(motion.q[k, e, i + 3], motion.q[k, e, i + 4], motion.q[k, e, i + 5], motion.q[k, e, i + 6])
+                quat(
+                    motion.q[k, e, i + 3], motion.q[k, e, i + 4], motion.q[k, e, i + 5], motion.q[k, e, i + 6]
+                )
             )
             w.spin[e, l + 1] = vec3(motion.v[k, e, j + 3], motion.v[k, e, j + 4], motion.v[k, e, j + 5])
             new_move = vec3(w.after[e, j], w.after[e, j + 1], w.after[e, j + 2])
@@ -87,7 +90,9 @@ def power_kernels(double: bool) -> SimpleNamespace:
                 after = w.after[e, j]
                 w.turn[e, l + 1] = turn * about_axis(tree.axis[l], motion.q[k, e, i])
                 w.spin[e, l + 1] = spin + axis * v
-                w.spin_rate[e, l + 1] = w.spin_rate[e, a] + axis * ((after - v) / h) + wp.cross(spin, axis * v)
+                w.spin_rate[e, l + 1] = (
+                    w.spin_rate[e, a] + axis * ((after - v) / h) + wp.cross(spin, axis * v)
+                )
                 w.new_turn[e, l + 1] = w.new_turn[e, a] + axis * after
                 w.try_turn[e, l + 1] = w.try_turn[e, a] + axis * w.multiplier[e, j]
                 w.rate[e, l + 1] = rate

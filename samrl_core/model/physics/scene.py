@@ -46,7 +46,9 @@ class Joint:
             raise InputError(f"joint axis {self.axis} must have 3 components and length 1; normalise it")
         values = np.array([self.stiffness, self.damping, self.rest])
         if not np.isfinite(values).all() or min(self.stiffness, self.damping) < 0:
-            raise InputError(f"joint stiffness {self.stiffness} and damping {self.damping} must be at least 0")
+            raise InputError(
+                f"joint stiffness {self.stiffness} and damping {self.damping} must be at least 0"
+            )
         if self.stiffness > 0 and self.kind in (JointKind.FREE, JointKind.WELD):
             raise InputError("a free or welded joint has no spring; use revolute or prismatic joints")
 
@@ -114,7 +116,9 @@ class PhysicsScene:
     def _check_pair(self, pair: ContactPair) -> None:
         count = len(self.bodies)
         if not (0 <= pair.point_body < count and WORLD <= pair.solid_body < count):
-            raise InputError(f"contact between bodies {pair.point_body} and {pair.solid_body}: 0..{count - 1}")
+            raise InputError(
+                f"contact between bodies {pair.point_body} and {pair.solid_body}: 0..{count - 1}"
+            )
         if pair.point_body == pair.solid_body:
             raise InputError(f"body {pair.point_body} cannot touch itself")
         shapes = self.world_shapes if pair.solid_body == WORLD else self.bodies[pair.solid_body].shapes
@@ -141,7 +145,9 @@ def _check_body(index: int, body: Body) -> None:
     if principal[0] <= 1e-9 * principal[2] or principal[2] <= 0:
         raise InputError(f"inertia of {body.name} is singular: principal moments {principal} kg m^2")
     if principal[2] > (principal[0] + principal[1]) * (1 + 1e-6):
-        raise InputError(f"no body has principal moments {principal} kg m^2 ({body.name}): triangle inequality")
+        raise InputError(
+            f"no body has principal moments {principal} kg m^2 ({body.name}): triangle inequality"
+        )
     if not np.isfinite(body.com).all():
         raise InputError(f"centre of mass {body.com} of {body.name} is not finite")
     if not WORLD <= body.parent < index:

@@ -46,7 +46,9 @@ def plane(shape_in_body: Pose | None = None) -> Shape:
     return _shape(ShapeKind.PLANE, shape_in_body, 0.0)
 
 
-def box(half_extents: tuple[float, float, float], rounding: float, shape_in_body: Pose | None = None) -> Shape:
+def box(
+    half_extents: tuple[float, float, float], rounding: float, shape_in_body: Pose | None = None
+) -> Shape:
     """A box with rounded edges; `half_extents` [m] include the rounding [m]."""
     half = _sizes("half extents", half_extents)
     _check_rounding(rounding, float(half.min()))

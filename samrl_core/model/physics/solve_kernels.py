@@ -1,4 +1,5 @@
 """Dense factorisation and Newton's method for the velocity after a step, one thread per environment."""
+
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 # pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
@@ -122,9 +123,7 @@ def solve_functions(double: bool) -> SimpleNamespace:
                 s.change[e, c] = kept
 
     @wp.func
-    def contact_residual(
-        tree: Tree, touch: Touch, par: Values, s: Solve, k: int, e: int, share: real
-    ):
+    def contact_residual(tree: Tree, touch: Touch, par: Values, s: Solve, k: int, e: int, share: real):
         """`residual` at a share of `change`, and `size`, the impulses added without sign."""
         for i in range(tree.unknowns):
             s.residual[e, i] = s.linear[e, i] + share * s.pushed[e, i]

@@ -6,6 +6,7 @@ Solved for the velocity v' after the step, with everything geometric taken at it
 
 where the contact impulses p see the depth that v' leads to (implicit). Driven velocities are given.
 """
+# ruff: noqa: UP018, RUF046, B007  (Warp: only int(...) may change in a loop, a bare literal may not)
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 # pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
@@ -61,7 +62,9 @@ def step_kernels(double: bool) -> SimpleNamespace:
             if lb >= 0:
                 turn = links.turn[e, lb] * turn
                 place = links.place[e, lb] + links.turn[e, lb] * place
-            n, gap = distance(touch.solid_kind[i], touch.solid_numbers, i, wp.transpose(turn) * (point - place))
+            n, gap = distance(
+                touch.solid_kind[i], touch.solid_numbers, i, wp.transpose(turn) * (point - place)
+            )
             gap = gap - touch.radius[c]
             if gap < touch.margin:
                 n = turn * n
@@ -186,7 +189,9 @@ def step_kernels(double: bool) -> SimpleNamespace:
                         done = 1
 
     @wp.kernel(enable_backward=False, module="unique")
-    def step(tree: Tree, touch: Touch, par: Values, motion: Motion, links: Links, s: Solve, k: int, most: int):
+    def step(
+        tree: Tree, touch: Touch, par: Values, motion: Motion, links: Links, s: Solve, k: int, most: int
+    ):
         e = wp.tid()
         kinematics(tree, par, motion, links, k, e)
         mass_matrix(tree, par, motion, links, s, k, e)

@@ -4,6 +4,7 @@ Everything of a link is taken about its own origin and in world axes (classical,
 accelerations): about the world's origin, float32 would lose the inertia of a light link far away.
 Composite inertia: Featherstone, Rigid Body Dynamics Algorithms (2008), table 6.2; bias forces: table 5.1.
 """
+
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 # pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
@@ -62,7 +63,9 @@ def tree_functions(double: bool) -> SimpleNamespace:
                 x = wp.sqrt(angle2)
                 s = wp.sin(real(0.5) * x) / x
                 c = wp.cos(real(0.5) * x)
-            old = quat(motion.q[k, e, i + 3], motion.q[k, e, i + 4], motion.q[k, e, i + 5], motion.q[k, e, i + 6])
+            old = quat(
+                motion.q[k, e, i + 3], motion.q[k, e, i + 4], motion.q[k, e, i + 5], motion.q[k, e, i + 6]
+            )
             new = wp.normalize(quat(w[0] * s, w[1] * s, w[2] * s, c) * old)
             motion.q[k + 1, e, i + 3] = new[0]
             motion.q[k + 1, e, i + 4] = new[1]
@@ -93,7 +96,12 @@ def tree_functions(double: bool) -> SimpleNamespace:
             if kind == FREE:
                 place = vec3(motion.q[k, e, i], motion.q[k, e, i + 1], motion.q[k, e, i + 2])
                 turn = wp.quat_to_matrix(
-                    quat(motion.q[k, e, i + 3], motion.q[k, e, i + 4], motion.q[k, e, i + 5], motion.q[k, e, i + 6])
+                    quat(
+                        motion.q[k, e, i + 3],
+                        motion.q[k, e, i + 4],
+                        motion.q[k, e, i + 5],
+                        motion.q[k, e, i + 6],
+                    )
                 )
                 spin = vec3(motion.v[k, e, j + 3], motion.v[k, e, j + 4], motion.v[k, e, j + 5])
                 for n in range(3):
@@ -162,7 +170,9 @@ def tree_functions(double: bool) -> SimpleNamespace:
             first = links.first[e, l]
             rx = skew(r)
             fx = skew(first)
-            links.inertia[e, up] = links.inertia[e, up] + links.inertia[e, l] - rx * fx - fx * rx - rx * rx * m
+            links.inertia[e, up] = (
+                links.inertia[e, up] + links.inertia[e, l] - rx * fx - fx * rx - rx * rx * m
+            )
             links.first[e, up] = links.first[e, up] + first + r * m
             links.mass[e, up] = links.mass[e, up] + m
             force = links.force[e, l]
@@ -196,7 +206,9 @@ def tree_functions(double: bool) -> SimpleNamespace:
                     for d in range(velocities(tree.kind[at])):
                         other = tree.first_v[at] + d
                         if other <= j:
-                            value = wp.dot(links.s_turn[e, other], twist) + wp.dot(links.s_move[e, other], push)
+                            value = wp.dot(links.s_turn[e, other], twist) + wp.dot(
+                                links.s_move[e, other], push
+                            )
                             if row >= 0:
                                 solve.matrix[e, row, other] = value
                             if tree.solved[other] >= 0:

@@ -165,7 +165,9 @@ class Workspace:
         self._values_grad = _gradients(values, PARAMETERS)
         self._power_grad = _gradients(power, (*vectors, "turn", "multiplier", "after", "total"))
         owners = [(motion, name) for name in MOTION] + [(values, name) for name in PARAMETERS]
-        self.tensors = {name: wp.to_torch(getattr(owner, name), requires_grad=False) for owner, name in owners}
+        self.tensors = {
+            name: wp.to_torch(getattr(owner, name), requires_grad=False) for owner, name in owners
+        }
         self.gradients = {
             name: wp.to_torch(getattr(owner, name).grad, requires_grad=False) for owner, name in owners
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 
@@ -15,7 +15,7 @@ STEPS = {
     "q": (0.0, 1e-7),
     "v": (0.0, 1e-6),
     "velocity": (0.0, 1e-6),
-    "wrench": (0.0, 1e-5),
+    "wrench": (0.0, 1e-8),
     "mass": (1e-5, 0.0),
     "com": (0.0, 1e-7),
     "inertia": (1e-4, 0.0),
@@ -127,31 +127,46 @@ def differences(case: Case) -> list[tuple[str, torch.Tensor, float]]:
     return [(name, move, float(value[2 * i] - value[2 * i + 1]) / 2) for i, (name, move) in enumerate(moves)]
 
 
-def errors(case: Case, dtype: torch.dtype) -> dict[str, float]:
-    """Relative error by input: norm over the directions, against the differences."""
-    found = gradients(case, dtype)
+# What a change of each input by its natural size does: inputs that do less than this share of the
+# strongest one's effect are measured against that share, for their own gradient is rounding.
+WEAK = 1e-4
+NATURAL = {"q": 1e-3, "v": 1e-2, "velocity": 1e-2, "com": 1e-3, "joint_rest": 1e-2}
+
+
+def natural_size(name: str, values: dict[str, torch.Tensor]) -> torch.Tensor:
+    """Scale of an input: its own value, or a typical length, angle or speed; a weight for a wrench."""
+    if name == "wrench":
+        return 0.1 * 9.81 * values["mass"].to(torch.float64).max()
+    if name in NATURAL:
+        return torch.tensor(NATURAL[name], dtype=torch.float64)
+    return values[name].to(torch.float64).abs()
+
+
+def difference_errors(case: Case) -> dict[str, float]:
+    """Relative error by input of the float64 gradient along random directions, against the differences."""
+    found = gradients(case, torch.float64)
     by_name: dict[str, list[tuple[float, float]]] = {}
     for name, move, expected in differences(case):
-        got = float((found[name] * move).sum())
-        by_name.setdefault(name, []).append((got, expected))
-    result = {}
-    for name, pairs in by_name.items():
-        table = torch.tensor(pairs, dtype=torch.float64)
-        scale = float(table[:, 1].norm())
-        if scale > 0 or float(table[:, 0].norm()) > 0:
-            result[name] = float((table[:, 0] - table[:, 1]).norm()) / max(scale, 1e-300)
-    return result
-
-
-def single_precision_errors(case: Case) -> dict[str, float]:
-    """Relative error by input of the float32 gradient against the float64 one, as vectors."""
-    single, double = gradients(case, torch.float32), gradients(case, torch.float64)
+        relative, absolute = STEPS[name]
+        size = relative if relative else absolute / NATURAL.get(name, 1e-2)
+        by_name.setdefault(name, []).append((float((found[name] * move).sum()) / size, expected / size))
+    tables = {name: torch.tensor(pairs, dtype=torch.float64) for name, pairs in by_name.items()}
+    floor = WEAK * max(float(table[:, 1].norm()) for table in tables.values())
     return {
-        name: float((single[name] - value).norm() / value.norm())
-        for name, value in double.items()
-        if float(value.norm()) > 0
+        name: float((table[:, 0] - table[:, 1]).norm()) / max(float(table[:, 1].norm()), floor)
+        for name, table in tables.items()
     }
 
 
-def shortened(case: Case, steps: int) -> Case:
-    return replace(case, velocity=case.velocity[:steps], wrench=case.wrench[:steps])
+def precision_errors(case: Case) -> dict[str, float]:
+    """Relative error by input of the float32 gradient, as a vector, against the float64 one."""
+    single, double = gradients(case, torch.float32), gradients(case, torch.float64)
+    values = inputs(case, PhysicsModel(case.scene, torch.float64))
+    scaled = {name: value * natural_size(name, values) for name, value in double.items()}
+    floor = WEAK * max(float(value.norm()) for value in scaled.values() if value.numel())
+    return {
+        name: float((single[name] * natural_size(name, values) - value).norm())
+        / max(float(value.norm()), floor)
+        for name, value in scaled.items()
+        if value.numel()
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
-from samrl_core.model.physics.shapes import block_with_hole, box, plane, ring
+from samrl_core.model.physics.shapes import block_with_hole, box, cylinder, plane, ring
 from samrl_core.types.pose import Pose
 
 FREE = Joint(JointKind.FREE)
@@ -27,7 +27,9 @@ def cylinder_inertia(mass: float, radius: float, length: float) -> np.ndarray:
     return np.diag([side, side, 0.5 * mass * radius**2])
 
 
-def chain(links: int, length: float, mass: float, radius: float, stiffness: float, damping: float) -> list[Body]:
+def chain(
+    links: int, length: float, mass: float, radius: float, stiffness: float, damping: float
+) -> list[Body]:
     """Links hanging along -z, two hinges in front of each."""
     inertia = cylinder_inertia(mass, radius, length)
     bodies = []
@@ -53,7 +55,11 @@ def disc_on_plane(step_s: float = 1 / 240, friction: float = 0.3) -> PhysicsScen
 
 
 def peg_in_hole() -> PhysicsScene:
-    """A driven hand holds a peg of radius 10 mm by a springy wrist; a block has a chamfered hole of 12 mm."""
+    """A driven hand holds a peg of radius 10 mm by a springy wrist; a block has a chamfered hole of 12 mm.
+
+    The block is driven too, so that the hole's pose is part of the state. The peg's points meet the hole
+    and the hole's rim meets the peg's side: a tilted peg is held at both and jams.
+    """
     springs = [
         Joint(JointKind.PRISMATIC, axis, stiffness=2000.0, damping=20.0)
         for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -63,10 +69,13 @@ def peg_in_hole() -> PhysicsScene:
         for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     ]
     hand = Body("hand", 0.5, 1e-3 * np.eye(3), (HAND,))
-    peg = Body("peg", 0.05, cylinder_inertia(0.05, 0.01, 0.06), tuple(springs), (0, 0, -0.03), 0)
-    block = block_with_hole((0.06, 0.06, 0.02), 0.012, 0.002, 0.0005, at(0, 0, 0.02))
-    points = np.concatenate([circle(0.01, -0.06, 12), circle(0.01, -0.045, 12)])
-    return PhysicsScene((hand, peg), (block,), (ContactPair(1, points, WORLD, 0),))
+    shaft = cylinder(0.01, 0.06, 0.0005, at(0, 0, -0.03))
+    peg = Body("peg", 0.05, cylinder_inertia(0.05, 0.01, 0.06), tuple(springs), (0, 0, -0.03), 0, (shaft,))
+    hole = block_with_hole((0.06, 0.06, 0.02), 0.012, 0.002, 0.0005)
+    block = Body("block", 1.0, 1e-2 * np.eye(3), (HAND,), shapes=(hole,))
+    rim = circle(0.0125, 0.0175, 12)  # balls of 0.5 mm under the chamfer
+    pairs = (ContactPair(1, circle(0.01, -0.06, 12), 2, 0), ContactPair(2, rim, 1, 0, 0.0005))
+    return PhysicsScene((hand, peg, block), (), pairs)
 
 
 def thread_in_eye(links: int = 10) -> PhysicsScene:

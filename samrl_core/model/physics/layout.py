@@ -1,4 +1,4 @@
-"""A scene as flat arrays: one link per joint, one velocity per degree of freedom, one row per contact point."""
+"""A scene as flat arrays: one link per joint, one row per degree of freedom and per contact point."""
 
 from __future__ import annotations
 

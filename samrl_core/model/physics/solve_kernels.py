@@ -17,9 +17,9 @@ CHOLESKY = wp.constant(-1)  # in the first pivot: the factor is symmetric
 
 @cache
 def solve_functions(double: bool) -> SimpleNamespace:
-    """Functions of one precision: `factorise`, `solve`, `solve_transposed`, `contact_residual`, `contact_slope`."""
+    """Functions of one precision: factors, solves, and the contacts' share of residual and slope."""
     t = types(double)
-    real, vec3, mat33 = t.real, t.vec3, t.mat33
+    real = t.real
     Tree, Touch, Values, Solve = t.Tree, t.Touch, t.Values, t.Solve
     d = distance_functions(double)
     ramp, ramp_slope, impulse = d.ramp, d.ramp_slope, d.impulse

@@ -22,7 +22,7 @@ from samrl_core.model.physics.tree_kernels import FREE, PRISMATIC, REVOLUTE, tre
 
 @cache
 def power_kernels(double: bool) -> SimpleNamespace:
-    """Kernels of one precision: `multiply`, `power` (differentiable), `collect`."""
+    """Kernels of one precision: `multiply`, `collect`, and the differentiable `link_power`, `touch_power`."""
     t = types(double)
     real, vec3, mat33, quat = t.real, t.vec3, t.mat33, t.quat
     Tree, Touch, Values, Motion, Solve, Power = t.Tree, t.Touch, t.Values, t.Motion, t.Solve, t.Power
@@ -44,99 +44,6 @@ def power_kernels(double: bool) -> SimpleNamespace:
             w.multiplier[e, j] = zero
             if tree.solved[j] >= 0:
                 w.multiplier[e, j] = s.change[e, tree.solved[j]]
-
-    @wp.func
-    def link_power(tree: Tree, par: Values, motion: Motion, w: Power, k: int, e: int, l: int):
-        """Motion of one link; returns minus the power of its inertia plus that of its wrench and joint."""
-        a = tree.parent[l] + 1
-        kind = tree.kind[l]
-        i = tree.first_q[l]
-        j = tree.first_v[l]
-        h = tree.step
-        result = zero
-        if kind == FREE:
-            w.place[e, l + 1] = vec3(motion.q[k, e, i], motion.q[k, e, i + 1], motion.q[k, e, i + 2])
-            w.turn[e, l + 1] = wp.quat_to_matrix(
-                quat(
-                    motion.q[k, e, i + 3], motion.q[k, e, i + 4], motion.q[k, e, i + 5], motion.q[k, e, i + 6]
-                )
-            )
-            w.spin[e, l + 1] = vec3(motion.v[k, e, j + 3], motion.v[k, e, j + 4], motion.v[k, e, j + 5])
-            new_move = vec3(w.after[e, j], w.after[e, j + 1], w.after[e, j + 2])
-            new_turn = vec3(w.after[e, j + 3], w.after[e, j + 4], w.after[e, j + 5])
-            try_move = vec3(w.multiplier[e, j], w.multiplier[e, j + 1], w.multiplier[e, j + 2])
-            try_turn = vec3(w.multiplier[e, j + 3], w.multiplier[e, j + 4], w.multiplier[e, j + 5])
-            old_move = vec3(motion.v[k, e, j], motion.v[k, e, j + 1], motion.v[k, e, j + 2])
-            w.rate[e, l + 1] = (new_move - old_move) / h - tree.gravity
-            w.spin_rate[e, l + 1] = (new_turn - w.spin[e, l + 1]) / h
-            w.new_move[e, l + 1] = new_move
-            w.new_turn[e, l + 1] = new_turn
-            w.try_move[e, l + 1] = try_move
-            w.try_turn[e, l + 1] = try_turn
-            for c in range(6):
-                result -= par.damping[e, j + c] * w.multiplier[e, j + c] * w.after[e, j + c]
-        else:
-            arm = w.turn[e, a] * tree.offset[l]
-            turn = w.turn[e, a] * tree.turn[l]
-            axis = turn * tree.axis[l]
-            spin = w.spin[e, a]
-            if kind == PRISMATIC:
-                arm = arm + axis * motion.q[k, e, i]
-            rate = w.rate[e, a] + wp.cross(w.spin_rate[e, a], arm) + wp.cross(spin, wp.cross(spin, arm))
-            new_move = w.new_move[e, a] + wp.cross(w.new_turn[e, a], arm)
-            try_move = w.try_move[e, a] + wp.cross(w.try_turn[e, a], arm)
-            if kind == REVOLUTE:
-                v = motion.v[k, e, j]
-                after = w.after[e, j]
-                w.turn[e, l + 1] = turn * about_axis(tree.axis[l], motion.q[k, e, i])
-                w.spin[e, l + 1] = spin + axis * v
-                w.spin_rate[e, l + 1] = (
-                    w.spin_rate[e, a] + axis * ((after - v) / h) + wp.cross(spin, axis * v)
-                )
-                w.new_turn[e, l + 1] = w.new_turn[e, a] + axis * after
-                w.try_turn[e, l + 1] = w.try_turn[e, a] + axis * w.multiplier[e, j]
-                w.rate[e, l + 1] = rate
-                w.new_move[e, l + 1] = new_move
-                w.try_move[e, l + 1] = try_move
-            else:
-                w.turn[e, l + 1] = turn
-                w.spin[e, l + 1] = spin
-                w.spin_rate[e, l + 1] = w.spin_rate[e, a]
-                w.new_turn[e, l + 1] = w.new_turn[e, a]
-                w.try_turn[e, l + 1] = w.try_turn[e, a]
-                if kind == PRISMATIC:
-                    v = motion.v[k, e, j]
-                    after = w.after[e, j]
-                    w.rate[e, l + 1] = rate + axis * ((after - v) / h) + wp.cross(spin, axis) * (two * v)
-                    w.new_move[e, l + 1] = new_move + axis * after
-                    w.try_move[e, l + 1] = try_move + axis * w.multiplier[e, j]
-                else:
-                    w.rate[e, l + 1] = rate
-                    w.new_move[e, l + 1] = new_move
-                    w.try_move[e, l + 1] = try_move
-            w.place[e, l + 1] = w.place[e, a] + arm
-            if kind == REVOLUTE or kind == PRISMATIC:
-                spring = par.stiffness[e, j] * (par.rest[e, j] - motion.q[k, e, i] - h * w.after[e, j])
-                result = w.multiplier[e, j] * (spring - par.damping[e, j] * w.after[e, j])
-        return result * h
-
-    @wp.func
-    def body_power(par: Values, motion: Motion, w: Power, k: int, e: int, l: int, b: int):
-        turn = w.turn[e, l + 1]
-        c = turn * par.com[e, b]
-        spin = w.spin[e, l + 1]
-        spin_rate = w.spin_rate[e, l + 1]
-        y = w.try_turn[e, l + 1]
-        rate = w.rate[e, l + 1] + wp.cross(spin_rate, c) + wp.cross(spin, wp.cross(spin, c))
-        back = wp.transpose(turn)
-        s = back * spin
-        torque = par.inertia[e, b] * (back * spin_rate) + wp.cross(s, par.inertia[e, b] * s)
-        return (
-            wp.dot(w.try_move[e, l + 1], motion.wrench[k, e, 2 * b])
-            + wp.dot(y, motion.wrench[k, e, 2 * b + 1])
-            - par.mass[e, b] * wp.dot(w.try_move[e, l + 1] + wp.cross(y, c), rate)
-            - wp.dot(back * y, torque)
-        )
 
     @wp.func
     def contact_power(tree: Tree, touch: Touch, par: Values, w: Power, e: int, c: int):
@@ -177,17 +84,152 @@ def power_kernels(double: bool) -> SimpleNamespace:
         )
         return wp.dot(y, push)
 
+    # Arrays one by one, not in structs: the adjoint of a struct's member costs a copy at every access.
     @wp.kernel(module="unique")
-    def power(tree: Tree, touch: Touch, par: Values, motion: Motion, s: Solve, w: Power, k: int):
-        """`total` = -lambda . r."""
+    def link_power(
+        links: int,
+        h: real,
+        gravity: vec3,
+        parent: wp.array(dtype=wp.int32),
+        kind: wp.array(dtype=wp.int32),
+        offset: wp.array(dtype=vec3),
+        joint_turn: wp.array(dtype=mat33),
+        axis: wp.array(dtype=vec3),
+        first_q: wp.array(dtype=wp.int32),
+        first_v: wp.array(dtype=wp.int32),
+        body: wp.array(dtype=wp.int32),
+        mass: wp.array2d(dtype=real),
+        com: wp.array2d(dtype=vec3),
+        inertia: wp.array2d(dtype=mat33),
+        stiffness: wp.array2d(dtype=real),
+        damping: wp.array2d(dtype=real),
+        rest: wp.array2d(dtype=real),
+        position: wp.array3d(dtype=real),
+        velocity: wp.array3d(dtype=real),
+        wrench: wp.array3d(dtype=vec3),
+        k: int,
+        w_turn: wp.array2d(dtype=mat33),
+        w_place: wp.array2d(dtype=vec3),
+        w_spin: wp.array2d(dtype=vec3),
+        w_spin_rate: wp.array2d(dtype=vec3),
+        w_rate: wp.array2d(dtype=vec3),
+        w_try_turn: wp.array2d(dtype=vec3),
+        w_try_move: wp.array2d(dtype=vec3),
+        w_new_turn: wp.array2d(dtype=vec3),
+        w_new_move: wp.array2d(dtype=vec3),
+        w_multiplier: wp.array2d(dtype=real),
+        w_after: wp.array2d(dtype=real),
+        total: wp.array(dtype=real),
+    ):
+        """Motion of the links, and minus the power of inertia, springs and wrenches added to `total`."""
         e = wp.tid()
-        for l in range(tree.links):
-            wp.atomic_add(w.total, e, link_power(tree, par, motion, w, k, e, l))
-            b = tree.body[l]
+        for l in range(links):
+            a = parent[l] + 1
+            of = kind[l]
+            i = first_q[l]
+            j = first_v[l]
+            if of == FREE:
+                w_place[e, l + 1] = vec3(position[k, e, i], position[k, e, i + 1], position[k, e, i + 2])
+                w_turn[e, l + 1] = wp.quat_to_matrix(
+                    quat(
+                        position[k, e, i + 3],
+                        position[k, e, i + 4],
+                        position[k, e, i + 5],
+                        position[k, e, i + 6],
+                    )
+                )
+                w_spin[e, l + 1] = vec3(velocity[k, e, j + 3], velocity[k, e, j + 4], velocity[k, e, j + 5])
+                new_move = vec3(w_after[e, j], w_after[e, j + 1], w_after[e, j + 2])
+                new_turn = vec3(w_after[e, j + 3], w_after[e, j + 4], w_after[e, j + 5])
+                try_move = vec3(w_multiplier[e, j], w_multiplier[e, j + 1], w_multiplier[e, j + 2])
+                try_turn = vec3(w_multiplier[e, j + 3], w_multiplier[e, j + 4], w_multiplier[e, j + 5])
+                old_move = vec3(velocity[k, e, j], velocity[k, e, j + 1], velocity[k, e, j + 2])
+                w_rate[e, l + 1] = (new_move - old_move) / h - gravity
+                w_spin_rate[e, l + 1] = (new_turn - w_spin[e, l + 1]) / h
+                w_new_move[e, l + 1] = new_move
+                w_new_turn[e, l + 1] = new_turn
+                w_try_move[e, l + 1] = try_move
+                w_try_turn[e, l + 1] = try_turn
+                for m in range(6):
+                    wp.atomic_add(
+                        total, e, -h * (damping[e, j + m] * w_multiplier[e, j + m] * w_after[e, j + m])
+                    )
+            else:
+                arm = w_turn[e, a] * offset[l]
+                turn = w_turn[e, a] * joint_turn[l]
+                along = turn * axis[l]
+                spin = w_spin[e, a]
+                if of == PRISMATIC:
+                    arm = arm + along * position[k, e, i]
+                rate = w_rate[e, a] + wp.cross(w_spin_rate[e, a], arm) + wp.cross(spin, wp.cross(spin, arm))
+                new_move = w_new_move[e, a] + wp.cross(w_new_turn[e, a], arm)
+                try_move = w_try_move[e, a] + wp.cross(w_try_turn[e, a], arm)
+                if of == REVOLUTE:
+                    v = velocity[k, e, j]
+                    after = w_after[e, j]
+                    w_turn[e, l + 1] = turn * about_axis(axis[l], position[k, e, i])
+                    w_spin[e, l + 1] = spin + along * v
+                    w_spin_rate[e, l + 1] = (
+                        w_spin_rate[e, a] + along * ((after - v) / h) + wp.cross(spin, along * v)
+                    )
+                    w_new_turn[e, l + 1] = w_new_turn[e, a] + along * after
+                    w_try_turn[e, l + 1] = w_try_turn[e, a] + along * w_multiplier[e, j]
+                    w_rate[e, l + 1] = rate
+                    w_new_move[e, l + 1] = new_move
+                    w_try_move[e, l + 1] = try_move
+                else:
+                    w_turn[e, l + 1] = turn
+                    w_spin[e, l + 1] = spin
+                    w_spin_rate[e, l + 1] = w_spin_rate[e, a]
+                    w_new_turn[e, l + 1] = w_new_turn[e, a]
+                    w_try_turn[e, l + 1] = w_try_turn[e, a]
+                    if of == PRISMATIC:
+                        v = velocity[k, e, j]
+                        after = w_after[e, j]
+                        w_rate[e, l + 1] = (
+                            rate + along * ((after - v) / h) + wp.cross(spin, along) * (two * v)
+                        )
+                        w_new_move[e, l + 1] = new_move + along * after
+                        w_try_move[e, l + 1] = try_move + along * w_multiplier[e, j]
+                    else:
+                        w_rate[e, l + 1] = rate
+                        w_new_move[e, l + 1] = new_move
+                        w_try_move[e, l + 1] = try_move
+                w_place[e, l + 1] = w_place[e, a] + arm
+                if of == REVOLUTE or of == PRISMATIC:
+                    spring = stiffness[e, j] * (rest[e, j] - position[k, e, i] - h * w_after[e, j])
+                    wp.atomic_add(total, e, h * w_multiplier[e, j] * (spring - damping[e, j] * w_after[e, j]))
+            b = body[l]
             if b >= 0:
-                wp.atomic_add(w.total, e, tree.step * body_power(par, motion, w, k, e, l, b))
-        for a in range(s.active_count[k, e]):
-            wp.atomic_add(w.total, e, contact_power(tree, touch, par, w, e, s.active[k, e, a]))
+                own = w_turn[e, l + 1]
+                centre = own * com[e, b]
+                own_spin = w_spin[e, l + 1]
+                own_rate = w_spin_rate[e, l + 1]
+                y = w_try_turn[e, l + 1]
+                acc = (
+                    w_rate[e, l + 1]
+                    + wp.cross(own_rate, centre)
+                    + wp.cross(own_spin, wp.cross(own_spin, centre))
+                )
+                back = wp.transpose(own)
+                spin_in_body = back * own_spin
+                torque = inertia[e, b] * (back * own_rate) + wp.cross(
+                    spin_in_body, inertia[e, b] * spin_in_body
+                )
+                result = (
+                    wp.dot(w_try_move[e, l + 1], wrench[k, e, 2 * b])
+                    + wp.dot(y, wrench[k, e, 2 * b + 1])
+                    - mass[e, b] * wp.dot(w_try_move[e, l + 1] + wp.cross(y, centre), acc)
+                    - wp.dot(back * y, torque)
+                )
+                wp.atomic_add(total, e, h * result)
+
+    @wp.kernel(module="unique")
+    def touch_power(tree: Tree, touch: Touch, par: Values, s: Solve, w: Power, k: int):
+        """The power of the contacts added to `total`, from the motion that `link_power` left."""
+        e = wp.tid()
+        for n in range(s.active_count[k, e]):
+            wp.atomic_add(w.total, e, contact_power(tree, touch, par, w, e, s.active[k, e, n]))
 
     @wp.kernel(enable_backward=False, module="unique")
     def collect(
@@ -216,4 +258,4 @@ def power_kernels(double: bool) -> SimpleNamespace:
             w_grad.new_turn[e, l] = vec3()
             w_grad.new_move[e, l] = vec3()
 
-    return SimpleNamespace(multiply=multiply, power=power, collect=collect)
+    return SimpleNamespace(multiply=multiply, link_power=link_power, touch_power=touch_power, collect=collect)

@@ -27,100 +27,108 @@ def solve_functions(double: bool) -> SimpleNamespace:
 
     @wp.func
     def factorise_symmetric(s: Solve, k: int, e: int, n: int):
+        f = s.factor[k, e]
         for j in range(n):
             for c in range(j):
-                total = s.factor[k, e, j, c]
+                total = f[j, c]
                 for i in range(c):
-                    total -= s.factor[k, e, j, i] * s.factor[k, e, c, i]
-                s.factor[k, e, j, c] = total / s.factor[k, e, c, c]
-            total = s.factor[k, e, j, j]
+                    total -= f[j, i] * f[c, i]
+                f[j, c] = total / f[c, c]
+            total = f[j, j]
             for i in range(j):
-                total -= s.factor[k, e, j, i] * s.factor[k, e, j, i]
-            s.factor[k, e, j, j] = wp.sqrt(total)
+                total -= f[j, i] * f[j, i]
+            f[j, j] = wp.sqrt(total)
         s.pivot[k, e, 0] = CHOLESKY
 
     @wp.func
     def factorise(s: Solve, k: int, e: int, n: int):
         """P A = L U in place, with row pivots: friction makes the matrix unsymmetric."""
+        f = s.factor[k, e]
         for c in range(n):
             best = int(c)
             for i in range(c + 1, n):
-                if wp.abs(s.factor[k, e, i, c]) > wp.abs(s.factor[k, e, best, c]):
+                if wp.abs(f[i, c]) > wp.abs(f[best, c]):
                     best = i
             s.pivot[k, e, c] = best
             if best != c:
                 for j in range(n):
-                    kept = s.factor[k, e, c, j]
-                    s.factor[k, e, c, j] = s.factor[k, e, best, j]
-                    s.factor[k, e, best, j] = kept
-            inverse = one / s.factor[k, e, c, c]
+                    kept = f[c, j]
+                    f[c, j] = f[best, j]
+                    f[best, j] = kept
+            inverse = one / f[c, c]
             for i in range(c + 1, n):
-                share = s.factor[k, e, i, c] * inverse
-                s.factor[k, e, i, c] = share
+                share = f[i, c] * inverse
+                f[i, c] = share
                 if share != zero:
                     for j in range(c + 1, n):
-                        s.factor[k, e, i, j] = s.factor[k, e, i, j] - share * s.factor[k, e, c, j]
+                        f[i, j] = f[i, j] - share * f[c, j]
 
     @wp.func
     def solve(s: Solve, k: int, e: int, n: int):
         """Solves in place for `change`."""
+        f = s.factor[k, e]
+        x = s.change[e]
         if s.pivot[k, e, 0] == CHOLESKY:
             solve_symmetric(s, k, e, n)
         else:
             for c in range(n):
                 p = s.pivot[k, e, c]
-                kept = s.change[e, p]
-                s.change[e, p] = s.change[e, c]
-                s.change[e, c] = kept
+                kept = x[p]
+                x[p] = x[c]
+                x[c] = kept
             for i in range(n):
-                total = s.change[e, i]
+                total = x[i]
                 for j in range(i):
-                    total -= s.factor[k, e, i, j] * s.change[e, j]
-                s.change[e, i] = total
+                    total -= f[i, j] * x[j]
+                x[i] = total
             for back in range(n):
                 i = n - 1 - back
-                total = s.change[e, i]
+                total = x[i]
                 for j in range(i + 1, n):
-                    total -= s.factor[k, e, i, j] * s.change[e, j]
-                s.change[e, i] = total / s.factor[k, e, i, i]
+                    total -= f[i, j] * x[j]
+                x[i] = total / f[i, i]
 
     @wp.func
     def solve_symmetric(s: Solve, k: int, e: int, n: int):
+        f = s.factor[k, e]
+        x = s.change[e]
         for i in range(n):
-            total = s.change[e, i]
+            total = x[i]
             for j in range(i):
-                total -= s.factor[k, e, i, j] * s.change[e, j]
-            s.change[e, i] = total / s.factor[k, e, i, i]
+                total -= f[i, j] * x[j]
+            x[i] = total / f[i, i]
         for back in range(n):
             i = n - 1 - back
-            total = s.change[e, i]
+            total = x[i]
             for j in range(i + 1, n):
-                total -= s.factor[k, e, j, i] * s.change[e, j]
-            s.change[e, i] = total / s.factor[k, e, i, i]
+                total -= f[j, i] * x[j]
+            x[i] = total / f[i, i]
 
     @wp.func
     def solve_transposed(s: Solve, k: int, e: int, n: int):
         """Solves the transposed system in place for `change`."""
+        f = s.factor[k, e]
+        x = s.change[e]
         if s.pivot[k, e, 0] == CHOLESKY:
             solve_symmetric(s, k, e, n)
         else:
             for i in range(n):
-                total = s.change[e, i]
+                total = x[i]
                 for j in range(i):
-                    total -= s.factor[k, e, j, i] * s.change[e, j]
-                s.change[e, i] = total / s.factor[k, e, i, i]
+                    total -= f[j, i] * x[j]
+                x[i] = total / f[i, i]
             for back in range(n):
                 i = n - 1 - back
-                total = s.change[e, i]
+                total = x[i]
                 for j in range(i + 1, n):
-                    total -= s.factor[k, e, j, i] * s.change[e, j]
-                s.change[e, i] = total
+                    total -= f[j, i] * x[j]
+                x[i] = total
             for back in range(n):
                 c = n - 1 - back
                 p = s.pivot[k, e, c]
-                kept = s.change[e, p]
-                s.change[e, p] = s.change[e, c]
-                s.change[e, c] = kept
+                kept = x[p]
+                x[p] = x[c]
+                x[c] = kept
 
     @wp.func
     def contact_residual(tree: Tree, touch: Touch, par: Values, s: Solve, k: int, e: int, share: real):
@@ -153,6 +161,7 @@ def solve_functions(double: bool) -> SimpleNamespace:
     @wp.func
     def contact_slope(tree: Tree, touch: Touch, par: Values, s: Solve, k: int, e: int):
         """Adds the contacts' part of the residual's derivative to `factor`."""
+        f = s.factor[k, e]
         h = tree.step
         for a in range(s.active_count[k, e]):
             p = touch.pair[s.active[k, e, a]]
@@ -185,9 +194,7 @@ def solve_functions(double: bool) -> SimpleNamespace:
                             for i in range(tree.dofs):
                                 row = tree.solved[i]
                                 if row >= 0:
-                                    s.factor[k, e, row, col] = s.factor[k, e, row, col] - wp.dot(
-                                        s.jacobian[e, a, i], gj
-                                    )
+                                    f[row, col] = f[row, col] - wp.dot(s.jacobian[e, a, i], gj)
 
     return SimpleNamespace(
         factorise=factorise,

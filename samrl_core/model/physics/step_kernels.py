@@ -82,15 +82,17 @@ def step_kernels(double: bool) -> SimpleNamespace:
     @wp.func
     def apply_matrix(tree: Tree, motion: Motion, s: Solve, k: int, e: int):
         """`linear` at the present velocity, and the relative velocities of the contacts."""
+        after = motion.v[k + 1, e]
         for i in range(tree.unknowns):
             total = -s.right[e, i]
+            row = s.matrix[e, i]
             for j in range(tree.dofs):
-                total += s.matrix[e, i, j] * motion.v[k + 1, e, j]
+                total += row[j] * after[j]
             s.linear[e, i] = total
         for a in range(s.active_count[k, e]):
             u = vec3()
             for j in range(tree.dofs):
-                u += s.jacobian[e, a, j] * motion.v[k + 1, e, j]
+                u += s.jacobian[e, a, j] * after[j]
             s.slip[e, a] = u
 
     @wp.func
@@ -139,10 +141,12 @@ def step_kernels(double: bool) -> SimpleNamespace:
 
     @wp.func
     def copy_matrix(tree: Tree, s: Solve, k: int, e: int):
+        f = s.factor[k, e]
         for i in range(tree.unknowns):
+            row = s.matrix[e, i]
             for j in range(tree.dofs):
                 if tree.solved[j] >= 0:
-                    s.factor[k, e, i, tree.solved[j]] = s.matrix[e, i, j]
+                    f[i, tree.solved[j]] = row[j]
 
     @wp.func
     def take_change(tree: Tree, motion: Motion, s: Solve, k: int, e: int, share: real):

@@ -161,25 +161,6 @@ def tree_functions(double: bool) -> SimpleNamespace:
         return wp.where(kind == FREE, 6, wp.where(kind == REVOLUTE or kind == PRISMATIC, 1, 0))
 
     @wp.func
-    def fold(tree: Tree, links: Links, e: int, l: int):
-        """Adds a link's composite inertia and force to its parent's, about the parent's origin."""
-        up = tree.parent[l]
-        if up >= 0:
-            r = links.place[e, l] - links.place[e, up]
-            m = links.mass[e, l]
-            first = links.first[e, l]
-            rx = skew(r)
-            fx = skew(first)
-            links.inertia[e, up] = (
-                links.inertia[e, up] + links.inertia[e, l] - rx * fx - fx * rx - rx * rx * m
-            )
-            links.first[e, up] = links.first[e, up] + first + r * m
-            links.mass[e, up] = links.mass[e, up] + m
-            force = links.force[e, l]
-            links.force[e, up] = links.force[e, up] + force
-            links.torque[e, up] = links.torque[e, up] + links.torque[e, l] + wp.cross(r, force)
-
-    @wp.func
     def mass_matrix(tree: Tree, par: Values, motion: Motion, links: Links, solve: Solve, k: int, e: int):
         """Rows of the free velocities: `matrix` v' - `right` is the residual without contact."""
         h = tree.step
@@ -213,11 +194,26 @@ def tree_functions(double: bool) -> SimpleNamespace:
                                 solve.matrix[e, row, other] = value
                             if tree.solved[other] >= 0:
                                 solve.matrix[e, tree.solved[other], j] = value
-                    up = tree.parent[at]
-                    if up >= 0:
-                        twist = twist + wp.cross(links.place[e, at] - links.place[e, up], push)
-                    at = up
-            fold(tree, links, e, l)
+                    above = tree.parent[at]
+                    if above >= 0:
+                        twist = twist + wp.cross(links.place[e, at] - links.place[e, above], push)
+                    at = above
+            up = tree.parent[l]
+            if up >= 0:  # the link becomes part of its parent
+                r = links.place[e, l] - links.place[e, up]
+                m = links.mass[e, l]
+                first = links.first[e, l]
+                rx = skew(r)
+                fx = skew(first)
+                rf = rx * fx
+                links.inertia[e, up] = (
+                    links.inertia[e, up] + links.inertia[e, l] - rf - wp.transpose(rf) - rx * rx * m
+                )
+                links.first[e, up] = links.first[e, up] + first + r * m
+                links.mass[e, up] = links.mass[e, up] + m
+                force = links.force[e, l]
+                links.force[e, up] = links.force[e, up] + force
+                links.torque[e, up] = links.torque[e, up] + links.torque[e, l] + wp.cross(r, force)
         for j in range(tree.dofs):
             row = tree.solved[j]
             if row >= 0:

@@ -25,6 +25,9 @@ PARAMETERS = (
     "dissipation",
 )
 MOTION = ("q", "v", "action", "wrench")
+VECTORS = ("place", "spin", "spin_rate", "rate", "try_turn", "try_move", "new_turn", "new_move")
+LINK_MOTION = ("turn", *VECTORS, "multiplier", "after", "total")
+LINK_STEP = 20  # place of the step's number among the arguments of `link_power`
 
 
 def _gradients(struct: Any, names: tuple[str, ...]) -> Any:
@@ -33,6 +36,11 @@ def _gradients(struct: Any, names: tuple[str, ...]) -> Any:
     for name in names:
         setattr(mirror, name, getattr(struct, name).grad)
     return mirror
+
+
+def _nothing(value: Any) -> Any:
+    """Adjoint of a constant that is no array."""
+    return None if not isinstance(value, (int, float)) else type(value)(0)
 
 
 class Constants:
@@ -137,17 +145,7 @@ class Workspace:
         solve.active_count = zeros((steps, batch), wp.int32)
         solve.error = zeros((steps, batch), t.real)
         power = t.Power()
-        vectors = (
-            "place",
-            "spin",
-            "spin_rate",
-            "rate",
-            "try_turn",
-            "try_move",
-            "new_turn",
-            "new_move",
-        )
-        for name in vectors:
+        for name in VECTORS:
             setattr(power, name, zeros((batch, links + 1), t.vec3, True))
         power.turn = zeros((batch, links + 1), t.mat33, True)
         power.multiplier, power.after = (
@@ -163,7 +161,7 @@ class Workspace:
         self.motion, self.values, self.links, self.solve, self.power = motion, values, scratch, solve, power
         self._motion_grad = _gradients(motion, MOTION)
         self._values_grad = _gradients(values, PARAMETERS)
-        self._power_grad = _gradients(power, (*vectors, "turn", "multiplier", "after", "total"))
+        self._power_grad = _gradients(power, LINK_MOTION)
         owners = [(motion, name) for name in MOTION] + [(values, name) for name in PARAMETERS]
         self.tensors = {
             name: wp.to_torch(getattr(owner, name), requires_grad=False) for owner, name in owners
@@ -173,6 +171,15 @@ class Workspace:
         }
         self.error = wp.to_torch(solve.error)
         self.active_count = wp.to_torch(solve.active_count)
+        tree = c.tree
+        constant = [tree.links, tree.step, tree.gravity, tree.parent, tree.kind, tree.offset, tree.turn]
+        constant += [tree.axis, tree.first_q, tree.first_v, tree.body]
+        self._link_inputs = [
+            *constant,
+            *(getattr(values, name) for name in PARAMETERS[:6]),
+            *(motion.q, motion.v, motion.wrench),
+            *(getattr(power, name) for name in LINK_MOTION),
+        ]
         self._graphs: dict[str, Any] = {}
         self._runs: dict[str, int] = {"forward": 0, "backward": 0}
 
@@ -224,21 +231,24 @@ class Workspace:
             )
             inputs = [c.tree, self.motion, v_grad, self.solve, self.power, k]
             wp.launch(kernels.multiply, dim=self.batch, inputs=inputs, device=c.device, record_tape=False)
-            inputs = [c.tree, c.touch, self.values, self.motion, self.solve, self.power, k]
-            wp.launch(kernels.power, dim=self.batch, inputs=inputs, device=c.device, record_tape=False)
+            links = [*self._link_inputs[:LINK_STEP], k, *self._link_inputs[LINK_STEP:]]
+            wp.launch(kernels.link_power, dim=self.batch, inputs=links, device=c.device, record_tape=False)
+            if c.touch.count:  # the motion that this reads is there: only gradients are to be added
+                wp.launch(
+                    kernels.touch_power,
+                    dim=self.batch,
+                    inputs=[c.tree, c.touch, self.values, self.solve, self.power, k],
+                    adj_inputs=[no_tree, no_touch, self._values_grad, no_solve, self._power_grad, 0],
+                    adj_outputs=[],
+                    adjoint=True,
+                    device=c.device,
+                    record_tape=False,
+                )
             wp.launch(
-                kernels.power,
+                kernels.link_power,
                 dim=self.batch,
-                inputs=inputs,
-                adj_inputs=[
-                    no_tree,
-                    no_touch,
-                    self._values_grad,
-                    self._motion_grad,
-                    no_solve,
-                    self._power_grad,
-                    0,
-                ],
+                inputs=links,
+                adj_inputs=[x.grad if isinstance(x, wp.array) else _nothing(x) for x in links],
                 adj_outputs=[],
                 adjoint=True,
                 device=c.device,

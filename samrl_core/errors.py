@@ -15,3 +15,7 @@ class LimitError(SamrlError):
 
 class ReachError(SamrlError):
     """A pose cannot be reached by the arm within its joint limits."""
+
+
+class SolveError(SamrlError):
+    """An iteration did not reach its solution; the message says what is left and what would help."""

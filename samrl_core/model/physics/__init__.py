@@ -1,0 +1,1 @@
+"""Differentiable rigid bodies, joints and contact."""

@@ -1,0 +1,102 @@
+"""What the physics takes and gives: states, actions and parameters, as tensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+
+from samrl_core.errors import InputError
+from samrl_core.model.physics.layout import Layout
+from samrl_core.model.physics.scene import PhysicsScene
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicsState:
+    """B environments, Q coordinates, D velocities; a rollout's states have T + 1 in front.
+
+    The order is that of the scene's joints. Quaternions (xyzw) must be of unit length.
+    """
+
+    q: torch.Tensor  # (B, Q) [rad], [m], [1]
+    v: torch.Tensor  # (B, D) [rad/s], [m/s]
+
+    def at(self, step: int) -> PhysicsState:
+        """One state of a rollout."""
+        return PhysicsState(self.q[step], self.v[step])
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicsAction:
+    """What moves the scene during one step; a rollout's actions have T in front."""
+
+    velocity: torch.Tensor  # (B, A) of the driven joints [rad/s], [m/s]
+    wrench: torch.Tensor  # (B, N, 6) force [N] at each body's origin and torque [N m], world axes
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicsParameters:
+    """What Real2Sim may change; every field has gradients. P is the number of contact pairs."""
+
+    mass: torch.Tensor  # (B, N) [kg]
+    com: torch.Tensor  # (B, N, 3) [m]
+    inertia: torch.Tensor  # (B, N, 3, 3) about the centre of mass, body axes [kg m^2]
+    joint_stiffness: torch.Tensor  # (B, D) [N m/rad], [N/m]
+    joint_damping: torch.Tensor  # (B, D) [N m s/rad], [N s/m]
+    joint_rest: torch.Tensor  # (B, D) [rad], [m]
+    friction: torch.Tensor  # (B, P) [-]
+    contact_stiffness: torch.Tensor  # (B, P) per point [N/m]
+    contact_dissipation: torch.Tensor  # (B, P) [s/m]
+
+    def tensors(self) -> tuple[torch.Tensor, ...]:
+        """The fields in order."""
+        return tuple(getattr(self, field.name) for field in fields(self))
+
+    def check(self) -> None:
+        """Refuses values that no body, joint or contact can have.
+
+        Raises:
+            InputError: with the name, the value and the limit.
+        """
+        for name, tensor in zip((f.name for f in fields(self)), self.tensors(), strict=True):
+            value = tensor.detach()
+            if not bool(torch.isfinite(value).all()):
+                raise InputError(f"parameter {name} is not finite: {value}")
+            if name in ("com", "inertia", "joint_rest") or not value.numel():
+                continue
+            smallest = float(value.min())
+            if name in ("mass", "contact_stiffness"):
+                if smallest <= 0:
+                    raise InputError(f"{name} {smallest} must be positive; bound it in what fits it")
+            elif smallest < 0:
+                raise InputError(f"{name} {smallest} must be at least 0; bound it in what fits it")
+        inertia = self.inertia.detach()
+        if not torch.allclose(inertia, inertia.transpose(-1, -2), rtol=1e-4, atol=0.0):
+            raise InputError("an inertia is not symmetric; build it from six numbers")
+        principal = torch.linalg.eigvalsh(inertia)
+        bad = principal[..., 0] <= 1e-6 * principal[..., 2]
+        if bool(bad.any()):
+            raise InputError(f"singular inertia: principal moments {principal[bad][0].tolist()} kg m^2")
+
+
+def nominal_parameters(
+    scene: PhysicsScene, layout: Layout, batch: int, dtype: torch.dtype, device: str
+) -> PhysicsParameters:
+    """The scene's own values, once per environment."""
+
+    def repeat(values: object, *shape: int) -> torch.Tensor:
+        one = torch.as_tensor(values, dtype=dtype, device=device).reshape(1, *shape)
+        return one.repeat(batch, *([1] * len(shape)))
+
+    bodies, pairs, dofs = scene.bodies, scene.contacts, len(layout.link_of_v)
+    return PhysicsParameters(
+        mass=repeat([b.mass for b in bodies], len(bodies)),
+        com=repeat([list(b.com) for b in bodies], len(bodies), 3),
+        inertia=repeat([b.inertia.tolist() for b in bodies], len(bodies), 3, 3),
+        joint_stiffness=repeat(layout.stiffness, dofs),
+        joint_damping=repeat(layout.damping, dofs),
+        joint_rest=repeat(layout.rest, dofs),
+        friction=repeat([p.friction for p in pairs], len(pairs)),
+        contact_stiffness=repeat([p.stiffness for p in pairs], len(pairs)),
+        contact_dissipation=repeat([p.dissipation for p in pairs], len(pairs)),
+    )

@@ -205,6 +205,6 @@ def test_a_failed_build_leaves_no_client_behind(monkeypatch: pytest.MonkeyPatch)
         disconnect(**client)
 
     monkeypatch.setattr(pybullet, "disconnect", counted)
-    with pytest.raises(InputError, match="fixed bodies only"):
+    with pytest.raises(InputError, match="moments of inertia"):
         make_world("pybullet", TASK, CELL)
     assert len(closed) == 1

@@ -85,7 +85,9 @@ def _how_far(gap: HeldOutGap) -> str:
         return kept
     interval = f" ({ci})" if (ci := words.percent_interval(gap.ci95)) else ""
     margin = f"; {words.points(gap.margin)} on the runner-up" if gap.margin is not None else ""
-    value = f"{words.number(gap.nominal)} -> {words.number(gap.with_effect)} {unit}".rstrip()
+    value = (
+        f"{words.number(gap.nominal)} -> {words.number(gap.with_effect)} {unit}".rstrip()
+    )
     return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({gap.metric} {value})"
 
 

@@ -82,7 +82,7 @@ def write_body_urdf(body: Body, folder: Path) -> Path:
     """A body: its parts to touch, its mesh to look at, one OBJ file per colour.
 
     Raises:
-        InputError: the mass is negative, or that of a movable body comes with no inertia that a body can have.
+        InputError: the mass is negative, or a movable body's inertia is none that a body can have.
     """
     moments = np.linalg.eigvalsh(body.inertia)
     if body.mass < 0.0 or (body.mass > 0.0 and not (moments[0] > 0 and moments[0] + moments[1] > moments[2])):

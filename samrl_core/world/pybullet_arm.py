@@ -32,7 +32,7 @@ class PyBulletArm:
         chain: tuple[ChainLink, ...] = (),
         tip_in_flange: Pose | None = None,
     ) -> None:
-        """Load the arm with its payload; a chain hangs at `tip_in_flange`, the flange's origin unless given."""
+        """Load the arm with its payload; a chain hangs at `tip_in_flange`, by default the flange."""
         self._client = client
         self.body: int = pybullet.loadURDF(
             str(write_arm_urdf(spec, mounted, folder, chain, tip_in_flange or Pose.identity())),

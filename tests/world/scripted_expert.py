@@ -9,8 +9,8 @@ import numpy as np
 from samrl_core.robots.arm_model import ArmModel, Payload
 from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
-from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
 from samrl_core.tasks.hand import HAND_TCP_Z
+from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
 from samrl_core.types.observation import ArmCommand
 from samrl_core.types.pose import Pose
 from samrl_core.world.evaluation import ending_now

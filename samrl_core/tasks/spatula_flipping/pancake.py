@@ -1,0 +1,81 @@
+"""The pancake, a disc whose faces differ in colour, and the lip that it is turned over."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from samrl_core.types.pose import Pose
+from samrl_core.types.scene import Body, Box, Cylinder, Rgb, SurfaceMesh
+
+SIDES = 32  # of the disc's mesh; physics has a true cylinder
+
+RAW_COLOR: Rgb = (0.95, 0.85, 0.55)  # the face that is up at first
+BAKED_COLOR: Rgb = (0.55, 0.28, 0.10)
+RIM_COLOR: Rgb = (0.80, 0.60, 0.30)
+LIP_COLOR: Rgb = (0.20, 0.20, 0.22)
+
+
+def disc_mesh(radius: float, thickness: float) -> SurfaceMesh:
+    """A flat prism about z with its centre at the origin: upper face raw, lower one baked."""
+    angle = 2 * math.pi * np.arange(SIDES) / SIDES
+    rim = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    half = 0.5 * thickness
+    low, high = (np.column_stack([rim, np.full(SIDES, z)]) for z in (-half, half))
+    vertices = np.vstack([low, high, [[0.0, 0.0, -half], [0.0, 0.0, half]]])
+    faces: list[tuple[int, int, int]] = []
+    colors: list[Rgb] = []
+    n = SIDES
+    for i in range(n):
+        j = (i + 1) % n
+        faces += [(2 * n, j, i), (2 * n + 1, n + i, n + j), (i, j, n + j), (i, n + j, n + i)]
+        colors += [BAKED_COLOR, RAW_COLOR, RIM_COLOR, RIM_COLOR]
+    return SurfaceMesh(vertices, np.array(faces, dtype=np.int32), np.array(colors, dtype=np.float64))
+
+
+def box_mesh(size: tuple[float, float, float], color: Rgb) -> SurfaceMesh:
+    """A box about the origin, edges `size` [m]."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype=np.int32)
+    return SurfaceMesh(0.5 * signs * size, faces, np.tile(color, (len(faces), 1)))
+
+
+def pancake_body(
+    name: str,
+    radius: float,
+    thickness: float,
+    mass: float,
+    body_in_world: Pose,
+    label: int,
+    friction: float,
+) -> Body:
+    """A movable solid cylinder. Lengths [m], mass [kg]."""
+    across = mass * (3 * radius**2 + thickness**2) / 12
+    return Body(
+        name,
+        (Cylinder(radius, thickness, Pose.identity()),),
+        disc_mesh(radius, thickness),
+        body_in_world,
+        label,
+        mass,
+        friction,
+        np.diag([across, across, 0.5 * mass * radius**2]),
+    )
+
+
+def lip_body(
+    name: str, size: tuple[float, float, float], body_in_world: Pose, label: int, friction: float
+) -> Body:
+    """A fixed bar, edges `size` [m]."""
+    half = (0.5 * size[0], 0.5 * size[1], 0.5 * size[2])
+    return Body(
+        name,
+        (Box(half, Pose.identity()),),
+        box_mesh(size, LIP_COLOR),
+        body_in_world,
+        label,
+        0.0,
+        friction,
+    )

@@ -63,6 +63,7 @@ class Body:
     mass: float  # [kg], 0 for fixed
     friction: float  # Coulomb coefficient [-]
     inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))  # about the origin [kg m2]
+    rounding: float = 0.0  # radius of its parts' edges, within their outlines; 0 where it does not matter [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,6 +43,9 @@ class PyBulletBodies:
             )
             soften(client, index, body.friction, settings)
             pybullet.changeDynamics(index, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
+            if body.rounding > 0.0:
+                # Bullet rounds the edges of boxes and cylinders, within their outlines, by their margin.
+                pybullet.changeDynamics(index, -1, collisionMargin=body.rounding, physicsClientId=client)
             self.index[body.name] = index
 
     def place(self, poses: dict[str, Pose]) -> None:

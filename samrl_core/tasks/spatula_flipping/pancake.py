@@ -17,20 +17,33 @@ RIM_COLOR: Rgb = (0.80, 0.60, 0.30)
 LIP_COLOR: Rgb = (0.20, 0.20, 0.22)
 
 
-def disc_mesh(radius: float, thickness: float) -> SurfaceMesh:
-    """A flat prism about z with its centre at the origin: upper face raw, lower one baked."""
+def disc_mesh(radius: float, thickness: float, rounding: float) -> SurfaceMesh:
+    """A disc about z with its centre at the origin: upper face raw, lower one baked, edges bevelled.
+
+    The bevel is a chord of the rounded edge.
+    """
     angle = 2 * math.pi * np.arange(SIDES) / SIDES
-    rim = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     half = 0.5 * thickness
-    low, high = (np.column_stack([rim, np.full(SIDES, z)]) for z in (-half, half))
-    vertices = np.vstack([low, high, [[0.0, 0.0, -half], [0.0, 0.0, half]]])
+    profile = (
+        (radius - rounding, -half),
+        (radius, -half + rounding),
+        (radius, half - rounding),
+        (radius - rounding, half),
+    )
+    rings = [np.column_stack([r * circle, np.full(SIDES, z)]) for r, z in profile]
+    vertices = np.vstack([*rings, [[0.0, 0.0, -half], [0.0, 0.0, half]]])
+    last = len(profile) * SIDES
     faces: list[tuple[int, int, int]] = []
     colors: list[Rgb] = []
-    n = SIDES
-    for i in range(n):
-        j = (i + 1) % n
-        faces += [(2 * n, j, i), (2 * n + 1, n + i, n + j), (i, j, n + j), (i, n + j, n + i)]
-        colors += [BAKED_COLOR, RAW_COLOR, RIM_COLOR, RIM_COLOR]
+    for i in range(SIDES):
+        j = (i + 1) % SIDES
+        faces += [(last, j, i), (last + 1, last - SIDES + i, last - SIDES + j)]
+        colors += [BAKED_COLOR, RAW_COLOR]
+        for low in range(0, last - SIDES, SIDES):
+            high = low + SIDES
+            faces += [(low + i, low + j, high + j), (low + i, high + j, high + i)]
+            colors += [RIM_COLOR, RIM_COLOR]
     return SurfaceMesh(vertices, np.array(faces, dtype=np.int32), np.array(colors, dtype=np.float64))
 
 
@@ -46,22 +59,24 @@ def pancake_body(
     name: str,
     radius: float,
     thickness: float,
+    rounding: float,
     mass: float,
     body_in_world: Pose,
     label: int,
     friction: float,
 ) -> Body:
-    """A movable solid cylinder. Lengths [m], mass [kg]."""
+    """A movable solid cylinder with rounded edges. Lengths [m], mass [kg]."""
     across = mass * (3 * radius**2 + thickness**2) / 12
     return Body(
         name,
         (Cylinder(radius, thickness, Pose.identity()),),
-        disc_mesh(radius, thickness),
+        disc_mesh(radius, thickness, rounding),
         body_in_world,
         label,
         mass,
         friction,
         np.diag([across, across, 0.5 * mass * radius**2]),
+        rounding,
     )
 
 

@@ -38,6 +38,7 @@ class SpatulaFlipping(Task):
     max_actions: int = 200
     pancake_radius: float = 0.050  # [m]
     pancake_thickness: float = 0.012  # [m]
+    pancake_rounding: float = 0.004  # radius of its edges; a sharp rim would jam against the blade [m]
     pancake_mass: float = 0.080  # [kg]
     pancake_friction: float = 0.45  # [-]
     blade_length: float = 0.090  # [m]
@@ -65,7 +66,7 @@ class SpatulaFlipping(Task):
     success_axis: float = -0.9  # z of the pancake's axis at most [-]
     success_height: float = 0.030  # its centre was higher than this [m]
     success_speed: float = 0.020  # at the end [m/s]
-    done_height: float = 0.010  # of the estimated centre, at most [m]
+    done_height: float = 0.022  # of the estimated centre at most; it may lie half on the lip [m]
     free_step: float = 0.010  # largest displacement per action in free space [m]
     push_step: float = 0.006  # the same under the pancake and while turning it [m]
     pancake_label: int = 1
@@ -78,6 +79,11 @@ class SpatulaFlipping(Task):
         for field in lengths:
             if not getattr(self, field) > 0:
                 raise InputError(f"{field} is {getattr(self, field)}, must be positive")
+        if not 0 < self.pancake_rounding < 0.5 * self.pancake_thickness:
+            raise InputError(
+                f"pancake_rounding is {self.pancake_rounding} m, must lie between 0 and half the thickness, "
+                f"{0.5 * self.pancake_thickness} m"
+            )
         room = self.lip_x - (self.center_x + self.half_range + self.pancake_radius)
         if room < 0:
             raise InputError(
@@ -96,6 +102,7 @@ class SpatulaFlipping(Task):
             PANCAKE,
             self.pancake_radius,
             self.pancake_thickness,
+            self.pancake_rounding,
             self.pancake_mass,
             self.body_poses(nominal)[PANCAKE],
             self.pancake_label,
@@ -179,7 +186,9 @@ class SpatulaFlipping(Task):
         ahead = tip[0] - (self.lip_x - self.under)
         if abs(radius - self.arc_radius) < 0.012 and ahead > -0.004 and angle < self.arc_end:
             # The first goal ahead is at least half a step away, or noise would hold the tip where it is.
-            return tuple(goal for phi, goal in turns if phi > angle + 0.5 * self.arc_step)
+            left = tuple(goal for phi, goal in turns if phi > angle + 0.5 * self.arc_step)
+            if left:
+                return left
         under = SubGoal("under", np.array([self.lip_x - self.under, y, self.low]), 0.003, self.push_step)
         behind = SubGoal("behind", np.array([behind_x, y, self.low]), 0.002, self.free_step)
         rest = tuple(goal for _, goal in turns)

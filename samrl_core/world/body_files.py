@@ -68,9 +68,7 @@ def write_arm_urdf(
     for one in chain:
         _add_chain_link(robot, one, parent, place)
         parent, place = one.name, Pose(np.array([0.0, 0.0, one.length]), Pose.identity().quat_xyzw)
-    path = folder / f"{spec.name}_with_payload.urdf"
-    tree.write(path)
-    return path
+    return _write(tree, folder / f"{spec.name}_with_payload.urdf")
 
 
 def joint_names(link: ChainLink) -> tuple[str, str]:
@@ -104,9 +102,7 @@ def write_body_urdf(body: Body, folder: Path) -> Path:
         ElementTree.SubElement(material, "color", rgba=_numbers(*color, 1.0))
     for part in body.parts:
         _add_shape(link, "collision", part)
-    path = folder / f"{body.name}.urdf"
-    ElementTree.ElementTree(robot).write(path)
-    return path
+    return _write(ElementTree.ElementTree(robot), folder / f"{body.name}.urdf")
 
 
 def write_flat_obj(mesh: SurfaceMesh, faces: np.ndarray, path: Path) -> None:
@@ -120,6 +116,12 @@ def write_flat_obj(mesh: SurfaceMesh, faces: np.ndarray, path: Path) -> None:
         a, n = 3 * i + 1, i + 1
         lines.append(f"f {a}//{n} {a + 1}//{n} {a + 2}//{n}")
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _write(tree: ElementTree.ElementTree, path: Path) -> Path:
+    ElementTree.indent(tree)  # PyBullet tears lines of more than 1023 characters
+    tree.write(path)
+    return path
 
 
 def _add_parts(

@@ -86,7 +86,12 @@ class PyBulletWorld(SimulatedWorld):
             )
             tool_arm, chain = self._arms["tool_arm"], self._scene.tool.chain
             self._chain = PyBulletChain(
-                self._client, tool_arm.body, tool_arm.link_index, chain, self._period_s
+                self._client,
+                tool_arm.body,
+                tool_arm.link_index,
+                chain,
+                self._period_s,
+                np.array(self._settings.gravity),
             )
             self._tool_links = frozenset({tool_arm.payload_link, *self._chain.links})
             self._camera = TinyCamera(
@@ -126,7 +131,7 @@ class PyBulletWorld(SimulatedWorld):
             self._arms[role].place(self._start[role])
             self._commands[role] = holding(self._start[role], self._time_ns)
             self._efforts[role] = self._models[role].gravity(self._start[role])
-        self._chain.place(draw.chain_angles, self._tip_in_world(), np.array(self._settings.gravity))
+        self._chain.place(draw.chain_angles, self._tip_in_world())
         self._first_contact_ns, self._peak_force = -1, 0.0
         self._measure()
 
@@ -154,7 +159,8 @@ class PyBulletWorld(SimulatedWorld):
             )
             self._efforts[role] = effort
             self._arms[role].push(effort)
-        self._chain.hold()
+        if self._scene.tool.chain:
+            self._chain.push(self._tip_in_world())
         pybullet.stepSimulation(physicsClientId=self._client)
         self._time_ns += self._period_ns
         self._bodies.watch()

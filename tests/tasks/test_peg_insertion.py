@@ -10,8 +10,9 @@ import pytest
 from samrl_core.errors import InputError
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS, task_named
-from samrl_core.tasks.peg_insertion.board import SIDES, board_mesh, ring_boxes
+from samrl_core.tasks.peg_insertion.board import PAINT
 from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
+from samrl_core.tasks.shapes import SIDES, ring_boxes, ring_mesh
 from samrl_core.tasks.task import Ending
 from samrl_core.types.pose import Pose
 
@@ -32,7 +33,7 @@ def ended(tip: np.ndarray) -> Ending:
 def test_mesh_is_closed_and_wound_outwards() -> None:
     """Its volume by the divergence theorem is that of the ring; every edge has two faces."""
     inner, outer, height = 0.012, 0.06, 0.04
-    mesh = board_mesh(inner, outer, height)
+    mesh = ring_mesh(inner, outer, height, PAINT)
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     assert volume == pytest.approx(height * SIDES * np.tan(np.pi / SIDES) * (outer**2 - inner**2), rel=1e-9)

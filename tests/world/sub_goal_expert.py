@@ -72,6 +72,4 @@ def follow(
     watch(actions)
     truth = world.truth()
     ending = ending_now(truth)
-    return Episode(
-        task.succeeded(ending), done, actions, truth.peak_contact_force, task.final_error(ending)
-    )
+    return Episode(task.succeeded(ending), done, actions, truth.peak_contact_force, task.final_error(ending))

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from samrl_core.tasks.shapes import box_mesh
 from samrl_core.types.pose import Pose
 from samrl_core.types.scene import Body, Box, Cylinder, Rgb, SurfaceMesh
 
@@ -45,14 +46,6 @@ def disc_mesh(radius: float, thickness: float, rounding: float) -> SurfaceMesh:
             faces += [(low + i, low + j, high + j), (low + i, high + j, high + i)]
             colors += [RIM_COLOR, RIM_COLOR]
     return SurfaceMesh(vertices, np.array(faces, dtype=np.int32), np.array(colors, dtype=np.float64))
-
-
-def box_mesh(size: tuple[float, float, float], color: Rgb) -> SurfaceMesh:
-    """A box about the origin, edges `size` [m]."""
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype=np.int32)
-    return SurfaceMesh(0.5 * signs * size, faces, np.tile(color, (len(faces), 1)))
 
 
 def pancake_body(

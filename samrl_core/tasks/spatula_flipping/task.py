@@ -87,7 +87,7 @@ class SpatulaFlipping(Task):
         room = self.lip_x - (self.center_x + self.half_range + self.pancake_radius)
         if room < 0:
             raise InputError(
-                f"the farthest pancake would reach {-room} m into the lip; move lip_x or make its radius smaller"
+                f"the farthest pancake would reach {-room} m into the lip; move lip_x or shrink the pancake"
             )
 
     def scene(self, cell: CellSpec) -> Scene:
@@ -256,5 +256,5 @@ class SpatulaFlipping(Task):
     def _values(self, values: np.ndarray) -> np.ndarray:
         v = np.asarray(values, dtype=np.float64)
         if v.shape != (5,) or not np.isfinite(v).all():
-            raise InputError(f"spatula flipping estimates pancake_x, y, z [m] and tilt_x, y [rad], got {values}")
+            raise InputError(f"spatula flipping estimates x, y, z [m] and tilt_x, tilt_y [rad], got {values}")
         return v

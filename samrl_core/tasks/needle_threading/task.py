@@ -192,7 +192,10 @@ class NeedleThreading(Task):
             clear = ()
         over = np.array([self.eye_x, self.eye_y, self.eye_z + self.hover]) - end
         lateral = float(np.hypot(over[0], over[1]))
-        if not clear and lateral < 0.0015 and over[2] > -0.002:
+        clearance = self.eye_radius - self.thread_radius
+        # On the way down more is allowed, or a swing of the thread would send it up again and again.
+        allowed = 0.8 * clearance if over[2] > 0.002 else 0.4 * clearance
+        if not clear and lateral < allowed and over[2] > -0.002:
             return tuple(goals)
         return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *goals)
 

@@ -26,7 +26,9 @@ def edge(x: float, z: float, y: float = 0.0) -> np.ndarray:
 
 def ended(values: np.ndarray, peak: float = 0.05, speed: float = 0.0) -> Ending:
     """The episode ended with the pancake there."""
-    return Ending(TASK.body_poses(values), {PANCAKE: speed}, {PANCAKE: peak}, edge(0.6, 0.05), np.zeros((0, 3)))
+    return Ending(
+        TASK.body_poses(values), {PANCAKE: speed}, {PANCAKE: peak}, edge(0.6, 0.05), np.zeros((0, 3))
+    )
 
 
 def test_disc_is_closed_wound_outwards_and_has_two_faces() -> None:

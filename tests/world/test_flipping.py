@@ -61,9 +61,7 @@ def test_the_pancake_lies_still_and_slides_with_friction() -> None:
     np.testing.assert_allclose(rested.body_position[PANCAKE], before, atol=2e-4)
     assert rested.body_speed[PANCAKE] < 1e-3
     speed = 0.3
-    pybullet.resetBaseVelocity(
-        world._bodies.index[PANCAKE], [0.0, speed, 0.0], physicsClientId=world._client
-    )
+    pybullet.resetBaseVelocity(world._bodies.index[PANCAKE], [0.0, speed, 0.0], physicsClientId=world._client)
     for _ in range(400):
         world.advance()
     slid = world.truth().body_position[PANCAKE][1] - rested.body_position[PANCAKE][1]

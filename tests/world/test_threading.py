@@ -78,10 +78,10 @@ def test_a_pulled_thread_swings_back_and_comes_to_rest() -> None:
 
 def test_the_eye_holds_the_thread() -> None:
     """Threaded and pulled 20 mm aside, the thread bends at the eye instead of passing through its wall."""
-    from tests.world.scripted_expert import DOWN, move_joints
     from samrl_core.robots.arm_model import ArmModel, Payload
     from samrl_core.robots.inverse_kinematics import solve_ik
     from samrl_core.types.pose import Pose
+    from tests.world.scripted_expert import DOWN, move_joints
 
     world = PyBulletWorld(TASK, CELL, NOISELESS)
     assert follow(world, TASK, CELL, true_values, 0).success

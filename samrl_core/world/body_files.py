@@ -68,7 +68,7 @@ def write_arm_urdf(
     for one in chain:
         _add_chain_link(robot, one, parent, place)
         parent, place = one.name, Pose(np.array([0.0, 0.0, one.length]), Pose.identity().quat_xyzw)
-    return _write(tree, folder / f"{spec.name}_with_payload.urdf")
+    return _write(robot, folder / f"{spec.name}_with_payload.urdf")
 
 
 def joint_names(link: ChainLink) -> tuple[str, str]:
@@ -102,7 +102,7 @@ def write_body_urdf(body: Body, folder: Path) -> Path:
         ElementTree.SubElement(material, "color", rgba=_numbers(*color, 1.0))
     for part in body.parts:
         _add_shape(link, "collision", part)
-    return _write(ElementTree.ElementTree(robot), folder / f"{body.name}.urdf")
+    return _write(robot, folder / f"{body.name}.urdf")
 
 
 def write_flat_obj(mesh: SurfaceMesh, faces: np.ndarray, path: Path) -> None:
@@ -118,7 +118,8 @@ def write_flat_obj(mesh: SurfaceMesh, faces: np.ndarray, path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def _write(tree: ElementTree.ElementTree, path: Path) -> Path:
+def _write(robot: ElementTree.Element, path: Path) -> Path:
+    tree = ElementTree.ElementTree(robot)
     ElementTree.indent(tree)  # PyBullet tears lines of more than 1023 characters
     tree.write(path)
     return path

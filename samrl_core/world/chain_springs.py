@@ -69,7 +69,7 @@ class ChainSprings:
         return linear + angular, moved.reshape(n, -1) @ self._weight.ravel()
 
     def torque(self, state: ChainState, rest: np.ndarray) -> np.ndarray:
-        """Torque of the joints (2 K,) [N m] for the next period; at `rest` (2 K,) [rad] the springs are slack."""
+        """Torque of the joints (2 K,) [N m] for the next period; at `rest` (2 K,) [rad] springs are slack."""
         h, k, d = self._period, self.stiffness, self.damping
         mass, weight = self.mass_matrix(state)
         bent = rest - state.angle

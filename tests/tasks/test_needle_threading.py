@@ -161,9 +161,8 @@ def test_done_and_succeeded(above: float, x: float, done: bool, success: bool) -
 def test_final_error() -> None:
     """What is missing in depth, and the way to the axis."""
     assert TASK.final_error(ended(TASK.thread_points(STRAIGHT, gripped(0.01)))) == pytest.approx(0.03)
-    assert TASK.final_error(ended(TASK.thread_points(STRAIGHT, gripped(-0.03, 0.004)))) == pytest.approx(
-        0.004
-    )
+    aside = TASK.thread_points(STRAIGHT, gripped(-0.03, 0.004))
+    assert TASK.final_error(ended(aside)) == pytest.approx(0.004)
 
 
 def test_bad_input_is_refused() -> None:

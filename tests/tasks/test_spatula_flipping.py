@@ -13,6 +13,7 @@ from samrl_core.tasks.spatula_flipping.pancake import BAKED_COLOR, RAW_COLOR, SI
 from samrl_core.tasks.spatula_flipping.task import LIP, PANCAKE, SpatulaFlipping
 from samrl_core.tasks.task import Ending
 from samrl_core.types.pose import Pose
+from samrl_core.types.scene import Box
 
 TASK = SpatulaFlipping()
 FLAT = np.array([0.51, 0.0, 0.006, 0.0, 0.0])
@@ -66,6 +67,7 @@ def test_the_tip_is_the_blades_leading_edge() -> None:
     """Middle of the blade's front face, and the lowest part of it when the hand points down."""
     tool = TASK.scene(default_cell()).tool
     blade = tool.parts[0]
+    assert isinstance(blade, Box)
     front = blade.part_in_body.apply(np.array([blade.half_extents[0], 0.0, 0.0]))
     np.testing.assert_allclose(front, tool.tip_in_flange.position, atol=1e-12)
     np.testing.assert_allclose(front, [0.05, 0.0, 0.2034], atol=1e-12)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pybullet
 import pytest
 
 from samrl_core.robots.cell import default_cell
@@ -51,8 +52,6 @@ def test_without_a_lip_the_pancake_is_only_pushed() -> None:
 
 def test_the_pancake_lies_still_and_slides_with_friction() -> None:
     """At rest it stays; with a speed v it slides v^2 / (2 mu g), mu the geometric mean with the table's."""
-    import pybullet
-
     world = PyBulletWorld(TASK, CELL, NOISELESS)
     before = world.truth().body_position[PANCAKE]
     for _ in range(300):
@@ -71,8 +70,6 @@ def test_the_pancake_lies_still_and_slides_with_friction() -> None:
 
 def test_truth_remembers_how_high_it_was_until_the_next_reset() -> None:
     """Thrown up by 1 m/s it rises 5 cm; a reset forgets that."""
-    import pybullet
-
     world = PyBulletWorld(TASK, CELL, NOISELESS)
     start = world.truth().body_position[PANCAKE][2]
     pybullet.resetBaseVelocity(world._bodies.index[PANCAKE], [0.0, 0.0, 1.0], physicsClientId=world._client)
@@ -99,4 +96,4 @@ def test_expert_turns_it_over_from_everywhere() -> None:
 def test_a_careless_expert_still_has_a_chance() -> None:
     """A quarter of each action is noise: with sub-goals to come back to, most episodes still succeed."""
     found = episodes(TASK, range(8), Pace(noise=0.25))
-    assert sum(episode.success for episode in found) >= 5
+    assert sum(episode.success for episode in found) >= 6

@@ -17,7 +17,7 @@ RELATIVE_TEMPERATURE = 0.005  # of the best evidence, likewise: a tie within hal
 REST_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
 FORMULA = 0.05  # relative deviation of every parameter: no formula is the thing itself
-REST_TO_FORMULA = 0.75  # the same per relative size of what the formula leaves where it acts
+REST_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
 SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 

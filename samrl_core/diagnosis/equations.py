@@ -23,6 +23,7 @@ from samrl_core.types.arm_description import ArmDescription
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
 UNITS = {"controller": "N m", "drive": "N m", "link": "N m", "dynamics": "N m", "tracking": "rad"}
 RELATIVE_FLOOR = 0.02  # of a block's own residual: no formula of friction is right to better than this
+FRICTION_FLOOR = 0.05  # of the tolerated Coulomb friction
 TORQUE_FLOOR = 0.002  # of a joint's torque variation: sampling and filtering
 REST_SPEED = 0.004  # [rad/s] below it friction is whatever holds the arm, between its two bounds
 REST_SHARE = 0.01  # of the effort limit: how far friction at rest may be from any formula
@@ -100,15 +101,21 @@ def form_equations(motion: Motion) -> Equations:
     assert torque is not None
     variation = np.std(torque, axis=0)
     floor = TORQUE_FLOOR * variation
+    # The friction that tolerances allow is of no formula either.
+    friction = FRICTION_FLOOR * np.asarray(arm.tolerances.coulomb_friction) * scale
     if motion.command is not None and arm.controller is not None and u is not None:
         law, lag, raw = _controller_residual(motion, rigid)
         residual["controller"] = motion.reduce(raw)
-        hf = _high_frequency(raw, motion.rate)
-        sigma["controller"] = _spread(np.hypot(share * hf, floor), residual["controller"])
+        level = np.hypot(share * _high_frequency(raw, motion.rate), floor)
+        if motion.raw_velocity is None:  # the law then damps differences of noisy positions
+            level = np.hypot(level, arm.controller.damping * np.sqrt(motion.velocity_noise()))
+        level = np.hypot(level, _between_commands(motion))
+        sigma["controller"] = _spread(level, residual["controller"])
     if u is not None and tau is not None:
         residual["drive"] = u - rotor - tau
         rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
         level = np.hypot(share * np.hypot(noise.commanded_effort, noise.effort), np.hypot(rotor_noise, floor))
+        level = np.hypot(level, friction)
         sigma["drive"] = _rest_wider(_spread(level, residual["drive"]), motion, scale)
     if tau is not None:
         residual["link"] = tau - model
@@ -116,7 +123,8 @@ def form_equations(motion: Motion) -> Equations:
         sigma["link"] = _spread(level, residual["link"])
     elif u is not None:
         residual["dynamics"] = u - rotor - model
-        level = np.sqrt((share * noise.commanded_effort) ** 2 + link_noise**2 + floor**2)
+        moved = link_noise + armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
+        level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2)
         sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
     return Equations(motion, residual, sigma, law, lag, model)
 
@@ -139,6 +147,20 @@ def clipped(motion: Motion, rigid: RigidArm, law: np.ndarray) -> np.ndarray:
     if controller.effort_limit is not None:
         limit = np.minimum(limit, controller.effort_limit)
     return np.clip(law, -limit, limit)
+
+
+def _between_commands(motion: Motion) -> np.ndarray:
+    """Effort (J,) by which a line between sparse commands may miss what the controller tracked."""
+    command, controller = motion.recording.command, motion.recording.arm.controller
+    assert command is not None and controller is not None
+    if float(np.median(np.diff(command.time))) < 1.5 / motion.rate:
+        return np.zeros(motion.joints)
+
+    def missed(values: np.ndarray | None) -> np.ndarray:
+        # A parabola through three samples is off its chord by an eighth of their second difference.
+        return np.zeros(motion.joints) if values is None else np.std(np.diff(values, n=2, axis=0), axis=0) / 8
+
+    return controller.stiffness * missed(command.position) + controller.damping * missed(command.velocity)
 
 
 def _controller_residual(motion: Motion, rigid: RigidArm) -> tuple[np.ndarray, int, np.ndarray]:

@@ -17,6 +17,7 @@ from samrl_core.dynamics.rigid_arm import RigidArm
 from samrl_core.types.arm_recording import ArmRecording, JointSignal
 
 BAND_HZ = 25.0  # what is compared; above it sensor noise in accelerations outweighs what arms do
+DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 MAX_RATE_HZ = 1000.0
 TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
@@ -49,7 +50,9 @@ class Motion:
         self.rate = rate
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
-        self.band = min(BAND_HZ, rate / 5.0)
+        # Accelerations that are twice differenced from positions are noise from a lower frequency on.
+        differenced = states.velocity is None
+        self.band = min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0)
         self.dynamic = rate > TRACKING_RATE_HZ
         self.step = max(1, round(rate / (4.0 * self.band))) if self.dynamic else 1
         self._band_filter = signal.butter(3, self.band, fs=rate, output="sos") if self.dynamic else None
@@ -111,8 +114,10 @@ class Motion:
         """Second time derivative of a band-limited signal (N,), good to 2 % up to the edge of the band.
 
         Differences of four samples a period would lose six tenths of it there, and with it all that tells a
-        link that swings from one that does not.
+        link that swings from one that does not. What is not finite (a shape that ran away) stays so.
         """
+        if not np.isfinite(x).all():
+            return np.full(len(x), np.nan)
         spline = interpolate.make_interp_spline(np.arange(len(x)), x, k=7)
         return np.asarray(spline(np.arange(len(x)), nu=2)) / self.dt**2
 
@@ -152,6 +157,10 @@ class Motion:
                 for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
             )
         )
+
+    def velocity_noise(self) -> np.ndarray:
+        """Variance (J,) [rad2/s2] that white position noise has in velocities within the band."""
+        return np.asarray(self.noise.position**2 * (2.0 / self.rate) * (2 * np.pi) ** 2 * self.band**3 / 3.0)
 
     def acceleration_noise(self, low: float, high: float) -> np.ndarray:
         """Variance (J,) [rad2/s4] of accelerations between two frequencies [Hz] by white sensor noise."""

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
-from samrl_core.diagnosis.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis, on_bound
+from samrl_core.diagnosis.hypothesis import Evidence, Fit, hypothesis, on_bound
 from samrl_core.diagnosis.likelihood import Likelihood
 from samrl_core.diagnosis.null_worlds import null_gains, threshold
+from samrl_core.diagnosis.search import best_singles, extended, rivals_of, swapped, switched_on
 
-REFINED = 6  # rivals whose shapes are searched before they are compared
 MOST_EFFECTS = 3
 SEEN_THERE = 0.1  # of the fitted excess: held-out recordings with less hardly show the effect
-NEARLY = 0.9  # of the best evidence
-ADDITIONS = 6  # further effects that are refined and judged
-ONSETS = 17  # times that are tried first
-CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 
 
 @dataclass(frozen=True)
@@ -83,12 +79,12 @@ def select(
         if gains is not None and len(gains) > 4:
             least = threshold(gains, settings.threshold)
     progress("refining")
-    singles = _best_singles(evidence, pool)
+    singles = best_singles(evidence, pool)
     # The correlation that remains under the best explanation is the one that counts.
     if singles and singles[0].log_evidence > least:
         left = evidence.rest(singles[0])
         evidence.correlation_time = max(2.0, min(likelihood.correlation_time(left), 25.0))
-        singles = _best_singles(evidence, pool)
+        singles = best_singles(evidence, pool)
     k = evidence.correlation_time
     excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
     if not singles or singles[0].log_evidence < least:
@@ -102,19 +98,20 @@ def select(
     chosen = singles[0]
     progress("looking for an onset")
     left = likelihood.deficit(evidence.rest(chosen), k) / max(excess, 1e-9)
-    if left > settings.onset_rest and (switched := _switched(evidence, singles)) is not None:
+    if left > settings.onset_rest and (switched := switched_on(evidence, singles)) is not None:
         if switched.log_evidence > chosen.log_evidence + settings.second_threshold:
             chosen = switched
             singles = [switched, *(f for f in singles if f.hypotheses[0].name != switched.hypotheses[0].name)]
     for _ in range(MOST_EFFECTS - 1):
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
         # The best addition may only mend the first effect's formula; then a weaker one elsewhere may be real.
-        candidates = _extend(evidence, pool, chosen)
-        worth = (w for w in candidates if _worth(evidence, held_out, chosen, w, settings))
+        candidates = extended(evidence, pool, chosen)
+        inside = (w for w in candidates if not on_bound(w.hypotheses[-1]))
+        worth = (w for w in inside if _worth(evidence, held_out, chosen, w, settings))
         if (wider := next(worth, None)) is None:
             break
-        chosen = _swap(evidence, pool, wider)
-    rivals = _rivals(evidence, pool, chosen, singles)
+        chosen = swapped(evidence, pool, wider)
+    rivals = rivals_of(evidence, pool, chosen, singles)
     if rivals and rivals[0].log_evidence > chosen.log_evidence:
         better, rivals = rivals[0], [chosen, *rivals[1:]]
         chosen = better
@@ -135,102 +132,6 @@ def held_out_rest(held_out: Likelihood, fit: Fit) -> np.ndarray:
         if there is not None:
             y = held_out.minus(there.regressors, amplitudes, y)
     return y
-
-
-def _switched(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
-    """The best single effect that begins within the recordings, at one time after each one's start."""
-    shortest = min(float(t.motion.time[-1] - t.motion.time[0]) for t in evidence.likelihood.trials)
-    best: Fit | None = None
-
-    def attempt(fit: Fit, onset: float) -> Fit | None:
-        h = fit.hypotheses[0]
-        shape = {**h.shape, ONSET: onset}
-        later = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
-        return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
-
-    first = singles[0].hypotheses[0].place
-    there = [f for f in singles[CANDIDATES_FOR_ONSET:] if f.hypotheses[0].place == first]
-    for fit in [*singles[:CANDIDATES_FOR_ONSET], *there]:
-        for onset in np.linspace(0.1, 0.9, ONSETS) * shortest:
-            found = attempt(fit, float(onset))
-            if found is not None and (best is None or found.log_evidence > best.log_evidence):
-                best = found
-    if best is None:
-        return None
-    step = 0.4 * shortest / ONSETS
-    while step > 0.02:
-        onset = best.hypotheses[0].shape[ONSET]
-        around = [attempt(best, onset + d) for d in (-step, step)]
-        better = max((f for f in around if f is not None), key=lambda f: f.log_evidence, default=None)
-        if better is not None and better.log_evidence > best.log_evidence:
-            best = better
-        else:
-            step /= 2.0
-    return evidence.refine(best, 0)
-
-
-def _best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
-    """The best single fit of each family and place; the first few refined."""
-    best: dict[str, Fit] = {}
-    for h in pool:
-        fit = evidence.fit([h])
-        if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
-            best[h.name] = fit
-    ranked = sorted(best.values(), key=lambda f: -f.log_evidence)
-    ranked = [f for f in ranked if np.isfinite(f.log_evidence)]
-    top = [evidence.refine(f, 0) for f in ranked[:REFINED]]
-    return _inside_first(sorted([*top, *ranked[REFINED:]], key=lambda f: -f.log_evidence))
-
-
-def _inside_first(fits: list[Fit]) -> list[Fit]:
-    """A shape on the bound of its search means another formula: one nearly as good goes first."""
-    if not fits or not on_bound(fits[0].hypotheses[0]) or fits[0].log_evidence <= 0:
-        return fits
-    least = NEARLY * fits[0].log_evidence
-    for k, fit in enumerate(fits):
-        if fit.log_evidence < least:
-            break
-        if not on_bound(fit.hypotheses[0]):
-            return [fit, *fits[k + 1 :]]
-    return fits
-
-
-def _extend(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
-    """The best sets with one more effect, one for each place, best first."""
-    taken = {h.name for h in chosen.hypotheses}
-    best: dict[str, Fit] = {}
-    for h in pool:
-        if h.name in taken:
-            continue
-        fit = evidence.fit([*chosen.hypotheses, h])
-        if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
-            best[h.name] = fit
-    ranked = [f for f in sorted(best.values(), key=lambda f: -f.log_evidence) if np.isfinite(f.log_evidence)]
-    kept: list[Fit] = []
-    for fit in ranked:
-        # Two of a place: formulas that are close before their shapes are searched may change order.
-        place = fit.hypotheses[-1].place
-        if len(kept) < ADDITIONS and sum(k.hypotheses[-1].place == place for k in kept) < 2:
-            kept.append(fit)
-    refined = [evidence.refine(f, len(f.hypotheses) - 1, 20) for f in kept]
-    return sorted(refined, key=lambda f: -f.log_evidence)
-
-
-def _swap(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
-    """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS)."""
-    for index in range(len(chosen.hypotheses) - 1):
-        others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
-        taken = {h.name for h in others}
-        best = chosen
-        for h in pool:
-            if h.name in taken:
-                continue
-            # In its place: the order says which effect is the first, and rounding must not change it.
-            fit = evidence.fit([*others[:index], h, *others[index:]])
-            if fit.log_evidence > best.log_evidence:
-                best = fit
-        chosen = evidence.refine(best, index)
-    return chosen
 
 
 def _worth(
@@ -273,22 +174,3 @@ def _known(held_out: Likelihood, blocks: set[tuple[int, str, int]]) -> set[tuple
     """The same channels and joints on held-out recordings."""
     pairs = {(channel, joint) for _, channel, joint in blocks}
     return {block for block in held_out.blocks if block[1:] in pairs}
-
-
-def _rivals(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, singles: Sequence[Fit]) -> list[Fit]:
-    """The chosen set with its first effect exchanged for each other one."""
-    if len(chosen.hypotheses) == 1:
-        return [f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name][:20]
-    others = list(chosen.hypotheses[1:])
-    taken = {h.name for h in chosen.hypotheses}
-    best: dict[str, Fit] = {}
-    for h in pool:
-        if h.name in taken:
-            continue
-        fit = evidence.fit([h, *others])
-        if np.isfinite(fit.log_evidence) and (
-            h.name not in best or fit.log_evidence > best[h.name].log_evidence
-        ):
-            best[h.name] = fit
-    ranked = sorted(best.values(), key=lambda f: -f.log_evidence)
-    return [*(evidence.refine(f, 0) for f in ranked[:3]), *ranked[3:20]]

@@ -123,10 +123,10 @@ class Trial:
         """
         if self.motion.u is None:
             return self.model_torque
-        return self.motion.u - self.motion.reduce(self._rotor_share)
+        return self.motion.u - self.motion.reduce(self.rotor_share)
 
     @cached_property
-    def _rotor_share(self) -> np.ndarray:
+    def rotor_share(self) -> np.ndarray:
         """Nominal rotor torque (F, J) at full rate, of accelerations that are more than noise.
 
         The noise of measured accelerations is in the link residual too: twisted through a spring it comes
@@ -135,10 +135,11 @@ class Trial:
         """
         motion = self.motion
         acceleration = np.gradient(motion.full_velocity, 1.0 / motion.rate, axis=0)
-        slow = signal.butter(3, min(ROTOR_HZ, motion.rate / 5.0), fs=motion.rate, output="sos")
+        low = min(ROTOR_HZ, 0.5 * motion.band)
+        slow = signal.butter(3, low, fs=motion.rate, output="sos")
         calm = np.asarray(signal.sosfiltfilt(slow, acceleration, axis=0))
         fast = np.var(motion.reduce(acceleration - calm), axis=0)
-        swings = fast > SWINGS * motion.acceleration_noise(ROTOR_HZ, motion.band)
+        swings = fast > SWINGS * motion.acceleration_noise(low, motion.band)
         return self.rotor * np.where(swings, acceleration, calm)
 
     @cached_property
@@ -147,7 +148,7 @@ class Trial:
         motion = self.motion
         if motion.raw_commanded is None or motion.rate < 4.0 * FINE_HZ:
             return None
-        torque = motion.raw_commanded - self._rotor_share
+        torque = motion.raw_commanded - self.rotor_share
         low = signal.butter(3, FINE_HZ, fs=motion.rate, output="sos")
         return np.asarray(signal.sosfiltfilt(low, torque, axis=0))[:: self._fine_step]
 

@@ -76,18 +76,13 @@ def _which(d: Diagnosis) -> list[str]:
 
 
 def _how_far(gap: HeldOutGap) -> str:
-    kept = (
-        f"{words.number(gap.nominal)} {words.symbol(gap.unit)} {gap.metric} on held-out recordings".replace(
-            "  ", " "
-        )
-    )
+    unit = words.symbol(gap.unit)
+    before = words.number(gap.nominal)
     if gap.shrink is None:
-        return kept
+        return f"{before} {unit} {gap.metric} on held-out recordings".replace("  ", " ")
     interval = f" ({ci})" if (ci := words.percent_interval(gap.ci95)) else ""
     margin = f"; {words.points(gap.margin)} on the runner-up" if gap.margin is not None else ""
-    value = (
-        f"{words.number(gap.nominal)} -> {words.number(gap.with_effect)} {unit}".rstrip()
-    )
+    value = f"{before} -> {words.number(gap.with_effect)} {unit}".rstrip()
     return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({gap.metric} {value})"
 
 

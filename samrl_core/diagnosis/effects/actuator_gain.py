@@ -23,23 +23,26 @@ class ActuatorGain(DriveTorque):
         return single(("e",))
 
     def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        assert trial.motion.raw_commanded is not None
-        return -trial.motion.raw_commanded[:, [joint]].T
+        # What the drive must have delivered, by the model, and not what was sent: that contains the very
+        # friction that is left over, and beside another rotor it would explain any residual by itself.
+        return -(trial.rigid_torque + trial.rotor_share)[:, [joint]].T
 
     def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
         return np.array([0.15])
 
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         # A larger one would be another drive, and would stand in for friction wherever friction is most.
-        return bool(abs(amplitudes[0]) < 0.5)
+        return bool(abs(amplitudes[0]) < 0.35)
 
     def physical(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
-        return {"e": float(amplitudes[0])}
+        # Of the torque delivered, not of the torque sent: u - (1 + e) u = -e / (1 + e) (1 + e) u.
+        return {"e": float(amplitudes[0] / (1.0 - amplitudes[0]))}
 
     def plant(
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, np.ndarray | float] | None:
         joints = self.joints_at(trial, place)
-        return {"actuator_gain": at_joint(trial, joints, amplitudes[0])}
+        gain = self.physical(trial, place, form, shape, amplitudes)["e"]
+        return {"actuator_gain": at_joint(trial, joints, gain)}

@@ -28,6 +28,11 @@ class CommandLowPass(LateResponse):
 
     variants = ("", SECOND)
 
+    def limits_at(self, trial: Trial) -> tuple[float, float]:
+        """Up to a third of the sampling rate: faster filters are lost in what is aliased."""
+        low, high = self.limits
+        return low, min(high, trial.motion.rate / 3.0)
+
     def late(self, trial: Trial, x: np.ndarray, form: str, shape: Shape) -> np.ndarray:
         if form.endswith(SECOND):
             return resonant(x, shape["fc"], np.sqrt(0.5), 1.0 / trial.motion.rate)

@@ -250,13 +250,19 @@ class LateResponse(FixedResponse):
         """By where it acts, as far as the channels show it, and by formula."""
         if "tracking" in trial.channels:
             return (self._form("tracking", self.tracking_grid, self.tracking_limits),)
+        low, high = self.limits_at(trial)
+        grid = tuple(v for v in self.grid if low < v < high)
         shown = (("controller", "command"), ("drive", "effort"))
         return tuple(
-            self._form(f"{name} {variant}".strip(), self.grid, self.limits)
+            self._form(f"{name} {variant}".strip(), grid, (low, high))
             for channel, name in shown
             if channel in trial.channels
             for variant in self.variants
         )
+
+    def limits_at(self, trial: Trial) -> tuple[float, float]:
+        """Between which the shape is searched, for what the sampling can show."""
+        return self.limits
 
     def _form(self, name: str, grid: tuple[float, ...], limits: tuple[float, float]) -> Form:
         return Form(name, ("present",), tuple({self.symbol: v} for v in grid), {self.symbol: limits})

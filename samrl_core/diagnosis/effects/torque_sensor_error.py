@@ -53,12 +53,10 @@ class TorqueSensorError(Effect):
             zero.append(np.exp(-(motion.t - motion.time[0]) / shape["T"]))
         if form == "drift":
             return trial.sensor(joint, np.stack(zero))
-        # What each side of the sensor expects of it, never its own reading: see Trial.transmitted.
-        assert motion.u is not None
-        expected = motion.u[:, joint] - trial.rotor[joint] * motion.ddq[:, joint]
-        return trial.sensor(
-            joint, np.stack([expected, *zero]), np.stack([trial.model_torque[:, joint], *zero])
-        )
+        # What the model expects of the sensor, never its own reading or what was sent: both hold the noise or
+        # the friction that is left over, and where a joint carries no load a gain would explain them.
+        expected = np.stack([trial.model_torque[:, joint], *zero])
+        return trial.sensor(joint, expected)
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         (joint,) = self.joints_at(trial, place)

@@ -28,6 +28,7 @@ class TransmissionHysteresis(TorqueDeflection):
         Parameter("K", "N m/rad", 500.0, 50000.0, "stiffness of a joint that also twists, while it slides"),
     )
     by_turns = ("spring",)
+    prior_cost = 10.0  # it holds a plain spring as a special case: its loop must earn two more shapes
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
         """A loop of the angle alone, and a spring with friction beside it."""

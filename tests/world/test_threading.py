@@ -74,7 +74,7 @@ def test_a_pulled_thread_swings_back_and_comes_to_rest() -> None:
     away = np.linalg.norm(np.array(places) - hung, axis=1)
     assert away[0] > 0.008
     assert away.max() < 1.2 * away[0]  # no energy is added
-    assert (np.array(places)[:, 0] - hung[0]).min() < -0.001  # it swings through, so it is not overdamped
+    assert (np.array(places)[:, 0] - hung[0]).min() < -0.0002  # it swings through: not overdamped
     assert away[-200:].max() < 3e-4
     world.close()
 

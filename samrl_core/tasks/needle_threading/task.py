@@ -41,7 +41,7 @@ class NeedleThreading(Task):
     thread_radius: float = 0.002  # [m]
     link_mass: float = 0.0005  # [kg]
     stiffness: float = 0.02  # of a joint; the thread's own weight bends it by 3 deg at most [N m/rad]
-    damping: float = 0.0004  # of a joint; a swing dies away in a few turns [N m s/rad]
+    damping: float = 0.0012  # of a joint; a swing dies away within one turn [N m s/rad]
     thread_friction: float = 0.2  # [-]
     half_range: float = math.radians(10.0)  # joints hang within +- this at the start [rad]
     bend_limit: float = math.radians(45.0)  # what an estimate may say of a joint that touches the eye [rad]

@@ -17,7 +17,7 @@ import numpy as np
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
-from samrl_core.world.evaluation import read_truth
+from samrl_core.world.evaluation import ending_of, read_truth
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.conversions.from_message import stamp_ns
@@ -183,19 +183,21 @@ def _judged(truth: dict[str, dict[str, Any]], states: list[Any], task: Task) -> 
         keys = ("final_error_m", "estimate_error_before_contact_m", "peak_contact_force_N")
         return {"seed": None, "success": None, **dict.fromkeys(keys, float("nan"))}
     end = truth["end"]
-    bodies = {k: np.array(v) for k, v in end["body_position"].items()}
-    tip = np.array(end["tip_position"])
+    ending = ending_of(end)
     contact_ns = end["first_contact_ns"]
     before = [s for s in states if contact_ns < 0 or stamp_ns(s) < contact_ns]
     error = float("nan")
     if before:
         poses = task.body_poses(np.array(before[-1].values))
         start = truth["start"]["body_position"]
-        error = max(float(np.linalg.norm(p.position - np.array(start[k]))) for k, p in poses.items())
+        error = max(
+            (float(np.linalg.norm(p.position - np.array(start[k]))) for k, p in poses.items()),
+            default=float("nan"),  # the parameters move no body
+        )
     return {
         "seed": end["seed"],
-        "success": task.succeeded(bodies, tip),
-        "final_error_m": task.final_error(bodies, tip),
+        "success": task.succeeded(ending),
+        "final_error_m": task.final_error(ending),
         "estimate_error_before_contact_m": error,
         "peak_contact_force_N": end["peak_contact_force"],
     }

@@ -12,7 +12,7 @@ from samrl_core.errors import InputError
 from samrl_core.robots.robot import RobotSpec
 from samrl_core.robots.urdf import numbers, origin_of, read_urdf
 from samrl_core.types.pose import Pose
-from samrl_core.types.scene import Box, Cylinder, Part
+from samrl_core.types.scene import Box, Capsule, Cylinder, Part
 
 
 def link_shapes(spec: RobotSpec) -> dict[str, tuple[Part, ...]]:
@@ -62,7 +62,7 @@ class Capsules:
         """One capsule about each part; it holds the part whole, so a clearance is never overstated."""
         starts, ends, radii = np.empty((len(parts), 3)), np.empty((len(parts), 3)), np.empty(len(parts))
         for k, part in enumerate(parts):
-            if isinstance(part, Cylinder):
+            if isinstance(part, Cylinder | Capsule):
                 axis, half, radii[k] = 2, 0.5 * part.length, part.radius
             else:
                 axis = int(np.argmax(part.half_extents))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from samrl_core.errors import InputError
+from samrl_core.tasks.needle_threading.task import NeedleThreading
 from samrl_core.tasks.peg_insertion.task import PegInsertion
+from samrl_core.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.tasks.task import Task
 
-TASKS: dict[str, Task] = {task.name: task for task in (PegInsertion(),)}
+TASKS: dict[str, Task] = {task.name: task for task in (PegInsertion(), SpatulaFlipping(), NeedleThreading())}
 
 
 def task_named(name: str) -> Task:

@@ -48,8 +48,32 @@ class ViewRegion:
     elevation: tuple[float, float]  # above the horizon [rad]
 
 
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """How an episode begins, drawn at random."""
+
+    body_in_world: dict[str, Pose]  # of the bodies that do not stand at their nominal pose
+    chain_angles: np.ndarray  # (2 K,) of the tool's chain, hanging at rest; x and y joint of each link [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Ending:
+    """How an episode truly ended, in world. Made by evaluation alone, from `evaluation/truth.jsonl`."""
+
+    body_in_world: dict[str, Pose]
+    body_speed: dict[str, float]  # of the bodies' origins [m/s]
+    body_peak_height: dict[str, float]  # highest z of the bodies' origins in this episode [m]
+    tip_position: np.ndarray  # (3,) tool tip [m]
+    chain_points: np.ndarray  # (K + 1, 3) joints of the tool's chain, then its end; (0, 3) without one [m]
+
+
 class Task(ABC):
-    """One manipulation task. Implementations are final and hold settings only."""
+    """One manipulation task. Implementations are final and hold settings only.
+
+    Parameters may move bodies (`body_poses`), bend the chain that hangs from the tool (`chain_angles`), or
+    both. `tip_position` is the origin of the tool frame, which an action displaces; the end of a chain
+    follows from it and the angles.
+    """
 
     name: str
     max_actions: int
@@ -67,8 +91,16 @@ class Task(ABC):
         """Poses in world of the bodies that the parameters move."""
 
     @abstractmethod
+    def chain_angles(self, values: np.ndarray) -> np.ndarray:
+        """Angles (2 K,) [rad] of the tool's chain of K links; (0,) for a rigid tool."""
+
+    @abstractmethod
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Joint positions at the start of an episode, per role (J,) [rad]."""
+
+    @abstractmethod
+    def start_camera(self) -> Pose:
+        """Camera pose in world at the start of an episode."""
 
     @abstractmethod
     def view_region(self) -> ViewRegion:
@@ -83,13 +115,13 @@ class Task(ABC):
         """Whether the model believes that the task is done."""
 
     @abstractmethod
-    def draw(self, rng: np.random.Generator) -> dict[str, Pose]:
-        """Random start poses of bodies; the simulated world calls it on reset."""
+    def draw(self, rng: np.random.Generator) -> Draw:
+        """A random start; the simulated world calls it on reset."""
 
     @abstractmethod
-    def succeeded(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> bool:
-        """Judged from truth, in world coordinates. Evaluation alone calls it."""
+    def succeeded(self, ending: Ending) -> bool:
+        """Judged from truth. Evaluation alone calls it."""
 
     @abstractmethod
-    def final_error(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> float:
+    def final_error(self, ending: Ending) -> float:
         """Distance to the goal from truth [m], for the summary. Evaluation alone calls it."""

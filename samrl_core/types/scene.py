@@ -1,8 +1,8 @@
-"""What stands in the cell, with no simulator in it: bodies as boxes and cylinders with colours."""
+"""What stands in the cell, with no simulator in it: bodies of simple parts with colours, and the tool."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,7 +28,16 @@ class Cylinder:
     part_in_body: Pose
 
 
-Part = Box | Cylinder
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """A cylinder part with round ends, axis along its own z."""
+
+    radius: float  # [m]
+    length: float  # between the centres of the round ends [m]
+    part_in_body: Pose
+
+
+Part = Box | Cylinder | Capsule
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +51,9 @@ class SurfaceMesh:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A thing in the cell. Physics sees `parts`; cameras see `mesh`."""
+    """A thing in the cell. Physics sees `parts`; cameras see `mesh`. A movable one has its origin at its
+    centre of mass.
+    """
 
     name: str
     parts: tuple[Part, ...]
@@ -51,11 +62,37 @@ class Body:
     label: int  # segmentation label, 0 background
     mass: float  # [kg], 0 for fixed
     friction: float  # Coulomb coefficient [-]
+    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))  # about the origin [kg m2]
+    rounding: float = 0.0  # radius of its parts' edges, within their outlines; 0 where it does not matter [m]
+
+
+@dataclass(frozen=True, eq=False)
+class ChainLink:
+    """One link of a chain that hangs from the tool.
+
+    Two revolute joints, about its own x and then its own y, join its origin to the end of the link before;
+    the first link hangs at the tool's tip. With all angles 0 the chain runs along the tip's z axis.
+    """
+
+    name: str
+    parts: tuple[Part, ...]  # poses in the link's frame
+    color: Rgb
+    label: int  # segmentation label
+    length: float  # from this link's joints to the next, along its z [m]
+    mass: float  # [kg]
+    center_of_mass: np.ndarray  # (3,) in the link's frame [m]
+    inertia: np.ndarray  # (3, 3) about the centre of mass, link axes [kg m2]
+    stiffness: float  # of each of its two joints, about the angle at which it is made [N m/rad]
+    damping: float  # of each of them [N m s/rad]
+    friction: float  # Coulomb coefficient [-]
 
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """What the tool arm holds rigidly, in the flange frame."""
+    """What the tool arm holds, in the flange frame: a rigid part, and a chain that may hang from its tip.
+
+    Mass, centre and inertia are those of the rigid part, the load that the arm is told of.
+    """
 
     name: str
     parts: tuple[Part, ...]  # poses in the tool arm's flange frame
@@ -66,6 +103,7 @@ class Tool:
     inertia: np.ndarray  # (3, 3) about the centre of mass, flange axes [kg m2]
     tip_in_flange: Pose  # the tool frame, whose origin an Action displaces
     friction: float  # [-]
+    chain: tuple[ChainLink, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

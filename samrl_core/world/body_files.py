@@ -10,7 +10,8 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import RobotSpec
-from samrl_core.types.scene import Body, Box, Part, Rgb, SurfaceMesh, Tool
+from samrl_core.types.pose import Pose
+from samrl_core.types.scene import Body, Box, Capsule, ChainLink, Part, Rgb, SurfaceMesh, Tool
 
 PAYLOAD_LINK = "payload"
 
@@ -38,48 +39,58 @@ class Mounted:
 GRIPPER_COLOR: Rgb = (0.75, 0.75, 0.75)
 
 
-def write_arm_urdf(spec: RobotSpec, payload: Mounted, folder: Path) -> Path:
-    """The arm's URDF with `payload` as one more link, fixed to the flange.
+def write_arm_urdf(
+    spec: RobotSpec, payload: Mounted, folder: Path, chain: tuple[ChainLink, ...], tip_in_flange: Pose
+) -> Path:
+    """The arm's URDF with `payload` as one more link, fixed to the flange, and a chain hanging at the tip.
 
     Raises:
-        InputError: the arm has no such flange link, or already has a link called `payload`.
+        InputError: the arm has no such flange link, or already has a link of a name to be added.
     """
     tree = ElementTree.parse(spec.urdf)
     robot = tree.getroot()
     links = {link.get("name") for link in robot.findall("link")}
     if spec.flange not in links:
         raise InputError(f"{spec.urdf.name} has no link {spec.flange!r}; it has {sorted(map(str, links))}")
-    if PAYLOAD_LINK in links:
-        raise InputError(f"{spec.urdf.name} has a link {PAYLOAD_LINK!r} already; rename it")
+    for name in (PAYLOAD_LINK, *(link.name for link in chain)):
+        if name in links:
+            raise InputError(f"{spec.urdf.name} has a link {name!r} already; rename it")
     for bare in robot.findall("link"):
         if bare.find("inertial") is None:  # a frame only; PyBullet would give it 1 kg
             _add_inertial(bare, 0.0, np.zeros(3), np.zeros((3, 3)))
     link = ElementTree.SubElement(robot, "link", name=PAYLOAD_LINK)
     _add_inertial(link, payload.mass, payload.center_of_mass, payload.inertia)
-    for i, (part, color) in enumerate(zip(payload.parts, payload.part_colors, strict=True)):
-        visual = _add_shape(link, "visual", part)
-        material = ElementTree.SubElement(visual, "material", name=f"{PAYLOAD_LINK}_{i}")
-        ElementTree.SubElement(material, "color", rgba=_numbers(*color, 1.0))
-        _add_shape(link, "collision", part)
+    _add_parts(link, PAYLOAD_LINK, payload.parts, payload.part_colors)
     joint = ElementTree.SubElement(robot, "joint", name=f"{PAYLOAD_LINK}_joint", type="fixed")
     ElementTree.SubElement(joint, "parent", link=spec.flange)
     ElementTree.SubElement(joint, "child", link=PAYLOAD_LINK)
-    path = folder / f"{spec.name}_with_payload.urdf"
-    tree.write(path)
-    return path
+    parent, place = PAYLOAD_LINK, tip_in_flange
+    for one in chain:
+        _add_chain_link(robot, one, parent, place)
+        parent, place = one.name, Pose(np.array([0.0, 0.0, one.length]), Pose.identity().quat_xyzw)
+    return _write(robot, folder / f"{spec.name}_with_payload.urdf")
+
+
+def joint_names(link: ChainLink) -> tuple[str, str]:
+    """Names of a chain link's joints, about x and about y."""
+    return f"{link.name}_x", f"{link.name}_y"
 
 
 def write_body_urdf(body: Body, folder: Path) -> Path:
-    """A body: boxes and cylinders to touch, its mesh to look at, one OBJ file per colour.
+    """A body: its parts to touch, its mesh to look at, one OBJ file per colour.
 
     Raises:
-        InputError: the body is not fixed; a moving one needs an inertia, which `Body` does not state.
+        InputError: the mass is negative, or a movable body's inertia is none that a body can have.
     """
-    if body.mass != 0.0:
-        raise InputError(f"body {body.name!r} has mass {body.mass} kg; this world holds fixed bodies only")
+    moments = np.linalg.eigvalsh(body.inertia)
+    if body.mass < 0.0 or (body.mass > 0.0 and not (moments[0] > 0 and moments[0] + moments[1] > moments[2])):
+        raise InputError(
+            f"body {body.name!r} has mass {body.mass} kg and principal moments of inertia {moments} kg m2; a "
+            f"movable body needs three positive ones, none above the sum of the others, a fixed one mass 0"
+        )
     robot = ElementTree.Element("robot", name=body.name)
     link = ElementTree.SubElement(robot, "link", name=body.name)
-    _add_inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
+    _add_inertial(link, body.mass, np.zeros(3), body.inertia)
     colors, group = np.unique(body.mesh.face_color, axis=0, return_inverse=True)
     for i, color in enumerate(colors):
         obj = folder / f"{body.name}_{i}.obj"
@@ -91,9 +102,7 @@ def write_body_urdf(body: Body, folder: Path) -> Path:
         ElementTree.SubElement(material, "color", rgba=_numbers(*color, 1.0))
     for part in body.parts:
         _add_shape(link, "collision", part)
-    path = folder / f"{body.name}.urdf"
-    ElementTree.ElementTree(robot).write(path)
-    return path
+    return _write(robot, folder / f"{body.name}.urdf")
 
 
 def write_flat_obj(mesh: SurfaceMesh, faces: np.ndarray, path: Path) -> None:
@@ -107,6 +116,40 @@ def write_flat_obj(mesh: SurfaceMesh, faces: np.ndarray, path: Path) -> None:
         a, n = 3 * i + 1, i + 1
         lines.append(f"f {a}//{n} {a + 1}//{n} {a + 2}//{n}")
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _write(robot: ElementTree.Element, path: Path) -> Path:
+    tree = ElementTree.ElementTree(robot)
+    ElementTree.indent(tree)  # PyBullet tears lines of more than 1023 characters
+    tree.write(path)
+    return path
+
+
+def _add_parts(
+    link: ElementTree.Element, name: str, parts: tuple[Part, ...], colors: tuple[Rgb, ...]
+) -> None:
+    for i, (part, color) in enumerate(zip(parts, colors, strict=True)):
+        visual = _add_shape(link, "visual", part)
+        material = ElementTree.SubElement(visual, "material", name=f"{name}_{i}")
+        ElementTree.SubElement(material, "color", rgba=_numbers(*color, 1.0))
+        _add_shape(link, "collision", part)
+
+
+def _add_chain_link(robot: ElementTree.Element, link: ChainLink, parent: str, place: Pose) -> None:
+    """The link and, between its two joints, a cross without mass."""
+    cross = f"{link.name}_cross"
+    _add_inertial(ElementTree.SubElement(robot, "link", name=cross), 0.0, np.zeros(3), np.zeros((3, 3)))
+    body = ElementTree.SubElement(robot, "link", name=link.name)
+    _add_inertial(body, link.mass, link.center_of_mass, link.inertia)
+    _add_parts(body, link.name, link.parts, (link.color,) * len(link.parts))
+    joints = zip(joint_names(link), (parent, cross), (cross, link.name), ("1 0 0", "0 1 0"), strict=True)
+    for name, before, after, axis in joints:
+        joint = ElementTree.SubElement(robot, "joint", name=name, type="continuous")
+        ElementTree.SubElement(joint, "parent", link=before)
+        ElementTree.SubElement(joint, "child", link=after)
+        ElementTree.SubElement(joint, "axis", xyz=axis)
+        if before == parent:
+            _add_origin(joint, place.position, place.rotation)
 
 
 def _add_inertial(link: ElementTree.Element, mass: float, centre: np.ndarray, inertia: np.ndarray) -> None:
@@ -136,8 +179,9 @@ def _add_shape(link: ElementTree.Element, kind: str, part: Part) -> ElementTree.
     if isinstance(part, Box):
         ElementTree.SubElement(geometry, "box", size=_numbers(*(2 * h for h in part.half_extents)))
     else:
+        shape_name = "capsule" if isinstance(part, Capsule) else "cylinder"
         ElementTree.SubElement(
-            geometry, "cylinder", radius=_numbers(part.radius), length=_numbers(part.length)
+            geometry, shape_name, radius=_numbers(part.radius), length=_numbers(part.length)
         )
     return shape
 

@@ -10,8 +10,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from samrl_core.errors import InputError
-from samrl_core.world.world import SimulatedWorld
+from samrl_core.tasks.task import Ending
+from samrl_core.types.pose import Pose
+from samrl_core.world.world import SimulatedWorld, Truth
 
 
 class TruthLog:
@@ -32,7 +36,10 @@ class TruthLog:
             "stamp_ns": truth.stamp_ns,
             "body_position": {k: v.tolist() for k, v in truth.body_position.items()},
             "body_quat_xyzw": {k: v.tolist() for k, v in truth.body_quat_xyzw.items()},
+            "body_speed": truth.body_speed,
+            "body_peak_height": truth.body_peak_height,
             "tip_position": truth.tip_position.tolist(),
+            "chain_points": truth.chain_points.tolist(),
             "first_contact_ns": truth.first_contact_ns,
             "peak_contact_force": truth.peak_contact_force,
         }
@@ -54,3 +61,28 @@ def read_truth(path: Path) -> dict[int, dict[str, dict[str, Any]]]:
             entry = json.loads(line)
             episodes.setdefault(entry["episode"], {})[entry["event"]] = entry
     return episodes
+
+
+def ending_of(entry: dict[str, Any]) -> Ending:
+    """What `Task.succeeded` judges, from an entry of `read_truth`."""
+    return Ending(
+        {
+            k: Pose(np.array(v), np.array(entry["body_quat_xyzw"][k]))
+            for k, v in entry["body_position"].items()
+        },
+        dict(entry["body_speed"]),
+        dict(entry["body_peak_height"]),
+        np.array(entry["tip_position"]),
+        np.array(entry["chain_points"], dtype=np.float64).reshape(-1, 3),
+    )
+
+
+def ending_now(truth: Truth) -> Ending:
+    """What `Task.succeeded` judges, were the episode to end at this instant."""
+    return Ending(
+        {k: Pose(v, truth.body_quat_xyzw[k]) for k, v in truth.body_position.items()},
+        dict(truth.body_speed),
+        dict(truth.body_peak_height),
+        truth.tip_position,
+        truth.chain_points,
+    )

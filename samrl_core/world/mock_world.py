@@ -6,6 +6,7 @@ import numpy as np
 
 from samrl_core.robots.arm_model import ArmModel, Payload
 from samrl_core.robots.robot import ROLES, CellSpec
+from samrl_core.tasks.chain import chain_points, checked_angles, link_poses
 from samrl_core.tasks.task import Task
 from samrl_core.types.observation import ArmCommand, ArmReading, Frame
 from samrl_core.world.command_check import checked_command, checked_role, holding
@@ -19,7 +20,7 @@ class MockWorld(SimulatedWorld):
         """Lay the scene of seed 0."""
         self._task, self._cell = task, cell
         scene = task.scene(cell)
-        self._tip_in_flange = scene.tool.tip_in_flange
+        self._tool = scene.tool
         self._nominal = {body.name: body.body_in_world for body in scene.bodies}
         loads = {
             "tool_arm": Payload(scene.tool.mass, scene.tool.center_of_mass, scene.tool.inertia),
@@ -38,7 +39,9 @@ class MockWorld(SimulatedWorld):
 
     def reset(self, seed: int) -> None:
         """Draw the scene from `seed`, arms at the task's start joints."""
-        self._poses = self._nominal | self._task.draw(np.random.default_rng(seed).spawn(1)[0])
+        draw = self._task.draw(np.random.default_rng(seed).spawn(1)[0])
+        self._poses = self._nominal | draw.body_in_world
+        self._chain_angles = checked_angles(self._tool.chain, draw.chain_angles)
         self._commands = {role: holding(self._start[role], self._time_ns) for role in ROLES}
         self._states = {role: (self._start[role].copy(), np.zeros_like(self._start[role])) for role in ROLES}
 
@@ -76,14 +79,18 @@ class MockWorld(SimulatedWorld):
         )
 
     def truth(self) -> Truth:
-        """The drawn bodies and the tip by forward kinematics."""
+        """The drawn bodies at rest, the tip by forward kinematics, the drawn chain stiff."""
         flange_in_base = self._models["tool_arm"].flange_in_base(self._states["tool_arm"][0])
-        tip = (self._cell.tool_base_in_world @ flange_in_base).apply(self._tip_in_flange.position)
+        tip = self._cell.tool_base_in_world @ flange_in_base @ self._tool.tip_in_flange
+        links = link_poses(self._tool.chain, tip, self._chain_angles)
         return Truth(
             self._time_ns,
             {name: pose.position.copy() for name, pose in self._poses.items()},
             {name: pose.quat_xyzw.copy() for name, pose in self._poses.items()},
-            tip,
+            dict.fromkeys(self._poses, 0.0),
+            {name: float(pose.position[2]) for name, pose in self._poses.items()},
+            tip.position,
+            chain_points(self._tool.chain, links),
             -1,
             0.0,
         )

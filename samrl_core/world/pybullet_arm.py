@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pybullet
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import RobotSpec
 from samrl_core.types.pose import Pose
+from samrl_core.types.scene import ChainLink
 from samrl_core.world.body_files import PAYLOAD_LINK, Mounted, write_arm_urdf
 
 
@@ -21,12 +23,19 @@ class PyBulletArm:
     """
 
     def __init__(
-        self, client: int, spec: RobotSpec, base_in_world: Pose, mounted: Mounted, folder: Path
+        self,
+        client: int,
+        spec: RobotSpec,
+        base_in_world: Pose,
+        mounted: Mounted,
+        folder: Path,
+        chain: tuple[ChainLink, ...] = (),
+        tip_in_flange: Pose | None = None,
     ) -> None:
-        """Load the arm with its payload."""
+        """Load the arm with its payload; a chain hangs at `tip_in_flange`, by default the flange."""
         self._client = client
         self.body: int = pybullet.loadURDF(
-            str(write_arm_urdf(spec, mounted, folder)),
+            str(write_arm_urdf(spec, mounted, folder, chain, tip_in_flange or Pose.identity())),
             base_in_world.position.tolist(),
             base_in_world.quat_xyzw.tolist(),
             useFixedBase=True,
@@ -101,9 +110,7 @@ class PyBulletArm:
         quat = np.array(state[5])  # of unit length to 1e-7 only
         return Pose(np.array(state[4]), quat / np.linalg.norm(quat))
 
-    def payload_normal_forces(self) -> list[float]:
-        """Normal force at each contact of the payload in the last step [N]."""
-        contacts = pybullet.getContactPoints(
-            bodyA=self.body, linkIndexA=self.payload_link, physicsClientId=self._client
-        )
-        return [contact[9] for contact in contacts or ()]
+    def normal_forces(self, links: Collection[int]) -> list[float]:
+        """Normal force at each contact of these links in the last step [N]."""
+        contacts = pybullet.getContactPoints(bodyA=self.body, physicsClientId=self._client)
+        return [contact[9] for contact in contacts or () if contact[3] in links]

@@ -19,11 +19,13 @@ from samrl_core.tasks.task import Task
 from samrl_core.types.observation import ArmCommand, ArmReading, Frame
 from samrl_core.types.pose import Pose
 from samrl_core.types.scene import Box, Scene
-from samrl_core.world.body_files import Mounted, write_body_urdf
+from samrl_core.world.body_files import Mounted
 from samrl_core.world.command_check import checked_command, checked_role, holding
 from samrl_core.world.impedance import impedance_effort
 from samrl_core.world.pybullet_arm import PyBulletArm
+from samrl_core.world.pybullet_bodies import PyBulletBodies, soften
 from samrl_core.world.pybullet_camera import TinyCamera
+from samrl_core.world.pybullet_chain import PyBulletChain
 from samrl_core.world.sensor_noise import RgbdSensor
 from samrl_core.world.settings import WorldSettings
 from samrl_core.world.world import SimulatedWorld, Truth
@@ -78,7 +80,20 @@ class PyBulletWorld(SimulatedWorld):
             undo.callback(self.close)  # unless all of this succeeds
             self._configure()
             self._arms, self._models = self._build_arms()
-            self._bodies = self._build_bodies()
+            self._build_table()
+            self._bodies = PyBulletBodies(
+                self._client, self._scene.bodies, Path(self._folder.name), self._settings
+            )
+            tool_arm, chain = self._arms["tool_arm"], self._scene.tool.chain
+            self._chain = PyBulletChain(
+                self._client,
+                tool_arm.body,
+                tool_arm.link_index,
+                chain,
+                self._period_s,
+                np.array(self._settings.gravity),
+            )
+            self._tool_links = frozenset({tool_arm.payload_link, *self._chain.links})
             self._camera = TinyCamera(
                 self._client,
                 cell.intrinsics,
@@ -106,15 +121,9 @@ class PyBulletWorld(SimulatedWorld):
         """Lay the scene anew, arms at the task's start joints and at rest; the clock goes on."""
         self._require_open()
         scene_rng, self._joint_rng, self._camera_rng = np.random.default_rng(seed).spawn(3)
-        poses = {body.name: body.body_in_world for body in self._scene.bodies} | self._task.draw(scene_rng)
-        for name, pose in poses.items():
-            pybullet.resetBasePositionAndOrientation(
-                self._bodies[name],
-                pose.position.tolist(),
-                pose.quat_xyzw.tolist(),
-                physicsClientId=self._client,
-            )
-        self._poses = poses
+        draw = self._task.draw(scene_rng)
+        poses = {body.name: body.body_in_world for body in self._scene.bodies} | draw.body_in_world
+        self._bodies.place(poses)
         self._commands: dict[str, ArmCommand] = {}
         self._efforts: dict[str, np.ndarray] = {}
         self._readings: dict[str, ArmReading] = {}
@@ -122,6 +131,7 @@ class PyBulletWorld(SimulatedWorld):
             self._arms[role].place(self._start[role])
             self._commands[role] = holding(self._start[role], self._time_ns)
             self._efforts[role] = self._models[role].gravity(self._start[role])
+        self._chain.place(draw.chain_angles, self._tip_in_world())
         self._first_contact_ns, self._peak_force = -1, 0.0
         self._measure()
 
@@ -149,9 +159,12 @@ class PyBulletWorld(SimulatedWorld):
             )
             self._efforts[role] = effort
             self._arms[role].push(effort)
+        if self._scene.tool.chain:
+            self._chain.push(self._tip_in_world())
         pybullet.stepSimulation(physicsClientId=self._client)
         self._time_ns += self._period_ns
-        forces = self._arms["tool_arm"].payload_normal_forces()
+        self._bodies.watch()
+        forces = self._arms["tool_arm"].normal_forces(self._tool_links)
         if forces and max(forces) > 0.0:
             self._peak_force = max(self._peak_force, sum(forces))
             if self._first_contact_ns < 0:
@@ -185,12 +198,15 @@ class PyBulletWorld(SimulatedWorld):
     def truth(self) -> Truth:
         """For evaluation only."""
         self._require_open()
-        flange = self._arms["tool_arm"].flange_in_world()
+        poses = self._bodies.poses()
         return Truth(
             self._time_ns,
-            {name: pose.position.copy() for name, pose in self._poses.items()},
-            {name: pose.quat_xyzw.copy() for name, pose in self._poses.items()},
-            flange.apply(self._scene.tool.tip_in_flange.position),
+            {name: pose.position.copy() for name, pose in poses.items()},
+            {name: pose.quat_xyzw.copy() for name, pose in poses.items()},
+            self._bodies.speeds(),
+            self._bodies.peak_heights(),
+            self._tip_in_world().position.copy(),
+            self._chain.points(),
             self._first_contact_ns,
             self._peak_force,
         )
@@ -201,6 +217,9 @@ class PyBulletWorld(SimulatedWorld):
             self._closed = True
             pybullet.disconnect(physicsClientId=self._client)
             self._folder.cleanup()
+
+    def _tip_in_world(self) -> Pose:
+        return self._arms["tool_arm"].flange_in_world() @ self._scene.tool.tip_in_flange
 
     def _require_open(self) -> None:
         if self._closed:
@@ -233,11 +252,12 @@ class PyBulletWorld(SimulatedWorld):
         arms, models = {}, {}
         for role in ROLES:
             spec, base, load = cell.arm(role), cell.base_in_world(role), mounted[role]
-            arms[role] = PyBulletArm(self._client, spec, base, load, Path(self._folder.name))
+            chain, tip = (tool.chain, tool.tip_in_flange) if role == "tool_arm" else ((), Pose.identity())
+            arms[role] = PyBulletArm(self._client, spec, base, load, Path(self._folder.name), chain, tip)
             models[role] = ArmModel(spec, base, Payload(load.mass, load.center_of_mass, load.inertia))
         return arms, models
 
-    def _build_bodies(self) -> dict[str, int]:
+    def _build_table(self) -> None:
         half = [0.5 * size for size in TABLE_SIZE]
         table = pybullet.createMultiBody(
             0.0,
@@ -251,28 +271,7 @@ class PyBulletWorld(SimulatedWorld):
             TABLE_IN_WORLD.position.tolist(),
             physicsClientId=self._client,
         )
-        self._soften(table, TABLE_FRICTION)
-        bodies = {}
-        for body in self._scene.bodies:
-            index = pybullet.loadURDF(
-                str(write_body_urdf(body, Path(self._folder.name))),
-                useFixedBase=True,
-                physicsClientId=self._client,
-            )
-            self._soften(index, body.friction)
-            bodies[body.name] = index
-        return bodies
-
-    def _soften(self, body: int, friction: float) -> None:
-        pybullet.changeDynamics(
-            body,
-            -1,
-            # Bullet multiplies the two coefficients of a pair; roots make it their geometric mean.
-            lateralFriction=float(np.sqrt(friction)),
-            contactStiffness=self._settings.contact_stiffness,
-            contactDamping=self._settings.contact_damping,
-            physicsClientId=self._client,
-        )
+        soften(self._client, table, TABLE_FRICTION, self._settings)
 
     def _labels(self) -> dict[tuple[int, int], int]:
         labels = {
@@ -280,8 +279,10 @@ class PyBulletWorld(SimulatedWorld):
         }
         tool_arm = self._arms["tool_arm"]
         labels[tool_arm.body, tool_arm.payload_link] = self._scene.tool.label
+        for index, link in zip(self._chain.links, self._scene.tool.chain, strict=True):
+            labels[tool_arm.body, index] = link.label
         for body in self._scene.bodies:
-            labels[self._bodies[body.name], -1] = body.label
+            labels[self._bodies.index[body.name], -1] = body.label
         return labels
 
     def _measure(self) -> None:

@@ -21,7 +21,10 @@ class Truth:
     stamp_ns: int  # [ns]
     body_position: dict[str, np.ndarray]  # per body (3,) [m] in world
     body_quat_xyzw: dict[str, np.ndarray]  # per body (4,)
+    body_speed: dict[str, float]  # per body, of its origin [m/s]
+    body_peak_height: dict[str, float]  # per body, highest z of its origin so far in this episode [m]
     tip_position: np.ndarray  # (3,) tool tip in world [m]
+    chain_points: np.ndarray  # (K + 1, 3) joints of the tool's chain and its end in world, (0, 3) without [m]
     first_contact_ns: int  # stamp of the first tool contact in this episode, -1 when none yet [ns]
     peak_contact_force: float  # largest normal force on the tool so far in this episode [N]
 

@@ -16,6 +16,8 @@ MAY_CALL_TRUTH = {
 }
 # Who may read what the log wrote.
 MAY_READ_TRUTH = {"samrl_core/world/evaluation.py", "samrl_ros/summary.py"}
+# Who may turn truth into what a task judges; the second is for tests, which stand beside the world.
+MAY_END = {"ending_of": {"samrl_ros/summary.py"}, "ending_now": set()}
 # Who may draw or judge with truth through the task border.
 MAY_JUDGE = {
     "draw": {"samrl_core/world/pybullet_world.py", "samrl_core/world/mock_world.py"},
@@ -54,6 +56,11 @@ def test_only_evaluation_asks_for_truth() -> None:
 def test_only_evaluation_reads_truth() -> None:
     assert callers("read_truth") <= MAY_READ_TRUTH
     assert "samrl_ros/summary.py" in callers("read_truth")
+
+
+@pytest.mark.parametrize("name", sorted(MAY_END))
+def test_only_evaluation_makes_endings(name: str) -> None:
+    assert callers(name) == MAY_END[name]
 
 
 @pytest.mark.parametrize("name", sorted(MAY_JUDGE))

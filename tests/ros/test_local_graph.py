@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from samrl_core.tasks import task_named
-from samrl_core.world.evaluation import read_truth
+from samrl_core.world.evaluation import ending_of, read_truth
 from samrl_ros.topics import TOPICS, cell_topic
 
 pytest.importorskip("rclpy")
@@ -116,6 +116,5 @@ def test_a_whole_episode_succeeds_and_the_truth_agrees(whole_episode: Any) -> No
     assert outcome.detected_success, outcome.reason
     assert outcome.reason == "done"
     end = read_truth(whole_episode.truth_file)[0]["end"]
-    bodies = {k: np.array(v) for k, v in end["body_position"].items()}
-    assert TASK.succeeded(bodies, np.array(end["tip_position"]))
+    assert TASK.succeeded(ending_of(end))
     assert np.isfinite(end["peak_contact_force"])

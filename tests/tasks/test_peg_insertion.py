@@ -10,8 +10,10 @@ import pytest
 from samrl_core.errors import InputError
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS, task_named
-from samrl_core.tasks.peg_insertion.board import SIDES, board_mesh, ring_boxes
+from samrl_core.tasks.peg_insertion.board import PAINT
 from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
+from samrl_core.tasks.shapes import SIDES, ring_boxes, ring_mesh
+from samrl_core.tasks.task import Ending
 from samrl_core.types.pose import Pose
 
 TASK = PegInsertion()
@@ -23,10 +25,15 @@ def at(depth: float, lateral: float = 0.0) -> np.ndarray:
     return np.array([HOLE[0] + lateral, HOLE[1], TASK.height - depth])
 
 
+def ended(tip: np.ndarray) -> Ending:
+    """The episode ended with the tip there."""
+    return Ending(TASK.body_poses(HOLE), {BODY: 0.0}, {BODY: 0.0}, tip, np.zeros((0, 3)))
+
+
 def test_mesh_is_closed_and_wound_outwards() -> None:
     """Its volume by the divergence theorem is that of the ring; every edge has two faces."""
     inner, outer, height = 0.012, 0.06, 0.04
-    mesh = board_mesh(inner, outer, height)
+    mesh = ring_mesh(inner, outer, height, PAINT)
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     assert volume == pytest.approx(height * SIDES * np.tan(np.pi / SIDES) * (outer**2 - inner**2), rel=1e-9)
@@ -58,7 +65,7 @@ def test_boxes_leave_the_hole_free_and_nothing_else() -> None:
 def test_draws_stay_in_the_range_and_fill_it() -> None:
     """10 cm x 10 cm, as the paper."""
     rng = np.random.default_rng(0)
-    places = np.array([TASK.draw(rng)[BODY].position for _ in range(500)])
+    places = np.array([TASK.draw(rng).body_in_world[BODY].position for _ in range(500)])
     lower, upper = (np.array([getattr(p, n) for p in TASK.parameters()]) for n in ("lower", "upper"))
     assert (places[:, :2] >= lower).all() and (places[:, :2] <= upper).all()
     np.testing.assert_allclose(places[:, :2].min(0), lower, atol=0.002)
@@ -120,14 +127,13 @@ def test_done_and_succeeded(depth: float, lateral: float, done: bool, success: b
     """Depth and lateral thresholds of both judgements."""
     tip = at(depth, lateral)
     assert TASK.is_done(HOLE, tip) is done
-    assert TASK.succeeded({BODY: np.array([*HOLE, 0.0])}, tip) is success
+    assert TASK.succeeded(ended(tip)) is success
 
 
 def test_final_error_falls_to_the_lateral_error() -> None:
     """Above the hole the missing depth counts, inside only the offset."""
-    body = {BODY: np.array([*HOLE, 0.0])}
-    assert TASK.final_error(body, at(-0.01)) == pytest.approx(0.03)
-    assert TASK.final_error(body, at(0.024, 0.001)) == pytest.approx(0.001)
+    assert TASK.final_error(ended(at(-0.01))) == pytest.approx(0.03)
+    assert TASK.final_error(ended(at(0.024, 0.001))) == pytest.approx(0.001)
 
 
 @pytest.mark.parametrize("values", [np.zeros(3), np.array([np.nan, 0.0])])

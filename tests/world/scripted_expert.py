@@ -9,10 +9,11 @@ import numpy as np
 from samrl_core.robots.arm_model import ArmModel, Payload
 from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks.hand import HAND_TCP_Z
 from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
-from samrl_core.tasks.peg_insertion.tool import HAND_TCP_Z
 from samrl_core.types.observation import ArmCommand
 from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import ending_now
 from samrl_core.world.world import SimulatedWorld
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -94,10 +95,11 @@ def insert(
         move_joints(world, model, commanded, end, round(period_s * 1e3))
         commanded = end
     truth = world.truth()
+    ending = ending_now(truth)
     return Episode(
-        task.succeeded(truth.body_position, truth.tip_position),
+        task.succeeded(ending),
         done,
         actions,
         truth.peak_contact_force,
-        task.final_error(truth.body_position, truth.tip_position),
+        task.final_error(ending),
     )

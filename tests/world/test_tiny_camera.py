@@ -9,7 +9,8 @@ import numpy as np
 import pybullet
 import pytest
 
-from samrl_core.tasks.peg_insertion.board import SIDES, board_body
+from samrl_core.tasks.peg_insertion.board import board_body
+from samrl_core.tasks.shapes import SIDES
 from samrl_core.types.camera import Camera, Intrinsics
 from samrl_core.types.pose import Pose, look_at
 from samrl_core.world.body_files import write_body_urdf

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.peg_insertion.board import board_body
 from samrl_core.tasks.peg_insertion.tool import hand_with_peg
-from samrl_core.tasks.task import ParameterSpec, SubGoal, Task, ViewRegion
-from samrl_core.types.pose import Pose, look_at
+from samrl_core.tasks.start import checked_tip, middle_view, require_origin, start_joints
+from samrl_core.tasks.task import Draw, Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.types.pose import Pose
 from samrl_core.types.scene import Scene
 
 BODY = "hole_board"
@@ -73,12 +73,7 @@ class PegInsertion(Task):
             InputError: the tool arm's base is not at the world's origin; the parameters are given in
                 both frames alike.
         """
-        base = cell.tool_base_in_world
-        if np.abs(base.position).max() > 1e-9 or base.angle_to(Pose.identity()) > 1e-9:
-            raise InputError(
-                f"tool arm's base stands at {base.position} in world; peg insertion needs the world's origin "
-                f"there, because hole_x and hole_y mean the same in both frames"
-            )
+        require_origin(cell, self.name)
         nominal = np.array([p.nominal for p in self.parameters()])
         body = board_body(
             BODY,
@@ -104,29 +99,21 @@ class PegInsertion(Task):
         x, y = self._hole(values)
         return {BODY: Pose(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))}
 
+    def chain_angles(self, values: np.ndarray) -> np.ndarray:
+        """None: the tool is rigid."""
+        self._hole(values)
+        return np.zeros(0)
+
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Tip above the middle of the range, peg straight down; camera in the middle of its region."""
         tool = hand_with_peg(self.peg_radius, self.peg_length, self.friction, self.tool_label)
         tip = np.array([self.center_x, self.center_y, self.height + self.start_above])
-        tip_in_base = Pose.from_rotation(tip, np.diag([1.0, -1.0, -1.0]))
-        camera_in_base = cell.camera_base_in_world.inverse() @ self.start_camera()
-        flange_in_base = {
-            "tool_arm": tip_in_base @ tool.tip_in_flange.inverse(),
-            "camera_arm": camera_in_base @ cell.camera_in_flange.inverse(),
-        }
-        return {
-            role: solve_ik(cell.arm(role), pose, cell.arm(role).home) for role, pose in flange_in_base.items()
-        }
+        return start_joints(cell, tool, tip, self.start_camera())
 
     def start_camera(self) -> Pose:
         """Camera pose in world at the start of an episode."""
-        region = self.view_region()
-        distance, elevation = np.mean(region.distance), np.mean(region.elevation)
-        azimuth = np.pi / 3  # to the side of the camera arm's base: straight ahead it would fold up
-        direction = np.array(
-            [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-        )
-        return look_at(region.target + distance * direction, region.target)
+        # To the side of the camera arm's base: straight ahead it would fold up.
+        return middle_view(self.view_region(), np.pi / 3)
 
     def view_region(self) -> ViewRegion:
         """Shell about the block: the camera arm reaches 54 of 60 sampled directions at 0.35 m."""
@@ -142,7 +129,7 @@ class PegInsertion(Task):
 
         Once the tip is aligned below the hovering height, or is inside the hole, `above` is behind it.
         """
-        tip = _tip(tip_position)
+        tip = checked_tip(tip_position)
         if self.is_done(values, tip):
             return ()
         x, y = self._hole(values)
@@ -164,24 +151,24 @@ class PegInsertion(Task):
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """Deep enough, and within the clearance and a slack of the estimated axis."""
-        tip = _tip(tip_position)
+        tip = checked_tip(tip_position)
         x, y = self._hole(values)
         return self._inserted(tip, x, y, self.success_depth + self.done_margin, self.done_slack)
 
-    def draw(self, rng: np.random.Generator) -> dict[str, Pose]:
+    def draw(self, rng: np.random.Generator) -> Draw:
         """Hole uniform within the range."""
         offset = rng.uniform(-self.half_range, self.half_range, 2)
-        return self.body_poses(np.array([self.center_x, self.center_y]) + offset)
+        return Draw(self.body_poses(np.array([self.center_x, self.center_y]) + offset), np.zeros(0))
 
-    def succeeded(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> bool:
+    def succeeded(self, ending: Ending) -> bool:
         """Deep enough, and within the clearance and a smaller slack of the true axis."""
-        x, y, _ = body_position[BODY]
-        return self._inserted(_tip(tip_position), x, y, self.success_depth, self.success_slack)
+        x, y, _ = ending.body_in_world[BODY].position
+        return self._inserted(checked_tip(ending.tip_position), x, y, self.success_depth, self.success_slack)
 
-    def final_error(self, body_position: dict[str, np.ndarray], tip_position: np.ndarray) -> float:
+    def final_error(self, ending: Ending) -> float:
         """Distance of the tip from the part of the true axis at or below the success depth [m]."""
-        tip = _tip(tip_position)
-        x, y, _ = body_position[BODY]
+        tip = checked_tip(ending.tip_position)
+        x, y, _ = ending.body_in_world[BODY].position
         missing = max(0.0, tip[2] - (self.height - self.success_depth))
         return float(np.linalg.norm([tip[0] - x, tip[1] - y, missing]))
 
@@ -194,10 +181,3 @@ class PegInsertion(Task):
         if v.shape != (2,) or not np.isfinite(v).all():
             raise InputError(f"peg insertion estimates hole_x and hole_y [m], got {values}")
         return float(v[0]), float(v[1])
-
-
-def _tip(tip_position: np.ndarray) -> np.ndarray:
-    tip = np.asarray(tip_position, dtype=np.float64)
-    if tip.shape != (3,) or not np.isfinite(tip).all():
-        raise InputError(f"tip position {tip_position} must be three finite numbers [m]")
-    return tip

@@ -1,0 +1,75 @@
+"""An expert that follows a task's own sub-goals, told what no sensor says: the true parameters.
+
+It shows that a world can be solved under this cell's controller, not what a learner can do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.robots.arm_model import ArmModel, Payload
+from samrl_core.robots.inverse_kinematics import solve_ik
+from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks.task import Task
+from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import ending_now
+from samrl_core.world.world import SimulatedWorld, Truth
+from tests.world.scripted_expert import DOWN, Episode, move_joints
+
+LEASH = 0.02  # the commanded tip stays this near to the measured one [m]
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How the expert acts."""
+
+    period_s: float = 0.1  # of an action [s]
+    rest_s: float = 0.5  # after the last action, for bodies to come to rest [s]
+    noise: float = 0.0  # standard deviation of an action's error, relative to its length, per axis [-]
+
+
+def follow(
+    world: SimulatedWorld,
+    task: Task,
+    cell: CellSpec,
+    values_of: Callable[[Truth], np.ndarray],
+    seed: int,
+    pace: Pace | None = None,
+    watch: Callable[[int], None] = lambda action: None,
+) -> Episode:
+    """One episode; `values_of` makes the task's parameters of the truth, `watch` is called at each action."""
+    pace = pace or Pace()
+    tool = task.scene(cell).tool
+    model = ArmModel(
+        cell.tool_arm, cell.tool_base_in_world, Payload(tool.mass, tool.center_of_mass, tool.inertia)
+    )
+    world.reset(seed)
+    rng = np.random.default_rng(1000 + seed)
+    commanded = world.read_arm("tool_arm").position
+    target = (model.flange_in_base(commanded) @ tool.tip_in_flange).position
+    done, actions = False, 0
+    while actions < task.max_actions:
+        tip = (model.flange_in_base(world.read_arm("tool_arm").position) @ tool.tip_in_flange).position
+        goals = task.sub_goals(values_of(world.truth()), tip)
+        if not goals:
+            done = True
+            break
+        watch(actions)
+        actions += 1
+        step = goals[0].tip_position - tip
+        step = step * min(1.0, goals[0].max_step / max(float(np.linalg.norm(step)), 1e-9))
+        step = step + pace.noise * np.linalg.norm(step) * rng.standard_normal(3)
+        target = tip + np.clip(target + step - tip, -LEASH, LEASH)
+        flange = Pose.from_rotation(target, DOWN) @ tool.tip_in_flange.inverse()
+        end = solve_ik(model, flange, commanded)
+        move_joints(world, model, commanded, end, round(pace.period_s * 1e3))
+        commanded = end
+    for _ in range(round(pace.rest_s * 1e3)):
+        world.advance()
+    watch(actions)
+    truth = world.truth()
+    ending = ending_now(truth)
+    return Episode(task.succeeded(ending), done, actions, truth.peak_contact_force, task.final_error(ending))

@@ -1,0 +1,99 @@
+"""A pancake can be turned over in this world, by one who is told where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pybullet
+import pytest
+
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
+from samrl_core.types.pose import Pose
+from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.settings import NOISELESS
+from samrl_core.world.world import Truth
+from tests.world.scripted_expert import Episode
+from tests.world.sub_goal_expert import Pace, follow
+
+CELL = default_cell()
+TASK = SpatulaFlipping()
+
+
+def true_values(truth: Truth) -> np.ndarray:
+    """The parameters of the true pancake."""
+    return TASK.values_of(Pose(truth.body_position[PANCAKE], truth.body_quat_xyzw[PANCAKE]))
+
+
+def episodes(task: SpatulaFlipping, seeds: Sequence[int], pace: Pace) -> list[Episode]:
+    """One per seed."""
+    world = PyBulletWorld(task, CELL)
+    found = [follow(world, task, CELL, true_values, seed, pace) for seed in seeds]
+    world.close()
+    return found
+
+
+def test_expert_turns_the_pancake_over() -> None:
+    """Within the actions allowed, gently; it comes to lie against the lip, so a little error remains."""
+    for episode in episodes(TASK, range(2), Pace()):
+        assert episode.success and episode.done
+        assert episode.actions < 60
+        assert episode.peak_force < 30.0
+        assert episode.error < 0.015
+
+
+def test_without_a_lip_the_pancake_is_only_pushed() -> None:
+    """The same motion, with nothing that stops the pancake: the lip is what turns it."""
+    (episode,) = episodes(SpatulaFlipping(lip_size=(0.006, 0.240, 0.0005), max_actions=45), [0], Pace())
+    assert not episode.success and not episode.done
+    assert episode.error > 0.1
+
+
+def test_the_pancake_lies_still_and_slides_with_friction() -> None:
+    """At rest it stays; with a speed v it slides v^2 / (2 mu g), mu the geometric mean with the table's."""
+    world = PyBulletWorld(TASK, CELL, NOISELESS)
+    before = world.truth().body_position[PANCAKE]
+    for _ in range(300):
+        world.advance()
+    rested = world.truth()
+    np.testing.assert_allclose(rested.body_position[PANCAKE], before, atol=2e-4)
+    assert rested.body_speed[PANCAKE] < 1e-3
+    speed = 0.3
+    pybullet.resetBaseVelocity(world._bodies.index[PANCAKE], [0.0, speed, 0.0], physicsClientId=world._client)
+    for _ in range(400):
+        world.advance()
+    slid = world.truth().body_position[PANCAKE][1] - rested.body_position[PANCAKE][1]
+    assert slid == pytest.approx(speed**2 / (2 * np.sqrt(0.45 * 0.3) * 9.81), rel=0.1)
+    world.close()
+
+
+def test_truth_remembers_how_high_it_was_until_the_next_reset() -> None:
+    """Thrown up by 1 m/s it rises 5 cm; a reset forgets that."""
+    world = PyBulletWorld(TASK, CELL, NOISELESS)
+    start = world.truth().body_position[PANCAKE][2]
+    pybullet.resetBaseVelocity(world._bodies.index[PANCAKE], [0.0, 0.0, 1.0], physicsClientId=world._client)
+    for _ in range(400):
+        world.advance()
+    assert world.truth().body_peak_height[PANCAKE] == pytest.approx(start + 1 / (2 * 9.81), rel=0.02)
+    world.reset(0)
+    assert world.truth().body_peak_height[PANCAKE] == start
+    assert world.truth().body_speed[PANCAKE] == 0.0
+    world.close()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_expert_turns_it_over_from_everywhere() -> None:
+    """20 starts."""
+    found = episodes(TASK, range(20), Pace())
+    assert sum(episode.success for episode in found) >= 18
+    assert max(episode.peak_force for episode in found) < 30.0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_careless_expert_still_has_a_chance() -> None:
+    """A quarter of each action is noise: with sub-goals to come back to, most episodes still succeed."""
+    found = episodes(TASK, range(8), Pace(noise=0.25))
+    assert sum(episode.success for episode in found) >= 6

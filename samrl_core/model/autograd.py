@@ -174,6 +174,7 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
         t.planes,
         setup.faces,
         setup.face_part,
+        setup.neighbors,
         t.attributes,
         t.brightness,
         setup.edge_start,

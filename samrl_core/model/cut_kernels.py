@@ -20,11 +20,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from samrl_core.model.edge_kernels import WALK, way_out
 from samrl_core.model.kernel_types import Pixel
 from samrl_core.model.raster_kernels import triangle_of, value_at
 
-WALK = wp.constant(6)  # triangles to walk over until the one that the line really crosses
-OUTSIDE = wp.constant(wp.float32(1.0e-4))  # how negative a barycentric weight may be by rounding
 # Slope of g per sample, relative to 1/z, below which surfaces are one and the same: rounding decides.
 PARALLEL = wp.constant(wp.float32(1.0e-5))
 
@@ -33,20 +32,6 @@ PARALLEL = wp.constant(wp.float32(1.0e-5))
 def row_sum(m: wp.mat33):
     """a with 1/z = a . (u, v, 1)."""
     return m[0] + m[1] + m[2]
-
-
-@wp.func
-def way_out(m: wp.mat33, p: wp.vec3):
-    """Corner opposite the side through which p lies outside a triangle, -1 where it is inside."""
-    w = m * p
-    limit = -OUTSIDE * wp.abs(w[0] + w[1] + w[2])
-    if w[0] < limit and w[0] <= w[1] and w[0] <= w[2]:
-        return 0
-    if w[1] < limit and w[1] <= w[2]:
-        return 1
-    if w[2] < limit:
-        return 2
-    return -1
 
 
 @wp.func

@@ -27,12 +27,29 @@ HIDE = wp.constant(wp.float32(1.0e-3))
 # that the sample's centre is certainly outside.
 BEYOND = wp.constant(wp.float32(0.75))
 
+WALK = wp.constant(24)  # triangles to walk over until the one that a line really crosses
+OUTSIDE = wp.constant(wp.float32(1.0e-4))  # how negative a barycentric weight may be by rounding
+
 
 @wp.func
 def inverse_depth(m: wp.mat33, u: float, v: float):
     """1/z of a triangle's plane at a pixel."""
     w = m * wp.vec3(u, v, 1.0)
     return w[0] + w[1] + w[2]
+
+
+@wp.func
+def way_out(m: wp.mat33, p: wp.vec3):
+    """Corner opposite the side through which p lies outside a triangle, -1 where it is inside."""
+    w = m * p
+    limit = -OUTSIDE * wp.abs(w[0] + w[1] + w[2])
+    if w[0] < limit and w[0] <= w[1] and w[0] <= w[2]:
+        return 0
+    if w[1] < limit and w[1] <= w[2]:
+        return 1
+    if w[2] < limit:
+        return 2
+    return -1
 
 
 @wp.func
@@ -54,6 +71,8 @@ def clip_interval(t: wp.vec2, start: float, delta: float, lo: float, hi: float):
 @wp.func
 def is_hidden(
     planes: wp.array2d(dtype=wp.mat33),
+    neighbors: wp.array2d(dtype=wp.int32),
+    face_part: wp.array(dtype=wp.int32),
     keys: wp.array3d(dtype=wp.int64),
     b: int,
     sx: int,
@@ -62,18 +81,47 @@ def is_hidden(
     v: float,
     s: float,
     edge_iz: float,
+    face_a: int,
+    face_b: int,
 ):
-    """Whether what a sample sees lies in front of an edge that passes by.
+    """Whether what a sample sees lies in front of an edge that passes by; face_b is -1 at a silhouette.
 
     Hidden only if in front both at the sample and at the edge: a table under an edge that stands on it
-    is nearer at the sample, a plane seen at a grazing angle nearer at the edge.
+    is nearer at the sample, a plane seen at a grazing angle nearer at the edge. Of a round body the
+    sample may see a facet some way up the bulge: that hides a crease only if there is no way from it to
+    the crease over facets that face the camera alike. And the front of a thin body may be nearer than its
+    back by less than what is allowed for rounding; it hides creases of the back.
     """
     triangle = triangle_of(keys[b, sy, sx])
     if triangle < 0:
         return False
     m = planes[b, triangle]
     iz_sample = inverse_depth(m, (float(sx) + 0.5) / s, (float(sy) + 0.5) / s)
-    return wp.min(iz_sample, inverse_depth(m, u, v)) > edge_iz * (1.0 + HIDE)
+    in_front = wp.min(iz_sample, inverse_depth(m, u, v)) > edge_iz * (1.0 + HIDE)
+    if face_b < 0 or face_part[triangle] != face_part[face_a]:
+        return in_front
+    facing = wp.determinant(planes[b, face_a])
+    if wp.determinant(m) * facing < 0.0:
+        return iz_sample > edge_iz
+    if in_front:
+        at = wp.vec3(u, v, 1.0)
+        going = int(1)
+        for _k in range(WALK):
+            if going == 1:
+                if triangle == face_a or triangle == face_b:
+                    in_front = False
+                    going = 0
+                else:
+                    side = way_out(planes[b, triangle], at)
+                    if side < 0:
+                        going = 0
+                    else:
+                        triangle = neighbors[triangle, side]
+                        if triangle < 0:
+                            going = 0
+                        elif wp.determinant(planes[b, triangle]) * facing <= 0.0:
+                            going = 0
+    return in_front
 
 
 @wp.func
@@ -113,6 +161,7 @@ def integrate_edges(
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
     face_part: wp.array(dtype=wp.int32),  # (F,)
+    neighbors: wp.array2d(dtype=wp.int32),  # (F, 3)
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
     brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
     edge_start: wp.array(dtype=wp.int32),  # (E + 1,) into edge_uses
@@ -225,8 +274,10 @@ def integrate_edges(
     a1 = value_at_end(faces, attributes, brightness, b, face, i1)
     b0 = a0
     b1 = a1
+    other = int(-1)
     if crease == 1:
         q_use = edge_uses[right]
+        other = q_use[3]
         b0 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[0])
         b1 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[1])
     s = float(samples)
@@ -246,13 +297,13 @@ def integrate_edges(
         inside = a0 * (1.0 - tau) + a1 * tau
         sx = wp.clamp(int(wp.floor((u + nu * BEYOND / s) * s)), 0, keys.shape[2] - 1)
         sy = wp.clamp(int(wp.floor((v + nv * BEYOND / s) * s)), 0, keys.shape[1] - 1)
-        if is_hidden(planes, keys, b, sx, sy, u, v, s, inside_iz):
+        if is_hidden(planes, neighbors, face_part, keys, b, sx, sy, u, v, s, inside_iz, face, other):
             continue
         outside = background
         if crease == 1:
             rx = wp.clamp(int(wp.floor((u - nu * BEYOND / s) * s)), 0, keys.shape[2] - 1)
             ry = wp.clamp(int(wp.floor((v - nv * BEYOND / s) * s)), 0, keys.shape[1] - 1)
-            if is_hidden(planes, keys, b, rx, ry, u, v, s, inside_iz):
+            if is_hidden(planes, neighbors, face_part, keys, b, rx, ry, u, v, s, inside_iz, face, other):
                 continue
             outside = b0 * (1.0 - tau) + b1 * tau
         else:

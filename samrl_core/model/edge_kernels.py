@@ -2,8 +2,8 @@
 
 Rasterising is piecewise constant in the positions of edges, so the derivative of a pixel's mean has a
 second part: along every visible edge, (value on one side - value on the other side) times the speed
-of the edge normal to itself (Li et al. 2018, eq. 7). The integral is taken by fixed steps along the
-edge, not by random samples: no noise, and equal inputs give equal gradients.
+of the edge normal to itself (Li et al. 2018, eq. 7). The integral is taken by steps along the edge that
+end at the borders of pixels, not by random samples: no noise, and equal inputs give equal gradients.
 
 Two kinds of edges carry a jump: a silhouette (both faces on one screen side, or one face only), whose
 other side is read from the z-buffer, and a crease, whose two faces have different colours.
@@ -66,6 +66,14 @@ def clip_interval(t: wp.vec2, start: float, delta: float, lo: float, hi: float):
         a = wp.max(a, wp.min(p, q))
         b = wp.min(b, wp.max(p, q))
     return wp.vec2(a, b)
+
+
+@wp.func
+def way_to_border(u: float, du: float):
+    """Distance to the next pixel border in the direction of du, more than 0 [px]."""
+    if du > 0.0:
+        return wp.floor(u) + 1.0 - u
+    return u - wp.ceil(u) + 1.0
 
 
 @wp.func
@@ -281,12 +289,27 @@ def integrate_edges(
         b0 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[0])
         b1 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[1])
     s = float(samples)
-    steps = int(wp.ceil((t[1] - t[0]) * length / step))
-    dt = (t[1] - t[0]) / float(steps)
+    # Cut where the image gradient jumps: at the borders of pixels. Next border to come, and their spacing.
+    every_u = 1.0 / wp.max(wp.abs(du), 1.0e-9)
+    every_v = 1.0 / wp.max(wp.abs(dv), 1.0e-9)
+    border_u = t[0] + every_u * way_to_border(u0 + t[0] * du, du)
+    border_v = t[0] + every_v * way_to_border(v0 + t[0] * dv, dv)
+    longest = step / length
+    end = float(t[0])
     g0 = wp.vec3()
     g1 = wp.vec3()
-    for k in range(steps):
-        tk = t[0] + (float(k) + 0.5) * dt
+    while end < t[1]:
+        start = end
+        end = wp.min(wp.min(border_u, border_v), wp.min(start + longest, t[1]))
+        if border_u <= end:
+            border_u += every_u
+        if border_v <= end:
+            border_v += every_v
+        dt = end - start
+        if dt <= 0.0:
+            end = start
+            continue
+        tk = start + 0.5 * dt
         u = u0 + tk * du
         v = v0 + tk * dv
         ix = wp.clamp(int(wp.floor(u)), 0, width - 1)

@@ -24,7 +24,7 @@ from samrl_core.types.camera import Intrinsics
 from samrl_core.types.scene import Rgb
 
 _FAR = 1e6  # [m] single precision can no longer tell a centimetre there
-_EDGE_STEP = 0.25  # [px] accuracy no longer improved below (measured against finite differences)
+_EDGE_STEP = 0.5  # [px] longest; steps end at pixel borders anyway (0.25 is no more accurate)
 
 
 @dataclass(frozen=True, eq=False)

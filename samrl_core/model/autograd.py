@@ -247,7 +247,9 @@ class Rasterize(torch.autograd.Function):
         n_normals = setup.normal_start.shape[0] - 1 if lit else 0
         float32 = {"dtype": torch.float32, "device": points.device}
         size = (batch, setup.height, setup.width)
-        keys = torch.zeros((batch, setup.height * s, setup.width * s), dtype=torch.int64, device=points.device)
+        keys = torch.zeros(
+            (batch, setup.height * s, setup.width * s), dtype=torch.int64, device=points.device
+        )
         kept = {
             "points": points.detach().contiguous(),
             "attributes": attributes.detach().contiguous(),

@@ -27,6 +27,7 @@ HIDE = wp.constant(wp.float32(1.0e-3))
 # that the sample's centre is certainly outside.
 BEYOND = wp.constant(wp.float32(0.75))
 
+NEARER = wp.constant(wp.float32(1.00001))  # less is rounding: coincident faces
 WALK = wp.constant(24)  # triangles to walk over until the one that a line really crosses
 OUTSIDE = wp.constant(wp.float32(1.0e-4))  # how negative a barycentric weight may be by rounding
 
@@ -105,12 +106,13 @@ def is_hidden(
         return False
     m = planes[b, triangle]
     iz_sample = inverse_depth(m, (float(sx) + 0.5) / s, (float(sy) + 0.5) / s)
-    in_front = wp.min(iz_sample, inverse_depth(m, u, v)) > edge_iz * (1.0 + HIDE)
+    nearest = wp.min(iz_sample, inverse_depth(m, u, v))
+    in_front = nearest > edge_iz * (1.0 + HIDE)
     if face_b < 0 or face_part[triangle] != face_part[face_a]:
         return in_front
     facing = wp.determinant(planes[b, face_a])
     if wp.determinant(m) * facing < 0.0:
-        return iz_sample > edge_iz
+        return nearest > edge_iz * (1.0 + 0.1 * HIDE)  # more than rounding: coincident faces turned over
     if in_front:
         at = wp.vec3(u, v, 1.0)
         going = int(1)
@@ -134,13 +136,22 @@ def is_hidden(
 
 @wp.func
 def claim(
-    claims: wp.array3d(dtype=wp.uint8), b: int, u: float, v: float, nu: float, nv: float, s: float
+    claims: wp.array3d(dtype=wp.uint8),
+    b: int,
+    u: float,
+    v: float,
+    nu: float,
+    nv: float,
+    piece: float,
+    s: float,
 ):
-    """Marks the samples next to an edge, so that the same jump is not counted as an intersection."""
-    for k in range(4):
-        away = (0.5 * float(k) - 0.75) / s
-        x = int(wp.floor((u + nu * away) * s))
-        y = int(wp.floor((v + nv * away) * s))
+    """Marks the samples next to a piece of an edge, so that its jump is not counted as an intersection."""
+    along = int(wp.ceil(piece * s))
+    for k in range(4 * along):
+        away = (0.5 * float(k % 4) - 0.75) / s
+        forth = ((float(k / 4) + 0.5) / float(along) - 0.5) * piece
+        x = int(wp.floor((u + nu * away + nv * forth) * s))
+        y = int(wp.floor((v + nv * away - nu * forth) * s))
         if x >= 0 and y >= 0 and x < claims.shape[2] and y < claims.shape[1]:
             claims[b, y, x] = wp.uint8(1)
 
@@ -261,13 +272,13 @@ def integrate_edges(
                 au = mu - 0.1 * nu
                 av = mv - 0.1 * nv
                 best = edge_uses[left][3]
-                if inverse_depth(planes[b, face], au, av) > inverse_depth(planes[b, best], au, av):
+                if inverse_depth(planes[b, face], au, av) > inverse_depth(planes[b, best], au, av) * NEARER:
                     left = k
             else:
                 au = mu + 0.1 * nu
                 av = mv + 0.1 * nv
                 best = edge_uses[right][3]
-                if inverse_depth(planes[b, face], au, av) > inverse_depth(planes[b, best], au, av):
+                if inverse_depth(planes[b, face], au, av) > inverse_depth(planes[b, best], au, av) * NEARER:
                     right = k
     if left < 0:  # inside is always the side that has a face
         left = right
@@ -282,10 +293,12 @@ def integrate_edges(
     a1 = value_at_end(faces, attributes, brightness, b, face, i1)
     b0 = a0
     b1 = a1
-    other = int(-1)
+    other = face
+    beyond = int(-1)
     if crease == 1:
         q_use = edge_uses[right]
         other = q_use[3]
+        beyond = other
         b0 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[0])
         b1 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[1])
     s = float(samples)
@@ -320,14 +333,15 @@ def integrate_edges(
         inside = a0 * (1.0 - tau) + a1 * tau
         sx = wp.clamp(int(wp.floor((u + nu * BEYOND / s) * s)), 0, keys.shape[2] - 1)
         sy = wp.clamp(int(wp.floor((v + nv * BEYOND / s) * s)), 0, keys.shape[1] - 1)
-        if is_hidden(planes, neighbors, face_part, keys, b, sx, sy, u, v, s, inside_iz, face, other):
+        if is_hidden(planes, neighbors, face_part, keys, b, sx, sy, u, v, s, inside_iz, face, beyond):
+            continue
+        # The other side too: of two outlines less than a sample apart only the outer one has free sight.
+        rx = wp.clamp(int(wp.floor((u - nu * BEYOND / s) * s)), 0, keys.shape[2] - 1)
+        ry = wp.clamp(int(wp.floor((v - nv * BEYOND / s) * s)), 0, keys.shape[1] - 1)
+        if is_hidden(planes, neighbors, face_part, keys, b, rx, ry, u, v, s, inside_iz, face, other):
             continue
         outside = background
         if crease == 1:
-            rx = wp.clamp(int(wp.floor((u - nu * BEYOND / s) * s)), 0, keys.shape[2] - 1)
-            ry = wp.clamp(int(wp.floor((v - nv * BEYOND / s) * s)), 0, keys.shape[1] - 1)
-            if is_hidden(planes, neighbors, face_part, keys, b, rx, ry, u, v, s, inside_iz, face, other):
-                continue
             outside = b0 * (1.0 - tau) + b1 * tau
         else:
             triangle = triangle_of(keys[b, sy, sx])
@@ -337,7 +351,7 @@ def integrate_edges(
                 cv = (float(sy) + 0.5) / s
                 iz_edge = inverse_depth(m, u, v)
                 if wp.abs(iz_edge - inside_iz) < inside_iz * HIDE and face_part[triangle] != face_part[face]:
-                    claim(claims, b, u, v, nu, nv, s)
+                    claim(claims, b, u, v, nu, nv, dt * length, s)
                 # Extrapolated to the edge, unless the plane is seen at too grazing an angle for that.
                 if iz_edge <= inside_iz * (1.0 + HIDE) and iz_edge >= 0.5 * inverse_depth(m, cu, cv):
                     cu = u

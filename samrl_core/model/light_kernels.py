@@ -7,7 +7,7 @@ within, is lit as its front would be from there. Shadows are not cast.
 
 Array shapes: B images, V vertices, F triangles, N shared normals.
 """
-# ruff: noqa: UP018, RUF046  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
+# ruff: noqa: UP018  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
 # pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 # pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
@@ -117,9 +117,7 @@ def brighten_adjoint(
             slope = g * row[3]
             for c in range(3):
                 share[c] = share[c] + slope * side * normal[c]
-            wp.atomic_add(
-                normals_grad, b, corner_normal[f, k], (towards - normal * cosine) * (slope / size)
-            )
+            wp.atomic_add(normals_grad, b, corner_normal[f, k], (towards - normal * cosine) * (slope / size))
     light_grad[b, f] = share
 
 
@@ -136,7 +134,7 @@ def face_areas_adjoint(
     g = normals_grad[b, corner_normal[f, 0]]
     g += normals_grad[b, corner_normal[f, 1]]
     g += normals_grad[b, corner_normal[f, 2]]
-    if wp.dot(g, g) == 0.0:
+    if g[0] == 0.0 and g[1] == 0.0 and g[2] == 0.0:
         return
     x0 = world_point(attributes, b, faces[f, 0])
     d1 = wp.cross(world_point(attributes, b, faces[f, 2]) - x0, g)

@@ -271,9 +271,7 @@ def shade(
                 triangle = triangle_of(keys[b, row, column])
                 u = (float(column) + 0.5) * inverse
                 v = (float(row) + 0.5) * inverse
-                value += value_at(
-                    planes, faces, attributes, brightness, background, b, triangle, u, v
-                )
+                value += value_at(planes, faces, attributes, brightness, background, b, triangle, u, v)
         image[b, y, x] = value * (inverse * inverse)
     else:
         image[b, y, x] = value_at(

@@ -21,7 +21,8 @@ class Topology:
 
     An edge is a range of `edge_uses`, one row per face at it: the vertex at either end, in one order for
     all its faces, the vertex opposite, the face. One row is a border of the surface, more than two a
-    surface that branches. A face of no area has no edges.
+    surface that branches. Faces of no area, and those that repeat an earlier one (the same corners in any
+    order, as exporters of two-sided surfaces write them), are left out.
     """
 
     n_vertices: int
@@ -34,7 +35,7 @@ class Topology:
     corner_normal: np.ndarray  # (F, 3) int32 which normal a corner has; corners that share one are smooth
     normal_start: np.ndarray  # (N + 1,) int32 into normal_faces
     normal_faces: np.ndarray  # (3F,) int32 faces whose areas a normal averages, once per corner
-    degenerate: np.ndarray  # (D,) faces that have no area; never drawn, no edges
+    dropped: np.ndarray  # (D,) int32 which of the faces handed in are left out
 
     @staticmethod
     def build(
@@ -44,7 +45,7 @@ class Topology:
         part: np.ndarray,
         smooth_angle: float | np.ndarray = 0.0,
     ) -> Topology:
-        """Finds the edges from positions, so that doubled vertices (loaders, flat colours) make no silhouette.
+        """Finds the edges from positions, so that vertices doubled by loaders or colours make no silhouette.
 
         Args:
             vertices: (V, 3) [m], any rigid placement of each part.
@@ -85,7 +86,9 @@ class Topology:
         flat = _without_area(vertices, point, faces)
         if flat.all():
             raise InputError(f"none of {len(faces)} faces has an area; the mesh cannot be seen")
-        start, uses = _edges(point, faces, ~flat)
+        real = ~(flat | _repeated(point, faces))
+        faces = faces[real]
+        start, uses = _edges(point, faces)
         normal = _shared_normals(vertices, faces, start, uses, angle[faces[:, 0]])
         order = np.argsort(normal.reshape(-1), kind="stable")
         return Topology(
@@ -99,7 +102,7 @@ class Topology:
             normal,
             np.concatenate([[0], np.cumsum(np.bincount(normal.reshape(-1)))]).astype(np.int32),
             (order // 3).astype(np.int32),
-            np.nonzero(flat)[0].astype(np.int32),
+            np.nonzero(~real)[0].astype(np.int32),
         )
 
 
@@ -131,14 +134,19 @@ def _without_area(vertices: np.ndarray, point: np.ndarray, faces: np.ndarray) ->
     return twice | (area <= _THIN * longest**2)
 
 
-def _edges(point: np.ndarray, faces: np.ndarray, real: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _repeated(point: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Faces (F,) with the corners of an earlier one."""
+    corners = np.sort(point[faces], axis=1)
+    first, same = np.unique(corners, axis=0, return_index=True, return_inverse=True)[1:]
+    return first[same.reshape(-1)] != np.arange(len(faces))
+
+
+def _edges(point: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Starts (E + 1,) and uses (U, 4) of all edges; within an edge by face number."""
-    number = np.nonzero(real)[0]
-    f = faces[number]
-    i = f.T.reshape(-1)  # sides 01, 12, 20, one block after the other
-    j = f[:, [1, 2, 0]].T.reshape(-1)
-    opposite = f[:, [2, 0, 1]].T.reshape(-1)
-    face = np.tile(number, 3)
+    i = faces.T.reshape(-1)  # sides 01, 12, 20, one block after the other
+    j = faces[:, [1, 2, 0]].T.reshape(-1)
+    opposite = faces[:, [2, 0, 1]].T.reshape(-1)
+    face = np.tile(np.arange(len(faces)), 3)
     turned = point[i] > point[j]
     i, j = np.where(turned, j, i), np.where(turned, i, j)
     order = np.lexsort((face, point[j], point[i]))

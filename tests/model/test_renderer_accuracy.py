@@ -1,4 +1,4 @@
-"""Gradients on the thread scene, unlit and lit, against central differences of a 16 x 16 supersampled image."""
+"""Gradients on the thread scene, unlit and lit, against differences of an image of 16 x 16 samples."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_pose_gradient_of_twenty_thousand_triangles(light: Light | None) -> None
 
 
 def test_light_gradient() -> None:
-    """Direction, intensity and ambient, on flat and on smooth normals, against the same image's differences."""
+    """Direction, intensity and ambient, on flat and smooth normals, against the same image's differences."""
     for angle in (0.0, 1.0):
         scene = thread_scene(*SMALL, smooth_angle=angle)
         weights = functionals(scene, LIGHT)["smooth rgb"]
@@ -65,7 +65,7 @@ def test_light_gradient() -> None:
 
 @pytest.mark.parametrize("light", [None, LIGHT], ids=["unlit", "lit"])
 def test_color_gradient(light: Light | None) -> None:
-    """The image is linear in the colours; one random direction, and each colour's own derivative bounded by it."""
+    """The image is linear in the colours; three random directions of all of them."""
     scene = thread_scene(*SMALL)
     weights = functionals(scene, light)["smooth rgb"]
     renderer = Renderer(scene.topology, LENS, supersample=2)
@@ -115,9 +115,7 @@ def test_vertex_gradient(light: Light | None) -> None:
 
     def image(renderer: Renderer, p: torch.Tensor) -> torch.Tensor:
         v = x + (p[:, None, None] * modes).sum(dim=0)
-        return rgb_xyz(
-            renderer(v, scene.color, scene.target, scene.rotation, scene.translation, light)
-        )
+        return rgb_xyz(renderer(v, scene.color, scene.target, scene.rotation, scene.translation, light))
 
     span = np.array([2e-3] * 3 + [1e-2] * 4)
     reference = differences(lambda p: image(fine, p), span)

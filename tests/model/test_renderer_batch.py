@@ -1,4 +1,4 @@
-"""Many images in one call: equal to one after the other, in values and gradients, with any number of threads."""
+"""Many images in one call: equal to one by one, in values and gradients, with any number of threads."""
 
 from __future__ import annotations
 
@@ -85,13 +85,17 @@ def test_shared_arguments_get_the_sum_of_gradients(scene: ThreadScene) -> None:
     for own in (("camera_rotation", "camera_translation", "towards"), ("vertices",)):
         mixed = {n: v if n in own else v[0] for n, v in together.items()}
         batch = run(renderer, mixed, True)
-        singles = [run(renderer, {n: v[k] if n in own else v for n, v in mixed.items()}, True) for k in range(COUNT)]
+        singles = [
+            run(renderer, {n: v[k] if n in own else v for n, v in mixed.items()}, True) for k in range(COUNT)
+        ]
         assert torch.equal(batch[0], torch.stack([s[0] for s in singles]))
         for position, name in enumerate(mixed):
             each = torch.stack([s[3 + position] for s in singles])
             expected = each if name in own else each.sum(dim=0)
             # Single precision inside, so that sums in another order differ by rounding.
-            assert torch.allclose(batch[3 + position], expected, rtol=1e-5, atol=1e-5 * float(expected.abs().max()))
+            assert torch.allclose(
+                batch[3 + position], expected, rtol=1e-5, atol=1e-5 * float(expected.abs().max())
+            )
 
 
 def test_bad_batches_are_refused(scene: ThreadScene) -> None:

@@ -53,7 +53,10 @@ def capsule(segments: int, rings: int, axis: float) -> tuple[np.ndarray, np.ndar
     z = RADIUS * np.sin(latitude) + 0.5 * axis * np.where(np.arange(len(latitude)) < rings, 1, -1)
     angle = 2 * np.pi * np.arange(segments) / segments
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    body = [np.column_stack([RADIUS * np.cos(a) * ring, np.full(segments, h)]) for a, h in zip(latitude, z)]
+    body = [
+        np.column_stack([RADIUS * np.cos(a) * ring, np.full(segments, h)])
+        for a, h in zip(latitude, z, strict=True)
+    ]
     top = 0.5 * axis + RADIUS
     vertices = np.concatenate([[[0, 0, top]], *body, [[0, 0, -top]]])
     n, last, faces = len(latitude), len(vertices) - 1, []
@@ -145,9 +148,7 @@ def functionals(scene: ThreadScene, light: Light | None) -> dict[str, torch.Tens
         )
     rgb = torch.tensor([1.0, 1, 1, 0, 0, 0], dtype=torch.float64)
     weights = {"smooth": torch.from_numpy(smooth), "residual": residual}
-    return {
-        f"{n} {c}": w * m for n, w in weights.items() for c, m in (("rgb", rgb), ("xyz", 1 - rgb))
-    }
+    return {f"{n} {c}": w * m for n, w in weights.items() for c, m in (("rgb", rgb), ("xyz", 1 - rgb))}
 
 
 def differences(image: Callable[[torch.Tensor], torch.Tensor], span: np.ndarray) -> torch.Tensor:
@@ -161,7 +162,9 @@ def differences(image: Callable[[torch.Tensor], torch.Tensor], span: np.ndarray)
     return torch.stack(rows)
 
 
-def pose_errors(scene: ThreadScene, light: Light | None = None, supersample: int = 2) -> dict[str, list[float]]:
+def pose_errors(
+    scene: ThreadScene, light: Light | None = None, supersample: int = 2
+) -> dict[str, list[float]]:
     """Relative errors of the pose gradient per functional, over the four blocks of three parameters."""
     fine, plain = (Renderer(scene.topology, LENS, supersample=s) for s in (16, supersample))
     reference = differences(lambda p: rgb_xyz(moved(scene, fine, p, light)), SPAN)

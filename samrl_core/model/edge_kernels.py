@@ -2,8 +2,8 @@
 
 Rasterising is piecewise constant in the positions of edges, so the derivative of a pixel's mean has a
 second part: along every visible edge, (value on one side - value on the other side) times the speed
-of the edge normal to itself (Li et al. 2018, eq. 7). The integral is taken by fixed steps along the
-edge, not by random samples: no noise, and equal inputs give equal gradients.
+of the edge normal to itself (Li et al. 2018, eq. 7). The integral is taken by steps along the edge that
+end at the borders of pixels, not by random samples: no noise, and equal inputs give equal gradients.
 
 Two kinds of edges carry a jump: a silhouette (both faces on one screen side, or one face only), whose
 other side is read from the z-buffer, and a crease, whose two faces have different colours.
@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.model.kernel_types import EdgeRow, Pixel
-from samrl_core.model.raster_kernels import Lens, interpolate, triangle_of
+from samrl_core.model.kernel_types import EdgeUse, Pixel
+from samrl_core.model.raster_kernels import Lens, corner_value, triangle_of, value_at
 
 # Relative depth by which something must lie in front to hide an edge; 0.5 mm at 0.5 m. Less would
 # drop edges that touch what they stand on, from rounding.
@@ -27,12 +27,30 @@ HIDE = wp.constant(wp.float32(1.0e-3))
 # that the sample's centre is certainly outside.
 BEYOND = wp.constant(wp.float32(0.75))
 
+NEARER = wp.constant(wp.float32(1.00001))  # less is rounding: coincident faces
+WALK = wp.constant(24)  # triangles to walk over until the one that a line really crosses
+OUTSIDE = wp.constant(wp.float32(1.0e-4))  # how negative a barycentric weight may be by rounding
+
 
 @wp.func
 def inverse_depth(m: wp.mat33, u: float, v: float):
     """1/z of a triangle's plane at a pixel."""
     w = m * wp.vec3(u, v, 1.0)
     return w[0] + w[1] + w[2]
+
+
+@wp.func
+def way_out(m: wp.mat33, p: wp.vec3):
+    """Corner opposite the side through which p lies outside a triangle, -1 where it is inside."""
+    w = m * p
+    limit = -OUTSIDE * wp.abs(w[0] + w[1] + w[2])
+    if w[0] < limit and w[0] <= w[1] and w[0] <= w[2]:
+        return 0
+    if w[1] < limit and w[1] <= w[2]:
+        return 1
+    if w[2] < limit:
+        return 2
+    return -1
 
 
 @wp.func
@@ -51,13 +69,122 @@ def clip_interval(t: wp.vec2, start: float, delta: float, lo: float, hi: float):
     return wp.vec2(a, b)
 
 
+@wp.func
+def way_to_border(u: float, du: float):
+    """Distance to the next pixel border in the direction of du, more than 0 [px]."""
+    if du > 0.0:
+        return wp.floor(u) + 1.0 - u
+    return u - wp.ceil(u) + 1.0
+
+
+@wp.func
+def is_hidden(
+    planes: wp.array2d(dtype=wp.mat33),
+    neighbors: wp.array2d(dtype=wp.int32),
+    face_part: wp.array(dtype=wp.int32),
+    keys: wp.array3d(dtype=wp.int64),
+    b: int,
+    sx: int,
+    sy: int,
+    u: float,
+    v: float,
+    s: float,
+    edge_iz: float,
+    face_a: int,
+    face_b: int,
+):
+    """Whether what a sample sees lies in front of an edge that passes by; face_b is -1 at a silhouette.
+
+    Hidden only if in front both at the sample and at the edge: a table under an edge that stands on it
+    is nearer at the sample, a plane seen at a grazing angle nearer at the edge. Of a round body the
+    sample may see a facet some way up the bulge: that hides a crease only if there is no way from it to
+    the crease over facets that face the camera alike. And the front of a thin body may be nearer than its
+    back by less than what is allowed for rounding; it hides creases of the back.
+    """
+    triangle = triangle_of(keys[b, sy, sx])
+    if triangle < 0:
+        return False
+    m = planes[b, triangle]
+    iz_sample = inverse_depth(m, (float(sx) + 0.5) / s, (float(sy) + 0.5) / s)
+    nearest = wp.min(iz_sample, inverse_depth(m, u, v))
+    in_front = nearest > edge_iz * (1.0 + HIDE)
+    if face_b < 0 or face_part[triangle] != face_part[face_a]:
+        return in_front
+    facing = wp.determinant(planes[b, face_a])
+    if wp.determinant(m) * facing < 0.0:
+        return nearest > edge_iz * (1.0 + 0.1 * HIDE)  # more than rounding: coincident faces turned over
+    if in_front:
+        at = wp.vec3(u, v, 1.0)
+        going = int(1)
+        for _k in range(WALK):
+            if going == 1:
+                if triangle == face_a or triangle == face_b:
+                    in_front = False
+                    going = 0
+                else:
+                    side = way_out(planes[b, triangle], at)
+                    if side < 0:
+                        going = 0
+                    else:
+                        triangle = neighbors[triangle, side]
+                        if triangle < 0:
+                            going = 0
+                        elif wp.determinant(planes[b, triangle]) * facing <= 0.0:
+                            going = 0
+    return in_front
+
+
+@wp.func
+def claim(
+    claims: wp.array3d(dtype=wp.uint8),
+    b: int,
+    u: float,
+    v: float,
+    nu: float,
+    nv: float,
+    piece: float,
+    s: float,
+):
+    """Marks the samples next to a piece of an edge, so that its jump is not counted as an intersection."""
+    along = int(wp.ceil(piece * s))
+    for k in range(4 * along):
+        away = (0.5 * float(k % 4) - 0.75) / s
+        forth = ((float(k / 4) + 0.5) / float(along) - 0.5) * piece
+        x = int(wp.floor((u + nu * away + nv * forth) * s))
+        y = int(wp.floor((v + nv * away - nu * forth) * s))
+        if x >= 0 and y >= 0 and x < claims.shape[2] and y < claims.shape[1]:
+            claims[b, y, x] = wp.uint8(1)
+
+
+@wp.func
+def value_at_end(
+    faces: wp.array2d(dtype=wp.int32),
+    attributes: wp.array2d(dtype=Pixel),
+    brightness: wp.array2d(dtype=wp.vec3),
+    b: int,
+    face: int,
+    vertex: int,
+):
+    """Value of a face at the corner that is this vertex."""
+    k = int(0)
+    if faces[face, 1] == vertex:
+        k = 1
+    elif faces[face, 2] == vertex:
+        k = 2
+    return corner_value(attributes, brightness, b, face, k, vertex)
+
+
 @wp.kernel(enable_backward=False)
 def integrate_edges(
     points: wp.array2d(dtype=wp.vec3),  # (B, V) camera coordinates [m]
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
+    face_part: wp.array(dtype=wp.int32),  # (F,)
+    neighbors: wp.array2d(dtype=wp.int32),  # (F, 3)
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
-    edges: wp.array(dtype=EdgeRow),  # (E,) face a: two ends, opposite vertex, face; the same of face b or -1
+    brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
+    edge_start: wp.array(dtype=wp.int32),  # (E + 1,) into edge_uses
+    edge_uses: wp.array(dtype=EdgeUse),  # (U,) two ends, opposite vertex, face
     background: Pixel,
     lens: Lens,
     samples: int,
@@ -65,34 +192,47 @@ def integrate_edges(
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
     points_grad: wp.array2d(dtype=wp.vec3),  # (B, V) out, added
+    claims: wp.array3d(dtype=wp.uint8),  # (B, H s, W s) out, 1 where an edge lies on another part
 ):
     """Adds dL/dpoints of all jumps along visible edges."""
     b, e = wp.tid()
-    row = edges[e]
-    face = row[3]
-    i0 = row[0]
-    i1 = row[1]
-    j0 = row[4]
-    j1 = row[5]
-    c0 = points[b, i0]
-    c1 = points[b, i1]
+    first = edge_start[e]
+    last = edge_start[e + 1]
+    use = edge_uses[first]
+    c0 = points[b, use[0]]
+    c1 = points[b, use[1]]
     if c0[2] < lens.near and c1[2] < lens.near:
         return
-    # Plane through the eye and the edge: its trace is the edge's image, its sign the side.
+    # Plane through the eye and the edge: its trace is the edge's image, its sign the side of a face.
     n = wp.cross(c0, c1 - c0)
-    side_a = wp.dot(n, points[b, row[2]] - c0)
+    left = int(-1)  # first use on the positive side, then the nearest there
+    right = int(-1)
+    crowded = int(0)
+    for k in range(first, last):
+        if wp.dot(n, points[b, edge_uses[k][2]] - c0) > 0.0:
+            if left >= 0:
+                crowded = 1
+            else:
+                left = k
+        else:
+            if right >= 0:
+                crowded = 1
+            else:
+                right = k
     crease = int(0)
-    swap = int(0)
-    if row[7] >= 0:
-        side_b = wp.dot(n, points[b, row[6]] - c0)
-        if side_a * side_b <= 0.0:
-            crease = 1
-            jump0 = attributes[b, i0] - attributes[b, j0]
-            jump1 = attributes[b, i1] - attributes[b, j1]
+    if left >= 0 and right >= 0:
+        crease = 1
+        if crowded == 0:
+            p_use = edge_uses[left]
+            q_use = edge_uses[right]
+            jump0 = value_at_end(faces, attributes, brightness, b, p_use[3], p_use[0]) - value_at_end(
+                faces, attributes, brightness, b, q_use[3], q_use[0]
+            )
+            jump1 = value_at_end(faces, attributes, brightness, b, p_use[3], p_use[1]) - value_at_end(
+                faces, attributes, brightness, b, q_use[3], q_use[1]
+            )
             if wp.dot(jump0, jump0) + wp.dot(jump1, jump1) == 0.0:
                 return
-        else:
-            swap = 1  # decided below: of the two faces on one side, the nearer one is seen
     # Part of the edge in front of the near plane, as a fraction of its length in space.
     lo = float(0.0)
     hi = float(1.0)
@@ -117,28 +257,72 @@ def integrate_edges(
     t = clip_interval(t, v0, dv, 0.0, float(height))
     if t[1] <= t[0]:
         return
+    # Normal on the screen, pointing to the negative side: the line's gradient is (n_x / fx, n_y / fy).
     nu = dv / length
     nv = -du / length
-    # Outwards: away from face a. The line's gradient on the screen is (n_x / fx, n_y / fy).
-    if (n[0] / lens.fx * nu + n[1] / lens.fy * nv) * side_a > 0.0:
+    if n[0] / lens.fx * nu + n[1] / lens.fy * nv > 0.0:
         nu = -nu
         nv = -nv
-    if swap == 1:
-        mu = u0 + 0.5 * (t[0] + t[1]) * du - 0.1 * nu
-        mv = v0 + 0.5 * (t[0] + t[1]) * dv - 0.1 * nv
-        if inverse_depth(planes[b, row[7]], mu, mv) > inverse_depth(planes[b, face], mu, mv):
-            face = row[7]
-            i0 = row[4]
-            i1 = row[5]
-    a0 = attributes[b, i0]
-    a1 = attributes[b, i1]
+    if crowded == 1:  # of several faces on one side the nearest is seen; of equals the first, as drawn
+        mu = u0 + 0.5 * (t[0] + t[1]) * du
+        mv = v0 + 0.5 * (t[0] + t[1]) * dv
+        for k in range(first, last):
+            face = edge_uses[k][3]
+            if wp.dot(n, points[b, edge_uses[k][2]] - c0) > 0.0:
+                au = mu - 0.1 * nu
+                av = mv - 0.1 * nv
+                best = edge_uses[left][3]
+                if inverse_depth(planes[b, face], au, av) > inverse_depth(planes[b, best], au, av) * NEARER:
+                    left = k
+            else:
+                au = mu + 0.1 * nu
+                av = mv + 0.1 * nv
+                best = edge_uses[right][3]
+                if inverse_depth(planes[b, face], au, av) > inverse_depth(planes[b, best], au, av) * NEARER:
+                    right = k
+    if left < 0:  # inside is always the side that has a face
+        left = right
+        right = -1
+        nu = -nu
+        nv = -nv
+    use = edge_uses[left]
+    i0 = use[0]
+    i1 = use[1]
+    face = use[3]
+    a0 = value_at_end(faces, attributes, brightness, b, face, i0)
+    a1 = value_at_end(faces, attributes, brightness, b, face, i1)
+    b0 = a0
+    b1 = a1
+    other = face
+    beyond = int(-1)
+    if crease == 1:
+        q_use = edge_uses[right]
+        other = q_use[3]
+        beyond = other
+        b0 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[0])
+        b1 = value_at_end(faces, attributes, brightness, b, q_use[3], q_use[1])
     s = float(samples)
-    steps = int(wp.ceil((t[1] - t[0]) * length / step))
-    dt = (t[1] - t[0]) / float(steps)
+    # Cut where the image gradient jumps: at the borders of pixels. Next border to come, and their spacing.
+    every_u = 1.0 / wp.max(wp.abs(du), 1.0e-9)
+    every_v = 1.0 / wp.max(wp.abs(dv), 1.0e-9)
+    border_u = t[0] + every_u * way_to_border(u0 + t[0] * du, du)
+    border_v = t[0] + every_v * way_to_border(v0 + t[0] * dv, dv)
+    longest = step / length
+    end = float(t[0])
     g0 = wp.vec3()
     g1 = wp.vec3()
-    for k in range(steps):
-        tk = t[0] + (float(k) + 0.5) * dt
+    while end < t[1]:
+        start = end
+        end = wp.min(wp.min(border_u, border_v), wp.min(start + longest, t[1]))
+        if border_u <= end:
+            border_u += every_u
+        if border_v <= end:
+            border_v += every_v
+        dt = end - start
+        if dt <= 0.0:
+            end = start
+            continue
+        tk = start + 0.5 * dt
         u = u0 + tk * du
         v = v0 + tk * dv
         ix = wp.clamp(int(wp.floor(u)), 0, width - 1)
@@ -149,32 +333,30 @@ def integrate_edges(
         inside = a0 * (1.0 - tau) + a1 * tau
         sx = wp.clamp(int(wp.floor((u + nu * BEYOND / s) * s)), 0, keys.shape[2] - 1)
         sy = wp.clamp(int(wp.floor((v + nv * BEYOND / s) * s)), 0, keys.shape[1] - 1)
-        triangle = triangle_of(keys[b, sy, sx])
+        if is_hidden(planes, neighbors, face_part, keys, b, sx, sy, u, v, s, inside_iz, face, beyond):
+            continue
+        # The other side too: of two outlines less than a sample apart only the outer one has free sight.
+        rx = wp.clamp(int(wp.floor((u - nu * BEYOND / s) * s)), 0, keys.shape[2] - 1)
+        ry = wp.clamp(int(wp.floor((v - nv * BEYOND / s) * s)), 0, keys.shape[1] - 1)
+        if is_hidden(planes, neighbors, face_part, keys, b, rx, ry, u, v, s, inside_iz, face, other):
+            continue
         outside = background
-        if triangle >= 0:
-            m = planes[b, triangle]
-            cu = (float(sx) + 0.5) / s
-            cv = (float(sy) + 0.5) / s
-            iz_sample = inverse_depth(m, cu, cv)
-            iz_edge = inverse_depth(m, u, v)
-            # Hidden only if in front both at the sample and at the edge: a table under an edge that
-            # stands on it is nearer at the sample, a plane seen at a grazing angle nearer at the edge.
-            if wp.min(iz_sample, iz_edge) > inside_iz * (1.0 + HIDE):
-                continue
-            if iz_edge > inside_iz * (1.0 + HIDE) or iz_edge < 0.5 * iz_sample:
-                u_read = cu
-                v_read = cv
-            else:
-                u_read = u
-                v_read = v
-            outside = interpolate(
-                m * wp.vec3(u_read, v_read, 1.0),
-                attributes[b, faces[triangle, 0]],
-                attributes[b, faces[triangle, 1]],
-                attributes[b, faces[triangle, 2]],
-            )
         if crease == 1:
-            outside = attributes[b, j0] * (1.0 - tau) + attributes[b, j1] * tau
+            outside = b0 * (1.0 - tau) + b1 * tau
+        else:
+            triangle = triangle_of(keys[b, sy, sx])
+            if triangle >= 0:
+                m = planes[b, triangle]
+                cu = (float(sx) + 0.5) / s
+                cv = (float(sy) + 0.5) / s
+                iz_edge = inverse_depth(m, u, v)
+                if wp.abs(iz_edge - inside_iz) < inside_iz * HIDE and face_part[triangle] != face_part[face]:
+                    claim(claims, b, u, v, nu, nv, dt * length, s)
+                # Extrapolated to the edge, unless the plane is seen at too grazing an angle for that.
+                if iz_edge <= inside_iz * (1.0 + HIDE) and iz_edge >= 0.5 * inverse_depth(m, cu, cv):
+                    cu = u
+                    cv = v
+                outside = value_at(planes, faces, attributes, brightness, background, b, triangle, cu, cv)
         gain = wp.dot(inside - outside, image_grad[b, iy, ix]) * length * dt
         # Normal speed of the edge's image when a point c of it moves by dc: n . J dc, J the projection's.
         cx = u - lens.cx

@@ -54,10 +54,30 @@ def interpolate(w: wp.vec3, a0: Pixel, a1: Pixel, a2: Pixel):
 
 
 @wp.func
+def corner_value(
+    attributes: wp.array2d(dtype=Pixel),
+    brightness: wp.array2d(dtype=wp.vec3),
+    b: int,
+    triangle: int,
+    k: int,
+    vertex: int,
+):
+    """Value of a triangle at its k-th corner: the vertex's, its colour times the light there."""
+    a = attributes[b, vertex]
+    if brightness.shape[1] > 0:
+        lit = brightness[b, triangle][k]
+        a[0] = a[0] * lit
+        a[1] = a[1] * lit
+        a[2] = a[2] * lit
+    return a
+
+
+@wp.func
 def value_at(
     planes: wp.array2d(dtype=wp.mat33),
     faces: wp.array2d(dtype=wp.int32),
     attributes: wp.array2d(dtype=Pixel),
+    brightness: wp.array2d(dtype=wp.vec3),
     background: Pixel,
     b: int,
     triangle: int,
@@ -69,9 +89,9 @@ def value_at(
         return background
     return interpolate(
         planes[b, triangle] * wp.vec3(u, v, 1.0),
-        attributes[b, faces[triangle, 0]],
-        attributes[b, faces[triangle, 1]],
-        attributes[b, faces[triangle, 2]],
+        corner_value(attributes, brightness, b, triangle, 0, faces[triangle, 0]),
+        corner_value(attributes, brightness, b, triangle, 1, faces[triangle, 1]),
+        corner_value(attributes, brightness, b, triangle, 2, faces[triangle, 2]),
     )
 
 
@@ -80,6 +100,7 @@ def add_adjoint(
     planes: wp.array2d(dtype=wp.mat33),
     faces: wp.array2d(dtype=wp.int32),
     attributes: wp.array2d(dtype=Pixel),
+    brightness: wp.array2d(dtype=wp.vec3),
     b: int,
     triangle: int,
     u: float,
@@ -94,9 +115,9 @@ def add_adjoint(
         w = planes[b, triangle] * pixel
         z = 1.0 / (w[0] + w[1] + w[2])
         slope = wp.vec3(
-            wp.dot(g, attributes[b, faces[triangle, 0]]),
-            wp.dot(g, attributes[b, faces[triangle, 1]]),
-            wp.dot(g, attributes[b, faces[triangle, 2]]),
+            wp.dot(g, corner_value(attributes, brightness, b, triangle, 0, faces[triangle, 0])),
+            wp.dot(g, corner_value(attributes, brightness, b, triangle, 1, faces[triangle, 1])),
+            wp.dot(g, corner_value(attributes, brightness, b, triangle, 2, faces[triangle, 2])),
         )
         mean = wp.dot(slope, w) * z
         dw = (slope - wp.vec3(mean, mean, mean)) * z
@@ -221,6 +242,7 @@ def shade(
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
+    brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
     face_label: wp.array(dtype=wp.int32),  # (F,)
     background: Pixel,
     samples: int,
@@ -249,11 +271,11 @@ def shade(
                 triangle = triangle_of(keys[b, row, column])
                 u = (float(column) + 0.5) * inverse
                 v = (float(row) + 0.5) * inverse
-                value += value_at(planes, faces, attributes, background, b, triangle, u, v)
+                value += value_at(planes, faces, attributes, brightness, background, b, triangle, u, v)
         image[b, y, x] = value * (inverse * inverse)
     else:
         image[b, y, x] = value_at(
-            planes, faces, attributes, background, b, front, float(x) + 0.5, float(y) + 0.5
+            planes, faces, attributes, brightness, background, b, front, float(x) + 0.5, float(y) + 0.5
         )
     if front >= 0:
         depth[b, y, x] = DEPTH_SCALE / wp.float32(nearest >> ID_BITS)
@@ -268,6 +290,7 @@ def shade_adjoint(
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
+    brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
     samples: int,
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
@@ -291,30 +314,47 @@ def shade_adjoint(
                 triangle = triangle_of(keys[b, row, column])
                 u = (float(column) + 0.5) * inverse
                 v = (float(row) + 0.5) * inverse
-                add_adjoint(planes, faces, attributes, b, triangle, u, v, g, planes_grad, corner_grad)
+                add_adjoint(
+                    planes, faces, attributes, brightness, b, triangle, u, v, g, planes_grad, corner_grad
+                )
     else:
         u = float(x) + 0.5
         v = float(y) + 0.5
-        add_adjoint(planes, faces, attributes, b, triangle_of(first), u, v, g, planes_grad, corner_grad)
+        triangle = triangle_of(first)
+        add_adjoint(planes, faces, attributes, brightness, b, triangle, u, v, g, planes_grad, corner_grad)
 
 
 @wp.kernel(enable_backward=False)
 def triangles_adjoint(
     points: wp.array2d(dtype=wp.vec3),  # (B, V) camera coordinates [m]
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
+    attributes: wp.array2d(dtype=Pixel),  # (B, V)
+    brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
     lens: Lens,
     planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F)
     corner_grad: wp.array3d(dtype=Pixel),  # (B, F, 3)
     points_grad: wp.array2d(dtype=wp.vec3),  # (B, V) out, added
     attributes_grad: wp.array2d(dtype=Pixel),  # (B, V) out, added
+    brightness_grad: wp.array2d(dtype=wp.vec3),  # (B, F) out, starts at zero
 ):
     """From triangles to vertices: W is the inverse of (c0 c1 c2), so dL/dc = -W^T (dL/dW) W^T."""
     b, f = wp.tid()
     g = planes_grad[b, f]
     if wp.ddot(g, g) == 0.0 and wp.dot(corner_grad[b, f, 0], corner_grad[b, f, 0]) == 0.0:
         return
+    lit_grad = wp.vec3()
     for k in range(3):
-        wp.atomic_add(attributes_grad, b, faces[f, k], corner_grad[b, f, k])
+        corner = corner_grad[b, f, k]
+        if brightness.shape[1] > 0:
+            lit = brightness[b, f][k]
+            a = attributes[b, faces[f, k]]
+            lit_grad[k] = a[0] * corner[0] + a[1] * corner[1] + a[2] * corner[2]
+            corner[0] = corner[0] * lit
+            corner[1] = corner[1] * lit
+            corner[2] = corner[2] * lit
+        wp.atomic_add(attributes_grad, b, faces[f, k], corner)
+    if brightness.shape[1] > 0:
+        brightness_grad[b, f] = lit_grad
     c0 = points[b, faces[f, 0]]
     c1 = points[b, faces[f, 1]]
     c2 = points[b, faces[f, 2]]

@@ -2,8 +2,11 @@
 
 The image gradient of a pose lies almost wholly in the silhouettes. Soft rasterising would blur them
 and antialiasing of pixel pairs misses thin parts, so the boundary integral is evaluated instead, along
-every visible edge (see `edge_kernels`). There is no random number and no constant to tune.
-Not covered: the curve where two bodies run through each other, and the near plane's own cut.
+every visible edge (see `edge_kernels`), and along the curves where parts run through each other or the
+near plane cuts them (`cut_kernels`). There is no random number and no constant to tune.
+
+Both sides of a surface are drawn: a camera inside a body sees its inside. Shadows and mirror images are
+not drawn. Not covered: surfaces of one part that run through each other.
 """
 
 from __future__ import annotations
@@ -14,31 +17,33 @@ import torch
 
 from samrl_core.errors import InputError
 from samrl_core.model.autograd import Rasterize, make_setup
+from samrl_core.model.light import Light
 from samrl_core.model.raster_kernels import MAX_FACES, MIN_NEAR
 from samrl_core.model.topology import Topology
 from samrl_core.types.camera import Intrinsics
 from samrl_core.types.scene import Rgb
 
-_EDGE_STEP = 0.25  # [px] accuracy no longer improved below (measured against finite differences)
+_FAR = 1e6  # [m] single precision can no longer tell a centimetre there
+_EDGE_STEP = 0.5  # [px] longest; steps end at pixel borders anyway (0.25 is no more accurate)
 
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """One image of the model. Gradients flow through `color`, `xyz` and `target`.
+    """One image of the model, or B of them. Gradients flow through `color`, `xyz` and `target`.
 
     These three are means over the pixel, so a pixel on a silhouette mixes both sides. `depth` and
-    `label` are those of the pixel's nearest sample.
+    `label` are those of the pixel's nearest sample. With B in front of any argument, B is in front here.
     """
 
     color: torch.Tensor  # (H, W, 3) linear RGB
     xyz: torch.Tensor  # (H, W, 3) world position [m], 0 where nothing is seen
     target: torch.Tensor  # (H, W) share of the pixel in which the target body is seen, 0..1
     depth: torch.Tensor  # (H, W) along the optical axis [m], inf where nothing is seen
-    label: torch.Tensor  # (H, W) int32 segmentation label, 0 where nothing is seen
+    label: torch.Tensor  # (H, W) int32 segmentation label (the mask), 0 where nothing is seen
 
 
 class Renderer:
-    """Draws one topology through one lens; vertices, colours and camera pose come with each call."""
+    """Draws one topology through one lens; vertices, colours, camera pose and light come with each call."""
 
     def __init__(
         self,
@@ -48,6 +53,7 @@ class Renderer:
         device: str = "cpu",
         near: float = 0.01,
         background: Rgb = (0.0, 0.0, 0.0),
+        threads: int = 1,
     ) -> None:
         """Copies the topology to the device.
 
@@ -58,31 +64,26 @@ class Renderer:
             device: torch's name, e.g. "cpu" or "cuda:0".
             near: nothing nearer than this is drawn [m].
             background: linear RGB where nothing is seen.
+            threads: at most so many share a batch on a CPU; the result is the same for any number.
 
         Raises:
-            InputError: supersample, near plane or number of triangles out of range.
+            InputError: supersample, near plane, threads or number of triangles out of range.
         """
         if not 1 <= supersample <= 64:
             raise InputError(f"supersample is {supersample}, must be 1..64")
-        if not near >= MIN_NEAR:
-            raise InputError(f"near plane at {near} m, must be at least {MIN_NEAR} m (depth resolution)")
+        if not MIN_NEAR <= near < _FAR:
+            raise InputError(f"near plane at {near} m, must be {MIN_NEAR} m (depth resolution) to {_FAR} m")
         if len(topology.faces) > MAX_FACES:
             raise InputError(f"{len(topology.faces)} triangles, the z-buffer can tell {MAX_FACES} apart")
+        if threads < 1:
+            raise InputError(f"threads is {threads}, must be at least 1")
         self.topology = topology
         self.intrinsics = intrinsics
         self._device = torch.device(device)
         k = intrinsics
-        self._setup = make_setup(
-            torch.from_numpy(topology.faces),
-            torch.from_numpy(topology.face_label),
-            torch.from_numpy(topology.edges),
-            (k.fx, k.fy, k.cx, k.cy, near),
-            (k.width, k.height),
-            supersample,
-            _EDGE_STEP,
-            background,
-            device,
-        )
+        lens = (k.fx, k.fy, k.cx, k.cy, near)
+        size = (k.width, k.height)
+        self._setup = make_setup(topology, lens, size, supersample, _EDGE_STEP, background, device, threads)
 
     def __call__(
         self,
@@ -91,8 +92,12 @@ class Renderer:
         target: torch.Tensor,
         camera_rotation: torch.Tensor,
         camera_translation: torch.Tensor,
+        light: Light | None = None,
     ) -> Rendered:
         """Render; gradients of doubled vertices land on either twin, so move twins together.
+
+        Every argument may have a batch of B in front, the same B for all that have one; the others are
+        shared by all images, and get the sum of their gradients.
 
         Args:
             vertices: (V, 3) in world [m].
@@ -100,31 +105,48 @@ class Renderer:
             target: (V,) 1 on the target body, else 0.
             camera_rotation: (3, 3) world to camera axes.
             camera_translation: (3,) world origin in the camera [m].
+            light: Lambert shading of the colours; None takes them as they are.
 
         Raises:
-            InputError: a shape does not fit, or a value is not finite.
+            InputError: a shape does not fit, a value is not finite, a position is beyond 1e6 m, or the
+                light is none.
         """
         n = self.topology.n_vertices
         arguments = {
-            "vertices": (vertices, (n, 3)),
-            "color": (color, (n, 3)),
-            "target": (target, (n,)),
-            "camera_rotation": (camera_rotation, (3, 3)),
-            "camera_translation": (camera_translation, (3,)),
+            "vertices": (vertices, (n, 3), _FAR),
+            "color": (color, (n, 3), torch.inf),
+            "target": (target, (n,), torch.inf),
+            "camera_rotation": (camera_rotation, (3, 3), torch.inf),
+            "camera_translation": (camera_translation, (3,), _FAR),
         }
-        for name, (value, shape) in arguments.items():
-            if tuple(value.shape) != shape:
-                raise InputError(f"{name} has shape {tuple(value.shape)}, the topology expects {shape}")
-            if not bool(torch.isfinite(value).all()):
-                raise InputError(f"{name} has a non-finite value; check the pose or colour it came from")
+        batches = {} if light is None else {"light": light.batch}
+        for name, (value, shape, limit) in arguments.items():
+            batches[name] = tuple(value.shape[: value.dim() - len(shape)])
+            if tuple(value.shape[len(batches[name]) :]) != shape or len(batches[name]) > 1:
+                raise InputError(
+                    f"{name} has shape {tuple(value.shape)}, the topology expects {shape} or (B, *{shape})"
+                )
+            if not bool((value.detach().abs() < limit).all()):
+                raise InputError(
+                    f"{name} has a non-finite value or one beyond {limit:g}; check where it came from"
+                )
+        found = {b for b in batches.values() if b}
+        if len(found) > 1 or (0,) in found:
+            raise InputError(f"batches {batches} differ or are empty; all must have one B, or none")
+        batch = found.pop()[0] if found else 1
         world = vertices.to(self._device, torch.float64)
         rotation = camera_rotation.to(self._device, torch.float64)
-        points = world @ rotation.T + camera_translation.to(self._device, torch.float64)
-        attributes = torch.cat(
-            [color.to(self._device), vertices.to(self._device), target.to(self._device)[:, None]], dim=1
-        )
+        translation = camera_translation.to(self._device, torch.float64)
+        points = world @ rotation.mT + translation.unsqueeze(-2)
+        parts = (color, vertices, target.unsqueeze(-1))
+        attributes = [p.to(self._device, torch.float32).expand(batch, n, p.shape[-1]) for p in parts]
+        if light is None:
+            rows = points.new_zeros((batch, 0), dtype=torch.float32)
+        else:
+            rows = light.rows(batch, self._device)
         image, depth, label = Rasterize.apply(
-            points.to(torch.float32)[None], attributes.to(torch.float32)[None], self._setup
+            points.to(torch.float32).expand(batch, n, 3), torch.cat(attributes, dim=2), rows, self._setup
         )  # pyright: ignore[reportGeneralTypeIssues]
-        image = image[0]
-        return Rendered(image[..., 0:3], image[..., 3:6], image[..., 6], depth[0], label[0])
+        if not any(batches.values()):
+            image, depth, label = image[0], depth[0], label[0]
+        return Rendered(image[..., 0:3], image[..., 3:6], image[..., 6], depth, label)

@@ -12,7 +12,7 @@ from samrl_core.robots import ROBOTS
 from samrl_core.robots.geometry import Capsules, clearance, link_shapes, segment_distance
 from samrl_core.robots.urdf import with_urdf
 from samrl_core.types.pose import Pose
-from samrl_core.types.scene import Box, Cylinder
+from samrl_core.types.scene import Box, Capsule, Cylinder
 
 ORIGIN = Pose.identity()
 
@@ -70,6 +70,8 @@ def test_known_clearances() -> None:
     slab = Capsules.of_parts([Box((0.5, 0.03, 0.04), ORIGIN)], _at(0, 0, 2.0))
     assert clearance(upright, slab) == pytest.approx(1.5 - 0.1 - 0.05)
     assert slab.lowest() == pytest.approx(1.95)
+    thread = Capsules.of_parts([Capsule(0.002, 0.01, ORIGIN)], _at(0, 0, 1.0))
+    assert thread.lowest() == pytest.approx(1.0 - 0.005 - 0.002)
 
 
 def test_capsule_never_overstates_the_clearance() -> None:

@@ -93,7 +93,10 @@ def is_hidden(
     face_a: int,
     face_b: int,
 ):
-    """Whether what a sample sees lies in front of an edge that passes by; face_b is -1 at a silhouette.
+    """Whether what a sample sees lies in front of an edge that passes by.
+
+    face_b is the other face of a crease, -1 on the open side of a silhouette. On its other side it is
+    face_a: there only a face of the same part that covers the edge itself hides it.
 
     Hidden only if in front both at the sample and at the edge: a table under an edge that stands on it
     is nearer at the sample, a plane seen at a grazing angle nearer at the edge. Of a round body the
@@ -108,8 +111,10 @@ def is_hidden(
     iz_sample = inverse_depth(m, (float(sx) + 0.5) / s, (float(sy) + 0.5) / s)
     nearest = wp.min(iz_sample, inverse_depth(m, u, v))
     in_front = nearest > edge_iz * (1.0 + HIDE)
-    if face_b < 0 or face_part[triangle] != face_part[face_a]:
+    if face_b < 0:
         return in_front
+    if face_part[triangle] != face_part[face_a]:
+        return in_front and face_b != face_a
     facing = wp.determinant(planes[b, face_a])
     if wp.determinant(m) * facing < 0.0:
         return nearest > edge_iz * (1.0 + 0.1 * HIDE)  # more than rounding: coincident faces turned over
@@ -131,6 +136,10 @@ def is_hidden(
                             going = 0
                         elif wp.determinant(planes[b, triangle]) * facing <= 0.0:
                             going = 0
+                        if going == 0 and face_a == face_b:
+                            in_front = False
+        if going == 1 and face_a == face_b:
+            in_front = False
     return in_front
 
 

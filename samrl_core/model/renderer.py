@@ -6,7 +6,10 @@ every visible edge (see `edge_kernels`), and along the curves where parts run th
 near plane cuts them (`cut_kernels`). There is no random number and no constant to tune.
 
 Both sides of a surface are drawn: a camera inside a body sees its inside. Shadows and mirror images are
-not drawn. Not covered: surfaces of one part that run through each other.
+not drawn. Not covered: surfaces of one part that run through each other, and surfaces of two parts that
+lie in each other (concentric ends of links). Where two parts cross, or the near plane cuts, the gradient's
+error is of first order in the samples' spacing: some 5 % with 2 x 2 samples. Shared (smooth) normals
+change steeply towards an outline of few pixels and need more samples than flat ones.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from samrl_core.errors import InputError
+from samrl_core.model.light import Light
 from samrl_core.model.meshes import box_mesh, flatten
 from samrl_core.model.renderer import Rendered, Renderer
 from samrl_core.model.topology import Topology
@@ -134,6 +135,40 @@ def test_same_input_same_output() -> None:
         assert torch.equal(a, b)
 
 
+def test_flat_light_changes_nothing() -> None:
+    """Ambient 1 without direction gives the unlit image and gradients, bit by bit; half of it half."""
+    mesh = box_mesh((0.1, 0.12, 0.08), (1.0, 1.0, 1.0))
+    vertices = mesh.vertices + np.array([0.13, 0.05, 0.8])
+    renderer = Renderer(Topology.build(vertices, mesh.faces, np.ones(8), np.zeros(8)), LENS)
+    color = torch.from_numpy(np.random.default_rng(0).uniform(0, 1, (8, 3)))
+    runs = []
+    for light in (None, Light.of((0.0, 0.0, 1.0), 0.0, 1.0), Light.of((0.0, 0.0, 1.0), 0.0, 0.5)):
+        v = torch.from_numpy(vertices).requires_grad_(True)
+        r = renderer(v, color, torch.ones(8), *EYE, light)
+        (r.color.square().sum() + r.xyz.square().sum()).backward()
+        runs.append((r.color.detach(), r.xyz.detach(), v.grad))
+    for a, b in zip(runs[0], runs[1], strict=True):
+        assert torch.equal(a, b)
+    assert torch.equal(0.5 * runs[0][0], runs[2][0])
+
+
+def test_a_side_is_lit_by_its_angle() -> None:
+    """A square tilted by 60 degrees to the light: ambient + intensity / 2, seen from either side."""
+    square = quad(0.0, 0.2)
+    tilt = np.deg2rad(60.0)
+    turned = np.column_stack([square[:, 0] * np.cos(tilt), square[:, 1], 1.0 + square[:, 0] * np.sin(tilt)])
+    for faces in ([[0, 1, 2], [0, 2, 3]], [[2, 1, 0], [3, 2, 0]]):
+        renderer = Renderer(Topology.build(turned, np.array(faces), np.ones(4), np.zeros(4)), LENS)
+        light = Light.of((0.0, 0.0, -3.0), 0.8, 0.1)
+        r = renderer(torch.from_numpy(turned), torch.ones(4, 3), torch.ones(4), *EYE, light)
+        seen = r.target > 0.999
+        assert seen.sum() > 50
+        assert torch.allclose(r.color[seen], torch.tensor(0.5), atol=1e-5)
+    away = Light.of((0.0, 0.0, 1.0), 0.8, 0.1)
+    r = renderer(torch.from_numpy(turned), torch.ones(4, 3), torch.ones(4), *EYE, away)
+    assert torch.allclose(r.color[seen], torch.tensor(0.1), atol=1e-6)
+
+
 def test_bad_input_is_refused() -> None:
     square = quad(1.0, 0.1)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
@@ -142,6 +177,8 @@ def test_bad_input_is_refused() -> None:
     v, c, t = torch.from_numpy(square), torch.zeros(4, 3), torch.zeros(4)
     with pytest.raises(InputError, match="vertices"):
         renderer(v * float("nan"), c, t, *EYE)
+    with pytest.raises(InputError, match=r"vertices has a non-finite value or one beyond 1e\+06"):
+        renderer(v * 1e8, c, t, *EYE)
     with pytest.raises(InputError, match="camera_translation"):
         renderer(v, c, t, EYE[0], torch.full((3,), float("inf")))
     with pytest.raises(InputError, match="color has shape"):

@@ -41,6 +41,7 @@ def types(double: bool) -> SimpleNamespace:
         body: wp.array(dtype=wp.int32)
         link_of_v: wp.array(dtype=wp.int32)
         q_of_v: wp.array(dtype=wp.int32)
+        before: wp.array(dtype=wp.int32)
         solved: wp.array(dtype=wp.int32)
         action: wp.array(dtype=wp.int32)
         gravity: vec3
@@ -108,8 +109,8 @@ def types(double: bool) -> SimpleNamespace:
         """Scratch of the solver and what the backward pass needs of it."""
 
         matrix: wp.array3d(dtype=real)  # (B, U, D) mass, damping and stiffness
-        right: wp.array2d(dtype=real)  # (B, U)
-        linear: wp.array2d(dtype=real)  # (B, U)
+        right: wp.array2d(dtype=real)  # (B, U) impulse of forces, then what residuals are compared with
+        linear: wp.array2d(dtype=real)  # (B, U) residual without contact
         residual: wp.array2d(dtype=real)  # (B, U)
         change: wp.array2d(dtype=real)  # (B, U)
         pushed: wp.array2d(dtype=real)  # (B, U)

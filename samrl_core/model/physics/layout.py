@@ -28,6 +28,7 @@ class Layout:
     body: np.ndarray  # (L,) body that is this link, -1 between two joints of a body
     link_of_body: np.ndarray  # (N,)
     link_of_v: np.ndarray  # (D,)
+    before: np.ndarray  # (D,) the velocity before it on the way to the world, -1 at its end
     solved: np.ndarray  # (D,) place among the velocities that are solved for, -1 if driven
     action: np.ndarray  # (D,) place in the action, -1 if not driven
     stiffness: np.ndarray  # (D,)
@@ -114,6 +115,7 @@ def lay_out(scene: PhysicsScene) -> Layout:
         body=np.array(links["body"], dtype=np.int32),
         link_of_body=np.array(link_of_body, dtype=np.int32),
         link_of_v=np.array(dofs["link"], dtype=np.int32),
+        before=_before(dofs["link"], links["parent"]),
         solved=np.where(driven, -1, np.cumsum(~driven) - 1).astype(np.int32),
         action=np.where(driven, np.cumsum(driven) - 1, -1).astype(np.int32),
         stiffness=np.array(dofs["stiffness"]),
@@ -124,6 +126,20 @@ def lay_out(scene: PhysicsScene) -> Layout:
         free_quaternion=np.array(quaternions, dtype=np.int64),
         **_contacts(scene, link_of_body),
     )
+
+
+def _before(link_of_v: list[int], parent: list[int]) -> np.ndarray:
+    last = {link: place for place, link in enumerate(link_of_v)}
+    result = []
+    for place, link in enumerate(link_of_v):
+        if place > 0 and link_of_v[place - 1] == link:
+            result.append(place - 1)
+            continue
+        up = parent[link]
+        while up != WORLD and up not in last:
+            up = parent[up]
+        result.append(last.get(up, -1))
+    return np.array(result, dtype=np.int32)
 
 
 def _contacts(scene: PhysicsScene, link_of_body: list[int]) -> dict[str, np.ndarray]:

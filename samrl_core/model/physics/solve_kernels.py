@@ -27,8 +27,45 @@ def solve_functions(double: bool) -> SimpleNamespace:
 
     @wp.func
     def factorise_symmetric(s: Solve, k: int, e: int, n: int):
+        """A = L L^T in place, four rows at a time: four sums that do not wait for each other."""
         f = s.factor[k, e]
-        for j in range(n):
+        for block in range(n // 4):
+            j = 4 * block
+            for c in range(j + 4):
+                t0 = f[j, c]
+                t1 = f[j + 1, c]
+                t2 = f[j + 2, c]
+                t3 = f[j + 3, c]
+                for i in range(c):
+                    x = f[c, i]
+                    t0 -= f[j, i] * x
+                    t1 -= f[j + 1, i] * x
+                    t2 -= f[j + 2, i] * x
+                    t3 -= f[j + 3, i] * x
+                if c < j:
+                    inverse = one / f[c, c]
+                    f[j, c] = t0 * inverse
+                    f[j + 1, c] = t1 * inverse
+                    f[j + 2, c] = t2 * inverse
+                    f[j + 3, c] = t3 * inverse
+                elif c == j:
+                    root = wp.sqrt(t0)
+                    f[j, c] = root
+                    f[j + 1, c] = t1 / root
+                    f[j + 2, c] = t2 / root
+                    f[j + 3, c] = t3 / root
+                elif c == j + 1:
+                    root = wp.sqrt(t1)
+                    f[j + 1, c] = root
+                    f[j + 2, c] = t2 / root
+                    f[j + 3, c] = t3 / root
+                elif c == j + 2:
+                    root = wp.sqrt(t2)
+                    f[j + 2, c] = root
+                    f[j + 3, c] = t3 / root
+                else:
+                    f[j + 3, c] = wp.sqrt(t3)
+        for j in range(4 * (n // 4), n):
             for c in range(j):
                 total = f[j, c]
                 for i in range(c):
@@ -99,10 +136,10 @@ def solve_functions(double: bool) -> SimpleNamespace:
             x[i] = total / f[i, i]
         for back in range(n):
             i = n - 1 - back
-            total = x[i]
-            for j in range(i + 1, n):
-                total -= f[j, i] * x[j]
-            x[i] = total / f[i, i]
+            value = x[i] / f[i, i]
+            x[i] = value
+            for j in range(i):
+                x[j] = x[j] - f[i, j] * value
 
     @wp.func
     def solve_transposed(s: Solve, k: int, e: int, n: int):

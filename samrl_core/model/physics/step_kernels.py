@@ -80,15 +80,9 @@ def step_kernels(double: bool) -> SimpleNamespace:
         s.active_count[k, e] = count
 
     @wp.func
-    def apply_matrix(tree: Tree, motion: Motion, s: Solve, k: int, e: int):
-        """`linear` at the present velocity, and the relative velocities of the contacts."""
+    def start_slip(tree: Tree, motion: Motion, s: Solve, k: int, e: int):
+        """Relative velocities of the contacts."""
         after = motion.v[k + 1, e]
-        for i in range(tree.unknowns):
-            total = -s.right[e, i]
-            row = s.matrix[e, i]
-            for j in range(tree.dofs):
-                total += row[j] * after[j]
-            s.linear[e, i] = total
         for a in range(s.active_count[k, e]):
             u = vec3()
             for j in range(tree.dofs):
@@ -155,13 +149,21 @@ def step_kernels(double: bool) -> SimpleNamespace:
                 motion.v[k + 1, e, j] = motion.v[k + 1, e, j] + share * s.change[e, tree.solved[j]]
 
     @wp.func
+    def take_rest(tree: Tree, s: Solve, k: int, e: int, share: real):
+        """What goes along with a change of velocity: the residual's linear part, the contacts' motion."""
+        for i in range(tree.unknowns):
+            s.linear[e, i] = s.linear[e, i] + share * s.pushed[e, i]
+        for a in range(s.active_count[k, e]):
+            s.slip[e, a] = s.slip[e, a] + s.slip_change[e, a] * share
+
+    @wp.func
     def newton(tree: Tree, touch: Touch, par: Values, motion: Motion, s: Solve, k: int, e: int, most: int):
         """Newton's method with halving of steps that do not lower the merit."""
         n = tree.unknowns
         done = int(0)
+        start_slip(tree, motion, s, k, e)
         for trial in range(most + 1):
             if done == 0:
-                apply_matrix(tree, motion, s, k, e)
                 clear_change(tree, s, k, e)
                 contact_residual(tree, touch, par, s, k, e, zero)
                 before = merit(tree, s, e)
@@ -189,6 +191,7 @@ def step_kernels(double: bool) -> SimpleNamespace:
                                 share = share * real(0.5)
                     if found == 1:
                         take_change(tree, motion, s, k, e, share)
+                        take_rest(tree, s, k, e, share)
                     else:
                         done = 1
 
@@ -205,7 +208,6 @@ def step_kernels(double: bool) -> SimpleNamespace:
             if tree.action[j] >= 0:
                 motion.v[k + 1, e, j] = motion.action[k, e, tree.action[j]]
         if s.active_count[k, e] == 0:  # linear and symmetric
-            apply_matrix(tree, motion, s, k, e)
             copy_matrix(tree, s, k, e)
             factorise_symmetric(s, k, e, tree.unknowns)
             for i in range(tree.unknowns):

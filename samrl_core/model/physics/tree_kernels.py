@@ -162,7 +162,10 @@ def tree_functions(double: bool) -> SimpleNamespace:
 
     @wp.func
     def mass_matrix(tree: Tree, par: Values, motion: Motion, links: Links, solve: Solve, k: int, e: int):
-        """Rows of the free velocities: `matrix` v' - `right` is the residual without contact."""
+        """Rows of the free velocities, and the residual without contact while these are as before the step.
+
+        Written in the change of velocity: the difference of two momenta would lose digits.
+        """
         h = tree.step
         for i in range(tree.unknowns):
             for j in range(tree.dofs):
@@ -183,21 +186,18 @@ def tree_functions(double: bool) -> SimpleNamespace:
                 push = s_move * links.mass[e, l] + wp.cross(s_turn, links.first[e, l])
                 twist = links.inertia[e, l] * s_turn + wp.cross(links.first[e, l], s_move)
                 at = int(l)
-                while at >= 0:
-                    for d in range(velocities(tree.kind[at])):
-                        other = tree.first_v[at] + d
-                        if other <= j:
-                            value = wp.dot(links.s_turn[e, other], twist) + wp.dot(
-                                links.s_move[e, other], push
-                            )
-                            if row >= 0:
-                                solve.matrix[e, row, other] = value
-                            if tree.solved[other] >= 0:
-                                solve.matrix[e, tree.solved[other], j] = value
-                    above = tree.parent[at]
-                    if above >= 0:
-                        twist = twist + wp.cross(links.place[e, at] - links.place[e, above], push)
-                    at = above
+                other = int(j)
+                while other >= 0:  # this velocity and all before it on the way to the world
+                    below = at
+                    at = tree.link_of_v[other]
+                    if at != below:
+                        twist = twist + wp.cross(links.place[e, below] - links.place[e, at], push)
+                    value = wp.dot(links.s_turn[e, other], twist) + wp.dot(links.s_move[e, other], push)
+                    if row >= 0:
+                        solve.matrix[e, row, other] = value
+                    if tree.solved[other] >= 0:
+                        solve.matrix[e, tree.solved[other], j] = value
+                    other = tree.before[other]
             up = tree.parent[l]
             if up >= 0:  # the link becomes part of its parent
                 r = links.place[e, l] - links.place[e, up]
@@ -217,17 +217,19 @@ def tree_functions(double: bool) -> SimpleNamespace:
         for j in range(tree.dofs):
             row = tree.solved[j]
             if row >= 0:
-                total = solve.right[e, row]
-                for i in range(tree.dofs):
-                    total = total + solve.matrix[e, row, i] * motion.v[k, e, i]
-                solve.right[e, row] = total
-        for j in range(tree.dofs):
-            row = tree.solved[j]
-            if row >= 0:
                 extra = h * par.damping[e, j]
                 if tree.q_of_v[j] >= 0:
                     extra = extra + h * h * par.stiffness[e, j]
+                v = motion.v[k, e, j]
+                given = solve.right[e, row]
+                solve.right[e, row] = wp.abs(given) + solve.matrix[e, row, j] * wp.abs(v)
                 solve.matrix[e, row, j] = solve.matrix[e, row, j] + extra
+                solve.linear[e, row] = extra * v - given
+        for j in range(tree.dofs):
+            if tree.action[j] >= 0:
+                v = motion.action[k, e, tree.action[j]] - motion.v[k, e, j]
+                for row in range(tree.unknowns):
+                    solve.linear[e, row] = solve.linear[e, row] + solve.matrix[e, row, j] * v
 
     return SimpleNamespace(
         skew=skew,

@@ -66,6 +66,7 @@ class Constants:
             "body",
             "link_of_v",
             "q_of_v",
+            "before",
             "solved",
             "action",
         ):

@@ -9,7 +9,7 @@ from samrl_core.diagnosis.effects.shapes import bristle
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
 
-LEAST_TAUT = 0.02  # share of the samples on each side of the slack
+LEAST_TAUT = 0.05  # share of the squared pull on each side of the slack
 LEAST_PULL = 0.1  # of the hysteresis, that the spring must change by over the travel
 TURN = 0.03  # [rad] over which the hysteresis turns round, before it is searched
 SLACK = (0.05, 0.2)  # [rad] half widths, likewise
@@ -86,9 +86,10 @@ class Cable(Effect):
     def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
         (joint,) = self.joints_at(trial, place)
         if form != "":
-            taut = self.pull(trial, joint, form, shape)[0]
+            torque = amplitudes[:2] @ self.pull(trial, joint, form, shape)
+            sides = [float(np.sum(np.clip(side * torque, 0.0, None) ** 2)) for side in (1.0, -1.0)]
             # Felt on one side only, it may as well be a stop: a cable is known by both.
-            if min(np.mean(taut > 0), np.mean(taut < 0)) < LEAST_TAUT or min(amplitudes[:2]) <= 0:
+            if min(sides) < LEAST_TAUT * sum(sides) or min(amplitudes[:2]) <= 0:
                 return False
         # Hysteresis without a spring is dry friction under another name.
         pull = float(np.ptp(amplitudes[:2] @ self.pull(trial, joint, form, shape)))

@@ -146,6 +146,19 @@ def invariance_alarms(
     return alarms
 
 
+def undone_alarms(evidence: Evidence, fit: Fit) -> list[str]:
+    """Effects of whose prediction too much is not seen, and would have to be undone within tolerances."""
+    likelihood, rest, alarms = evidence.likelihood, evidence.rest(fit), []
+    for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
+        prediction = likelihood.prediction(h.regressors, amplitudes)
+        seen = 1.0 + float(prediction @ rest) / max(float(prediction @ prediction), 1e-12)
+        if seen < h.effect.least_share:
+            alarms.append(
+                f"{h.name}: {seen:.0%} of its prediction is seen, tolerances would have to undo the rest"
+            )
+    return alarms
+
+
 def _size_alone(trial: Trial, fit: Fit, index: int, k: float) -> tuple[float, float, float] | None:
     """Size of one effect in one recording relative to the joint fit: value, deviation, evidence [nat]."""
     alone = Likelihood([trial])

@@ -10,7 +10,7 @@ from importlib import metadata
 import numpy as np
 
 from samrl_core.diagnosis import verdict as rules
-from samrl_core.diagnosis.confidence import estimates, invariance_alarms, probabilities
+from samrl_core.diagnosis.confidence import estimates, invariance_alarms, probabilities, undone_alarms
 from samrl_core.diagnosis.curves import curve_of
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
 from samrl_core.diagnosis.experiment import next_experiment
@@ -161,6 +161,7 @@ def _conclude(
             for f, q in zip(rivals[:RUNNER_UPS], p[1:], strict=False)
         )
         alarms += invariance_alarms(likelihood, held, evidence, chosen)
+        alarms += undone_alarms(evidence, chosen)
         for h in chosen.hypotheses:
             alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
         prediction = likelihood.prediction(chosen.hypotheses[0].regressors, chosen.amplitudes[0])

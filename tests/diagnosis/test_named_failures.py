@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,9 @@ from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose, library
 from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.hypothesis import Evidence, Fit, hypothesis, on_bound
 from samrl_core.diagnosis.likelihood import Likelihood
+from samrl_core.diagnosis.trial import Trial
+from samrl_core.dynamics.rigid_arm import RigidArm
+from samrl_core.types.arm_recording import JointSignal
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
 from tests.diagnosis.test_diagnose import LOADS, assert_covers, diagnosed
@@ -226,3 +230,19 @@ def test_changed_gains_are_named(place: str, seed: int) -> None:
 def test_changed_gains_that_are_withheld_are_refused(library: set[str]) -> None:
     diagnosis = diagnosed(5, library, stiffness_scale={LIFT: 0.75}, damping_scale={LIFT: 0.8})
     assert diagnosis.verdict == "none_of_mine", (diagnosis.reasons, diagnosis.effects)
+
+
+def test_drag_by_the_square_of_speed_is_no_viscous_friction() -> None:
+    """A line fits it together with a dry friction that would be negative: tolerances must not lend that."""
+    recordings = []
+    for recording in worlds.world(21):
+        states, sent = recording.states, recording.commanded_effort
+        assert states.velocity is not None and states.effort is not None
+        assert sent is not None and sent.effort is not None
+        more = sent.effort.copy()
+        speed = Trial(recording, RigidArm(recording.arm)).motion.full_velocity[:, worlds.TURN]
+        more[:, worlds.TURN] += 1.5 * speed * np.abs(speed)
+        recordings.append(replace(recording, commanded_effort=JointSignal(sent.time, effort=more)))
+    a, b, c = recordings
+    diagnosis, _ = diagnose([a, b], [c], DiagnosisSettings(library={"viscous_friction", "coulomb_friction"}))
+    assert diagnosis.verdict == "none_of_mine", diagnosis.reasons

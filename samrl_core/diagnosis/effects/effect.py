@@ -57,6 +57,9 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     place_kind: ClassVar[str] = "joint"  # joint, link or arm
     prior_cost: ClassVar[float] = 0.0  # [nat] less likely before any data than other families
+    least_share: ClassVar[float] = (
+        0.0  # of its prediction that must be seen: tolerances may not undo the rest
+    )
     by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
 
     def places(self, trial: Trial) -> tuple[str, ...]:

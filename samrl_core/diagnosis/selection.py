@@ -107,7 +107,8 @@ def select(
         # The best addition may only mend the first effect's formula; then a weaker one elsewhere may be real.
         candidates = extended(evidence, pool, chosen)
         inside = (w for w in candidates if not on_bound(w.hypotheses[-1]))
-        worth = (w for w in inside if _worth(evidence, held_out, chosen, w, settings))
+        held_left = held_out_rest(held_out, chosen)
+        worth = (w for w in inside if _worth(evidence, held_out, chosen, held_left, w, settings))
         if (wider := next(worth, None)) is None:
             break
         chosen = swapped(evidence, pool, wider)
@@ -138,10 +139,14 @@ def _worth(
     evidence: Evidence,
     held_out: Likelihood,
     narrow: Fit,
+    held_left: np.ndarray,
     wide: Fit,
     settings: SelectionSettings,
 ) -> bool:
-    """A further effect must be significant, matter on fitted data, and help on data that were not fitted."""
+    """A further effect must be significant, matter on fitted data, and help on data that were not fitted.
+
+    `held_left` (N,) is what the narrower set leaves of those.
+    """
     if wide.log_evidence - narrow.log_evidence < settings.second_threshold:
         return False
     k = evidence.correlation_time
@@ -157,7 +162,7 @@ def _worth(
     # A weak effect may stay below one standard deviation per sample: then its evidence says what it explains.
     explained = max(before - after, wide.log_evidence - narrow.log_evidence)
     # One family at every joint of an arm mends nothing: it is what arms have.
-    common = added.place.startswith("arm:") and getattr(added.effect, "at_every_joint", False)
+    common = added.place.startswith("arm:") and added.effect.at_every_joint
     mends = before < settings.local_rest * at_all and not common
     same = {b[1:] for b in there} <= {b[1:] for h in narrow.hypotheses for b in h.regressors.blocks}
     if same and not common and explained < settings.same_share * at_all:
@@ -165,8 +170,9 @@ def _worth(
     share = 0.9 if mends else 0.5 * settings.local_share if common else settings.local_share
     if explained < share * before:
         return False
-    held_before = held_out.deficit(held_out_rest(held_out, narrow), k, _known(held_out, there))
-    held_after = held_out.deficit(held_out_rest(held_out, wide), k, _known(held_out, there))
+    known = _known(held_out, there)
+    held_before = held_out.deficit(held_left, k, known)
+    held_after = held_out.deficit(held_out_rest(held_out, wide), k, known)
     return held_after <= (1.0 - settings.held_out_share) * held_before
 
 

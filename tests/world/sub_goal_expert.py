@@ -5,7 +5,7 @@ It shows that a world can be solved under this cell's controller, not what a lea
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
 from samrl_core.types.pose import Pose
 from samrl_core.world.evaluation import ending_now
+from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.world import SimulatedWorld, Truth
 from tests.world.scripted_expert import DOWN, Episode, move_joints
 
@@ -73,3 +74,17 @@ def follow(
     truth = world.truth()
     ending = ending_now(truth)
     return Episode(task.succeeded(ending), done, actions, truth.peak_contact_force, task.final_error(ending))
+
+
+def episodes(
+    task: Task,
+    cell: CellSpec,
+    values_of: Callable[[Truth], np.ndarray],
+    seeds: Sequence[int],
+    pace: Pace,
+) -> list[Episode]:
+    """One per seed, all in the same PyBullet world."""
+    world = PyBulletWorld(task, cell)
+    found = [follow(world, task, cell, values_of, seed, pace) for seed in seeds]
+    world.close()
+    return found

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pybullet
 import pytest
@@ -17,8 +15,8 @@ from samrl_core.types.pose import Pose
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.settings import NOISELESS
 from samrl_core.world.world import Truth
-from tests.world.scripted_expert import DOWN, Episode, move_joints
-from tests.world.sub_goal_expert import Pace, follow
+from tests.world.scripted_expert import DOWN, move_joints
+from tests.world.sub_goal_expert import Pace, episodes, follow
 
 CELL = default_cell()
 TASK = NeedleThreading()
@@ -29,17 +27,9 @@ def true_values(truth: Truth) -> np.ndarray:
     return TASK.values_of(truth.chain_points)
 
 
-def episodes(task: NeedleThreading, seeds: Sequence[int], pace: Pace) -> list[Episode]:
-    """One per seed."""
-    world = PyBulletWorld(task, CELL)
-    found = [follow(world, task, CELL, true_values, seed, pace) for seed in seeds]
-    world.close()
-    return found
-
-
 def test_expert_threads_the_needle() -> None:
     """Within the actions allowed, and so that it hangs in the eye after half a second of rest."""
-    for episode in episodes(TASK, range(2), Pace()):
+    for episode in episodes(TASK, CELL, true_values, range(2), Pace()):
         assert episode.success and episode.done
         assert episode.actions < 60
         assert episode.error < TASK.eye_radius
@@ -104,7 +94,7 @@ def test_the_eye_holds_the_thread() -> None:
 @pytest.mark.timeout(900)
 def test_expert_threads_it_from_everywhere() -> None:
     """20 threads."""
-    found = episodes(TASK, range(20), Pace())
+    found = episodes(TASK, CELL, true_values, range(20), Pace())
     assert sum(episode.success for episode in found) >= 18
 
 
@@ -112,5 +102,5 @@ def test_expert_threads_it_from_everywhere() -> None:
 @pytest.mark.timeout(900)
 def test_a_careless_expert_still_threads_it() -> None:
     """A quarter of each action is noise."""
-    found = episodes(TASK, range(8), Pace(noise=0.25))
+    found = episodes(TASK, CELL, true_values, range(8), Pace(noise=0.25))
     assert sum(episode.success for episode in found) >= 6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque, widest_turn
+from samrl_core.diagnosis.effects.families import BEYOND, ShaftFriction, widest_turn
 from samrl_core.diagnosis.effects.shapes import SIGN_SPEEDS, bristle, smooth_sign, travel
 from samrl_core.diagnosis.equations import Columns
 from samrl_core.diagnosis.trial import Trial
@@ -14,7 +14,7 @@ LEAST_ANGLE = 0.001  # [rad] parked short, from which a joint counts
 STIFF = (3e-5, 1e-4)  # [rad] presliding distances below what encoders of arms resolve
 
 
-class CoulombFriction(DriveTorque):
+class CoulombFriction(ShaftFriction):
     """Dry friction of constant level."""
 
     family, number, title = "coulomb_friction", 1, "Coulomb friction"

@@ -60,6 +60,7 @@ class Effect(ABC):
     least_share: ClassVar[float] = (
         0.0  # of its prediction that must be seen: tolerances may not undo the rest
     )
+    at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
     by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
 
     def places(self, trial: Trial) -> tuple[str, ...]:

@@ -27,7 +27,6 @@ class DriveTorque(Effect):
     """A torque lost between commanded effort and torque sensor of one joint."""
 
     acts_on = "dynamics"
-    at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
 
     def places(self, trial: Trial) -> tuple[str, ...]:
         """Each joint; for some families also the arm: the same formula at every joint."""
@@ -51,38 +50,16 @@ class DriveTorque(Effect):
     def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
         """Lost torque in the drive equation; rows of the first joint, then of the second, ..."""
         joints = self.joints_at(trial, place)
-        pair = coupled_pair(trial, form)
-        total = len(joints) + (pair is not None)
         out: Columns = {}
         for i, j in enumerate(joints):
             for key, rows in trial.drive(j, self.torque(trial, j, form, shape)).items():
-                out[key] = np.zeros((len(rows) * total, rows.shape[1]))
+                out[key] = np.zeros((len(rows) * len(joints), rows.shape[1]))
                 out[key][i * len(rows) : (i + 1) * len(rows)] = rows
-        if pair is not None:
-            first, second, sign = pair
-            shaft = self.of_shaft(trial, first, second, sign, form, shape)
-            for j, direction in ((first, 1.0), (second, sign)):
-                for key, rows in trial.drive(j, direction * shaft).items():
-                    out[key][-len(rows) :] = rows
         return out
-
-    def coupled_forms(self, trial: Trial, form: Form) -> tuple[Form, ...]:
-        """A form at every joint, alone and with one more shaft that turns with two joints of the wrist."""
-        return (form, *(replace(form, name=f"{form.name} {COUPLED} {p}".strip()) for p in wrist_pairs(trial)))
-
-    def of_shaft(
-        self, trial: Trial, first: int, second: int, sign: float, form: str, shape: Shape
-    ) -> np.ndarray:
-        """Lost torque (p, F) on a shaft that turns with the sum (or difference) of two joints."""
-        raise NotImplementedError(f"{self.family} has no coupled form")
 
     def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         """Centred on no effect."""
-        joints = self.joints_at(trial, place)
-        spread = np.concatenate([self.spread(trial, j, form, shape) for j in joints])
-        pair = coupled_pair(trial, form)
-        if pair is not None:
-            spread = np.concatenate([spread, self.spread(trial, pair[1], form, shape)])
+        spread = np.concatenate([self.spread(trial, j, form, shape) for j in self.joints_at(trial, place)])
         return np.zeros(len(spread)), spread
 
     def beyond_nominal(self, trial: Trial, joint: int) -> float:
@@ -115,6 +92,40 @@ class DriveTorque(Effect):
         if len(amplitudes) > len(joints):
             where.append(form.partition(f"{COUPLED} ")[2])
         return {f"{name}[{w}]": float(a) for w, a in zip(where, amplitudes, strict=True)}
+
+
+class ShaftFriction(DriveTorque):
+    """A friction that may also act on a shaft which turns with two joints of the wrist."""
+
+    @abstractmethod
+    def of_shaft(
+        self, trial: Trial, first: int, second: int, sign: float, form: str, shape: Shape
+    ) -> np.ndarray:
+        """Lost torque (p, F) on a shaft that turns with the sum (or difference) of two joints."""
+
+    def coupled_forms(self, trial: Trial, form: Form) -> tuple[Form, ...]:
+        """A form at every joint, alone and with one more shaft that turns with two joints of the wrist."""
+        return (form, *(replace(form, name=f"{form.name} {COUPLED} {p}".strip()) for p in wrist_pairs(trial)))
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        """Rows of the joints, then those of the shaft."""
+        out, pair = super().columns(trial, place, form, shape), coupled_pair(trial, form)
+        if pair is None:
+            return out
+        first, second, sign = pair
+        shaft = self.of_shaft(trial, first, second, sign, form, shape)
+        out = {key: np.pad(rows, ((0, len(shaft)), (0, 0))) for key, rows in out.items()}
+        for j, direction in ((first, 1.0), (second, sign)):
+            for key, rows in trial.drive(j, direction * shaft).items():
+                out[key][-len(rows) :] = rows
+        return out
+
+    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        """The shaft is as likely as the joint behind it."""
+        _, spread = super().prior(trial, place, form, shape)
+        if (pair := coupled_pair(trial, form)) is not None:
+            spread = np.concatenate([spread, self.spread(trial, pair[1], form, shape)])
+        return np.zeros(len(spread)), spread
 
 
 def wrist_pairs(trial: Trial) -> tuple[str, ...]:

@@ -11,11 +11,8 @@ from samrl_core.diagnosis.trial import Trial
 
 STIFF = (10.0, 25.0, 60.0, 150.0, 350.0)  # [1/rad] grid of stiffness over effort limit
 STIFFEST = 400.0  # [1/rad] stiffness over effort limit, 1.7 times what is known of drives: no more is elastic
-HARDENS = (
-    0.5,
-    1.0,
-    2.0,
-)  # of the largest torque: where a hardening spring is twice as stiff as a straight one
+# Of the largest torque: where a hardening spring is twice as stiff as a straight one.
+HARDENS = (0.5, 1.0, 2.0)
 DAMPING_S = 0.002  # of stiffness: lightly damped
 
 

@@ -51,6 +51,10 @@ class Age:
         """Probability (ages,) that an age occurs at all."""
         return 1.0 - np.exp(np.sum(np.log1p(-np.minimum(self.posterior, 0.9999)), axis=0))
 
+    def longest(self, least: float) -> int:
+        """Oldest age [samples] that occurs with more than a probability."""
+        return int(np.max(np.flatnonzero(self.reaches() > least), initial=0))
+
     @property
     def bursts(self) -> float:
         """Expected number of times that fresh packets cease to arrive."""

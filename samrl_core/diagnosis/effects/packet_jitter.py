@@ -78,8 +78,7 @@ class PacketJitter(FixedResponse):
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         age = age_at(trial, place, form, HELD)
-        longest = int(np.max(np.flatnonzero(age.reaches() > 0.5), initial=0))
-        return {"held": age.late, "longest": longest / age.rate}
+        return {"held": age.late, "longest": age.longest(0.5) / age.rate}
 
     def drawn(
         self,
@@ -95,6 +94,5 @@ class PacketJitter(FixedResponse):
         few = 1.0 / max(1.0, age.bursts)
         # Lengths of bursts are geometric: their sum deviates by twice what their number does, in variance.
         share = age.late * np.exp(np.hypot(UNSEEN, np.sqrt(2.0 * few)) * rng.standard_normal())
-        reaches = age.reaches()
-        longest = int(np.max(np.flatnonzero(reaches > rng.uniform()), initial=0))
+        longest = age.longest(rng.uniform())
         return {"held": float(min(share, 1.0)), "longest": (longest + rng.uniform(-0.5, 1.0)) / age.rate}

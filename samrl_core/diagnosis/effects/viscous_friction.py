@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque, single
+from samrl_core.diagnosis.effects.families import BEYOND, ShaftFriction, single
 from samrl_core.diagnosis.trial import Trial
 
 
-class ViscousFriction(DriveTorque):
+class ViscousFriction(ShaftFriction):
     """Friction in proportion to speed."""
 
     family, number, title = "viscous_friction", 2, "viscous friction"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -113,17 +114,26 @@ _TYPES: dict[str, Any] = {
 }
 
 
+@cache
+def _empty(batch: int, dtype: Any, device: str) -> Any:
+    """Nothing is lit: kernels see it by the length of the second axis."""
+    return wp.zeros((batch, 0), dtype=dtype, device=device)
+
+
 def _views(tensors: dict[str, torch.Tensor], images: slice) -> SimpleNamespace:
-    """Warp's view of some of the images in every tensor; `x_grad` has the type of `x`."""
+    """Warp's view of some of the images in every tensor; `x_grad` has the type of `x`.
+
+    Descriptors instead of Warp's arrays halve what a small image costs.
+    """
     views = {}
     for name, tensor in tensors.items():
         dtype = LightRow if name == "light_shares" else _TYPES[name.removesuffix("_grad")]
         part = tensor[images]
-        if part.numel() == 0:  # nothing is lit; kernels see it by the length of the second axis
-            views[name] = wp.zeros((part.shape[0], 0), dtype=dtype, device=str(part.device))
+        if part.numel() == 0:
+            views[name] = _empty(part.shape[0], dtype, str(part.device))
         else:
-            views[name] = wp.from_torch(part, dtype=dtype)
-    return SimpleNamespace(**views)
+            views[name] = wp.from_torch(part, dtype=dtype, requires_grad=False, return_ctype=True)
+    return SimpleNamespace(**views, batch=images.stop - images.start)
 
 
 def _launch(setup: RasterSetup, kernel: Any, dim: tuple[int, ...], inputs: list[Any]) -> None:
@@ -133,7 +143,7 @@ def _launch(setup: RasterSetup, kernel: Any, dim: tuple[int, ...], inputs: list[
 def _draw(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, images: slice) -> None:
     """Forward pass of some images."""
     t = _views(tensors, images)
-    batch, n_faces = t.points.shape[0], setup.faces.shape[0]
+    batch, n_faces = t.batch, setup.faces.shape[0]
     faces = (batch, n_faces)
     if lit:
         normals = (batch, setup.normal_start.shape[0] - 1)
@@ -165,7 +175,7 @@ def _draw(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, image
 def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, images: slice) -> None:
     """Backward pass of some images: shading at the visible samples, then everything that jumps."""
     t = _views(tensors, images)
-    batch, n_faces = t.points.shape[0], setup.faces.shape[0]
+    batch, n_faces = t.batch, setup.faces.shape[0]
     shading = [t.planes, setup.faces, t.attributes, t.brightness]
     inputs = [*shading, setup.samples, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
     _launch(setup, raster_kernels.shade_adjoint, (batch, setup.height, setup.width), inputs)
@@ -204,7 +214,7 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
         t.image_grad,
         t.planes_grad,
     ]
-    _launch(setup, cut_kernels.integrate_cuts, t.keys.shape, inputs)
+    _launch(setup, cut_kernels.integrate_cuts, (batch, *tensors["keys"].shape[1:]), inputs)
     inputs = [
         t.points,
         setup.faces,

@@ -9,15 +9,22 @@ from pathlib import Path
 
 # Distribution roots that only the named places may import. Paths are relative to the repository.
 ALLOWED: dict[str, tuple[str, ...]] = {
-    "pybullet": ("samrl_core/world/", "samrl_core/forge/"),
+    "pybullet": ("samrl_core/world/", "samrl_core/forge/", "samrl_core/benchmarks/peers/"),
     "pybullet_data": (),
     "warp": (
         "samrl_core/model/",
         "samrl_core/dynamics/",
         "samrl_core/warp_runtime.py",
         "samrl_core/diagnosis/effects/age_chain.py",  # a recursion over samples, too slow in Python
+        "samrl_core/benchmarks/",  # Newton is used through it; limits of a device are measured with it
     ),
-    "mujoco": ("samrl_core/forge/", "samrl_core/scoring/"),  # second engine of sealed worlds, and a baseline
+    "mujoco": (
+        "samrl_core/forge/",  # second engine of sealed worlds
+        "samrl_core/scoring/",  # a baseline
+        "samrl_core/benchmarks/peers/",
+    ),
+    "mitsuba": ("samrl_core/benchmarks/peers/",),
+    "newton": ("samrl_core/benchmarks/peers/",),
     "pinocchio": ("samrl_core/robots/", "samrl_core/dynamics/"),
     "plotly": ("samrl_core/report/",),
     "rclpy": ("samrl_ros/",),
@@ -52,7 +59,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
     frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}),
     frozenset({"report"}),
-    frozenset({"scoring", "experiments"}),
+    frozenset({"scoring", "experiments", "benchmarks"}),
 )
 
 

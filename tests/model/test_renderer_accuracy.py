@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.model.light import Light
-from samrl_core.model.renderer import Renderer
-from samrl_core.types.camera import Intrinsics
-from tests.model.thread_scene import (
+from samrl_core.benchmarks.thread_scene import (
     LENS,
     ThreadScene,
     differences,
@@ -19,6 +16,9 @@ from tests.model.thread_scene import (
     rgb_xyz,
     thread_scene,
 )
+from samrl_core.model.light import Light
+from samrl_core.model.renderer import Renderer
+from samrl_core.types.camera import Intrinsics
 
 LIGHT = Light.of((0.4, -0.5, 1.0), 0.7, 0.3)
 SMALL, LARGE = (14, 4), (44, 11)  # 2,242 and 19,362 triangles

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from samrl_core.benchmarks.thread_scene import ThreadScene, rgb_xyz, thread_scene, turn
 from samrl_core.errors import InputError
 from samrl_core.model.light import Light
 from samrl_core.model.renderer import Renderer
 from samrl_core.types.camera import Intrinsics
-from tests.model.thread_scene import ThreadScene, rgb_xyz, thread_scene, turn
 
 LENS = Intrinsics.from_fov(50, 38, np.deg2rad(45.0))  # neither square nor a power of two
 COUNT = 5

@@ -7,6 +7,7 @@ import physics_scenes as scenes
 import torch
 from gradient_check import Case
 
+from samrl_core.benchmarks import physics_scenes as common
 from samrl_core.model.physics.layout import lay_out
 from samrl_core.model.physics.scene import PhysicsScene
 
@@ -24,7 +25,7 @@ def case(scene: PhysicsScene, q: np.ndarray, v: np.ndarray, steps: int, velocity
 
 def disc(steps: int, height: float, speed: float, lift: float = 0.0) -> Case:
     q = np.array([0.0, 0.0, 0.01 - SAG + height, 0.0, 0.0, 0.0, 1.0])
-    made = case(scenes.disc_on_plane(), q, np.array([speed, 0, 0, 0, 0, 0.3]), steps, None)
+    made = case(common.disc_on_plane(), q, np.array([speed, 0, 0, 0, 0, 0.3]), steps, None)
     if lift:
         made.wrench[steps // 2 :, 0, 2] = lift
     return made

@@ -1,57 +1,15 @@
-"""Scenes of the physics tests: chain, sliding disc, peg in hole, thread in eye, spatula under pancake."""
+"""Scenes of the physics tests beside the benchmarks': peg in hole, thread in eye, spatula under pancake."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.benchmarks.physics_scenes import at, chain, circle, cylinder_inertia
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import block_with_hole, box, cylinder, plane, ring
-from samrl_core.types.pose import Pose
 
 FREE = Joint(JointKind.FREE)
 HAND = Joint(JointKind.FREE, driven=True)
-UNIT = (0.0, 0.0, 0.0, 1.0)
-
-
-def at(x: float, y: float, z: float) -> Pose:
-    return Pose(np.array([x, y, z]), np.array(UNIT))
-
-
-def circle(radius: float, z: float, count: int) -> np.ndarray:
-    angle = 2 * np.pi * np.arange(count) / count
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(count, z)], axis=1)
-
-
-def cylinder_inertia(mass: float, radius: float, length: float) -> np.ndarray:
-    side = mass * (3 * radius**2 + length**2) / 12
-    return np.diag([side, side, 0.5 * mass * radius**2])
-
-
-def chain(
-    links: int, length: float, mass: float, radius: float, stiffness: float, damping: float
-) -> list[Body]:
-    """Links hanging along -z, two hinges in front of each."""
-    inertia = cylinder_inertia(mass, radius, length)
-    bodies = []
-    for i in range(links):
-        joints = (
-            Joint(JointKind.REVOLUTE, (1, 0, 0), at(0, 0, -length if i else 0), False, stiffness, damping),
-            Joint(JointKind.REVOLUTE, (0, 1, 0), stiffness=stiffness, damping=damping),
-        )
-        bodies.append(Body(f"link {i}", mass, inertia, joints, (0, 0, -length / 2), i - 1))
-    return bodies
-
-
-def free_chain() -> PhysicsScene:
-    """10 links of 0.1 m and 50 g, 20 DoF, hung from the world."""
-    return PhysicsScene(tuple(chain(10, 0.1, 0.05, 0.02, 0.0, 1e-3)))
-
-
-def disc_on_plane(step_s: float = 1 / 240, friction: float = 0.3) -> PhysicsScene:
-    """A disc of 0.1 kg, radius 8 cm, 2 cm thick, on eight points of its lower rim."""
-    body = Body("disc", 0.1, cylinder_inertia(0.1, 0.08, 0.02), (FREE,))
-    pair = ContactPair(0, circle(0.08, -0.01, 8), WORLD, 0, friction=friction)
-    return PhysicsScene((body,), (plane(),), (pair,), step_s=step_s)
 
 
 def peg_in_hole() -> PhysicsScene:

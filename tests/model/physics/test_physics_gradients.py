@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contact_cases
 import numpy as np
-import physics_scenes as scenes
 import pytest
 import torch
 from gradient_check import Case, difference_errors, precision_errors
+
+from samrl_core.benchmarks import physics_scenes as common
 
 SMOOTH = 5e-4
 CONTACT = 1e-2
@@ -16,7 +17,7 @@ CONTACT = 1e-2
 def chain_case(steps: int) -> Case:
     rng = np.random.default_rng(0)
     made = contact_cases.case(
-        scenes.free_chain(), 0.4 * rng.normal(size=20), rng.normal(size=20), steps, None
+        common.free_chain(), 0.4 * rng.normal(size=20), rng.normal(size=20), steps, None
     )
     made.wrench[:] = torch.as_tensor(0.02 * rng.normal(size=(steps, 10, 6)))
     return made

@@ -9,6 +9,7 @@ import pytest
 import torch
 from gradient_check import Case, inputs
 
+from samrl_core.benchmarks import physics_scenes as common
 from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import plane
@@ -39,7 +40,7 @@ def test_free_chain_is_mujocos(dtype: torch.dtype, limit: float) -> None:
     mujoco = pytest.importorskip("mujoco")
     rng = np.random.default_rng(0)
     q, v = 0.4 * rng.normal(size=20), rng.normal(size=20)
-    states = run(contact_cases.case(scenes.free_chain(), q, v, 30, None), dtype)
+    states = run(contact_cases.case(common.free_chain(), q, v, 30, None), dtype)
     model = mujoco.MjModel.from_xml_string(mujoco_chain())
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = q, v
@@ -53,7 +54,7 @@ def test_sliding_disc_against_closed_form() -> None:
     """x = v t - mu g t^2 / 2 while it slides, v^2 / (2 mu g) when it has stopped."""
     sliding = run(contact_cases.disc(24, 0.0, 0.5)).q[-1, 0, 0].item()
     assert sliding == pytest.approx(0.5 * 0.1 - 0.5 * 0.3 * 9.81 * 0.1**2, rel=0.02)
-    finer = scenes.disc_on_plane(step_s=1 / 480)  # the end error of a first-order step: 2.4 % at 240 Hz
+    finer = common.disc_on_plane(step_s=1 / 480)  # the end error of a first-order step: 2.4 % at 240 Hz
     q = np.array([0, 0, 0.01 - contact_cases.SAG, 0, 0, 0, 1.0])
     stopped = run(contact_cases.case(finer, q, np.array([0.5, 0, 0, 0, 0, 0]), 144, None))
     assert stopped.q[-1, 0, 0].item() == pytest.approx(0.5**2 / (2 * 0.3 * 9.81), rel=0.02)
@@ -68,7 +69,7 @@ def test_disc_rests_at_the_depth_that_carries_it() -> None:
 @pytest.mark.parametrize(("slope", "slips"), [(0.25, False), (0.35, True)])
 def test_friction_cone_on_a_slope(slope: float, slips: bool) -> None:
     """On a slope of tangent 0.25 a disc of friction 0.3 holds (it creeps), at 0.35 it slides."""
-    flat = scenes.disc_on_plane()
+    flat = common.disc_on_plane()
     angle = np.arctan(slope)
     gravity = (9.81 * np.sin(angle), 0.0, -9.81 * np.cos(angle))
     scene = PhysicsScene(flat.bodies, flat.world_shapes, flat.contacts, gravity)
@@ -117,7 +118,7 @@ def test_energy_of_a_tumbling_disc_does_not_grow() -> None:
     """Thrown on its rim, it bounces, rolls and falls over; every step may only lose energy."""
     q = np.array([0, 0, 0.12, *(np.array([0.5, 0.1, 0.0, 0.86]) / np.linalg.norm([0.5, 0.1, 0.0, 0.86]))])
     states = run(
-        contact_cases.case(scenes.disc_on_plane(), q, np.array([0.4, 0.1, -0.5, 1, 2, 0.5]), 480, None)
+        contact_cases.case(common.disc_on_plane(), q, np.array([0.4, 0.1, -0.5, 1, 2, 0.5]), 480, None)
     )
     total = energy(states, scenes.cylinder_inertia(0.1, 0.08, 0.02), 0.1)
     assert total[-1] < 0.3 * total[0]

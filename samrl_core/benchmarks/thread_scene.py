@@ -38,12 +38,14 @@ SPAN = 0.5 * np.repeat([4e-3, 5e-3, 3e-2, 5e-3], 3)
 
 @dataclass(frozen=True, eq=False)
 class ThreadScene:
+    """Vertices, colours and connectivity, and a camera."""
+
     vertices: torch.Tensor  # (V, 3)
     color: torch.Tensor  # (V, 3)
     target: torch.Tensor  # (V,) 1 on the moved links
     topology: Topology
-    rotation: torch.Tensor
-    translation: torch.Tensor
+    rotation: torch.Tensor  # (3, 3) world to camera
+    translation: torch.Tensor  # (3,) world to camera [m]
 
 
 def capsule(segments: int, rings: int, axis: float) -> tuple[np.ndarray, np.ndarray]:
@@ -111,6 +113,7 @@ def thread_scene(
 
 
 def turn(w: torch.Tensor) -> torch.Tensor:
+    """Rotation (3, 3) by a rotation vector (3,) [rad]."""
     zero = torch.zeros((), dtype=w.dtype)
     return torch.matrix_exp(torch.stack([zero, -w[2], w[1], w[2], zero, -w[0], -w[1], w[0], zero]).view(3, 3))
 
@@ -127,6 +130,7 @@ def moved(scene: ThreadScene, renderer: Renderer, p: torch.Tensor, light: Light 
 
 
 def rgb_xyz(r: Rendered) -> torch.Tensor:
+    """Colour and position (..., 6), float64."""
     return torch.cat([r.color, r.xyz], dim=-1).double()
 
 
@@ -162,19 +166,47 @@ def differences(image: Callable[[torch.Tensor], torch.Tensor], span: np.ndarray)
     return torch.stack(rows)
 
 
+@dataclass(frozen=True, eq=False)
+class PoseReference:
+    """What the pose gradient of some functionals of the image should be."""
+
+    weights: dict[str, torch.Tensor]  # (H, W, 6) per functional
+    slopes: dict[str, torch.Tensor]  # (12,) per functional, by differences of an image of 16 x 16 samples
+
+    @staticmethod
+    def of(scene: ThreadScene, light: Light | None = None) -> PoseReference:
+        """Renders 24 images and two more; some seconds."""
+        fine = Renderer(scene.topology, LENS, supersample=16)
+        rows = differences(lambda p: rgb_xyz(moved(scene, fine, p, light)), SPAN)
+        weights = functionals(scene, light)
+        return PoseReference(weights, {n: (rows * w).sum(dim=(1, 2, 3)) for n, w in weights.items()})
+
+    def errors(self, gradients: dict[str, torch.Tensor]) -> dict[str, list[float]]:
+        """Relative errors per functional, over the four blocks of three parameters."""
+        return {
+            name: [
+                float((gradients[name][k : k + 3] - slope[k : k + 3]).norm() / slope[k : k + 3].norm())
+                for k in range(0, 12, 3)
+            ]
+            for name, slope in self.slopes.items()
+        }
+
+
+def pose_gradients(
+    scene: ThreadScene, reference: PoseReference, light: Light | None = None, supersample: int = 2
+) -> dict[str, torch.Tensor]:
+    """The renderer's own gradient (12,) of each functional."""
+    plain = Renderer(scene.topology, LENS, supersample=supersample)
+    result = {}
+    for name, weights in reference.weights.items():
+        p = torch.zeros(12, dtype=torch.float64, requires_grad=True)
+        (result[name],) = torch.autograd.grad((rgb_xyz(moved(scene, plain, p, light)) * weights).sum(), p)
+    return result
+
+
 def pose_errors(
     scene: ThreadScene, light: Light | None = None, supersample: int = 2
 ) -> dict[str, list[float]]:
     """Relative errors of the pose gradient per functional, over the four blocks of three parameters."""
-    fine, plain = (Renderer(scene.topology, LENS, supersample=s) for s in (16, supersample))
-    reference = differences(lambda p: rgb_xyz(moved(scene, fine, p, light)), SPAN)
-    result = {}
-    for name, weights in functionals(scene, light).items():
-        expected = (reference * weights).sum(dim=(1, 2, 3))
-        p = torch.zeros(12, dtype=torch.float64, requires_grad=True)
-        (gradient,) = torch.autograd.grad((rgb_xyz(moved(scene, plain, p, light)) * weights).sum(), p)
-        result[name] = [
-            float((gradient[k : k + 3] - expected[k : k + 3]).norm() / expected[k : k + 3].norm())
-            for k in range(0, 12, 3)
-        ]
-    return result
+    reference = PoseReference.of(scene, light)
+    return reference.errors(pose_gradients(scene, reference, light, supersample))

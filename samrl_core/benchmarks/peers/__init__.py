@@ -1,0 +1,1 @@
+"""Other people's libraries on the same work: one file each, imported only when it is measured."""

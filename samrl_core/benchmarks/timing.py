@@ -1,0 +1,58 @@
+"""Timing of alternatives in one process, in turn, so that a busy machine slows all of them alike."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Job:
+    """One alternative: what is run, and how much of it one run is."""
+
+    name: str
+    run: Callable[[], object]
+    amount: float = 1.0  # images, steps or distances per run
+    finish: Callable[[], None] = lambda: None  # waits for a device; its time counts
+    facts: dict[str, Any] = field(default_factory=dict)  # anything to report beside the time
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What one alternative took."""
+
+    name: str
+    seconds: float  # median of one unit of work [s]
+    best: float  # shortest [s]
+    per_second: float  # units of work, by the median [1/s]
+    facts: dict[str, Any]
+
+    def times_faster(self, other: Timing) -> float:
+        """How often this one does a unit while the other does one."""
+        return other.seconds / self.seconds
+
+
+def in_turn(jobs: Sequence[Job], rounds: int, done: Callable[[], None] = lambda: None) -> dict[str, Timing]:
+    """Runs every job once to warm up, then all of them one after the other, `rounds` times."""
+    taken: dict[str, list[float]] = {job.name: [] for job in jobs}
+    for turn in range(rounds + 1):
+        for job in jobs:
+            start = time.perf_counter()
+            job.run()
+            job.finish()
+            if turn:
+                taken[job.name].append((time.perf_counter() - start) / job.amount)
+            done()
+    return {
+        job.name: Timing(
+            job.name,
+            median(taken[job.name]),
+            min(taken[job.name]),
+            1.0 / median(taken[job.name]),
+            dict(job.facts),
+        )
+        for job in jobs
+    }

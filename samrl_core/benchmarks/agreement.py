@@ -29,15 +29,15 @@ def image_gradients(device: str, lit: bool) -> Gradients:
     return dict(zip(names, (g.cpu().double() for g in torch.autograd.grad(loss, inputs)), strict=True))
 
 
-def motion_gradients(device: str, scene: PhysicsScene, steps: int = 30) -> Gradients:
-    """Of fixed weights on the last state, float32; on a CPU too."""
-    model = PhysicsModel(scene, torch.float32, device)
+def motion_gradients(device: str, scene: PhysicsScene, dtype: torch.dtype, steps: int = 30) -> Gradients:
+    """Of fixed weights on the last state."""
+    model = PhysicsModel(scene, dtype, device)
     state = model.start_state(1)
     q, v = state.q.clone(), state.v.clone()
     if scene.contacts:
         q[:, 2], v[:, 0] = 0.01, 0.5
     else:
-        start = [torch.as_tensor(x, dtype=torch.float32, device=device) for x in chain_start()]
+        start = [torch.as_tensor(x, dtype=dtype, device=device) for x in chain_start()]
         q[:], v[:] = start[0], start[1]
     values = {"q": q, "v": v} | dict(vars(model.parameters(1)))
     values = {n: t.requires_grad_(True) for n, t in values.items() if t.numel()}
@@ -45,7 +45,7 @@ def motion_gradients(device: str, scene: PhysicsScene, steps: int = 30) -> Gradi
     parameters = PhysicsParameters(**({n: t for n, t in values.items() if n not in ("q", "v")} | rest))
     end = model.rollout(PhysicsState(values["q"], values["v"]), model.no_action(1, steps), parameters)
     generator = torch.Generator().manual_seed(1)
-    weight = torch.randn(end.q.shape[-1], generator=generator).to(device)
+    weight = torch.randn(end.q.shape[-1], generator=generator).to(device, dtype)
     loss = (end.q[-1] * weight).sum() + 0.05 * (end.v[-1] * weight[: end.v.shape[-1]]).sum()
     gradients = torch.autograd.grad(loss, list(values.values()), allow_unused=True)
     return {
@@ -60,8 +60,10 @@ def all_gradients(device: str) -> dict[str, Gradients]:
     return {
         "image unlit": image_gradients(device, False),
         "image lit": image_gradients(device, True),
-        "chain": motion_gradients(device, free_chain()),
-        "disc": motion_gradients(device, disc_on_plane()),
+        "chain": motion_gradients(device, free_chain(), torch.float64),
+        "chain, float32": motion_gradients(device, free_chain(), torch.float32),
+        "disc": motion_gradients(device, disc_on_plane(), torch.float64),
+        "disc, float32": motion_gradients(device, disc_on_plane(), torch.float32),
     }
 
 

@@ -17,6 +17,8 @@ from samrl_core.model.topology import Topology
 from samrl_core.warp_runtime import start
 
 _MODULES = (raster_kernels, edge_kernels, cut_kernels, light_kernels)
+_RUN = 16  # pixels that one GPU thread gathers before it adds to a triangle
+_STRIPS = 32  # GPU threads that share a triangle of a single image: a table fills half of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,7 @@ class RasterSetup:
     edge_step: float  # [px]
     background: Any  # Pixel
     threads: int  # at most so many on a CPU, each with images of its own
+    on_gpu: bool
 
 
 def make_setup(
@@ -93,7 +96,14 @@ def make_setup(
         edge_step=edge_step,
         background=Pixel(*background, 0.0, 0.0, 0.0, 0.0),
         threads=threads if where.type == "cpu" else 1,
+        on_gpu=where.type != "cpu",
     )
+
+
+def _strips(setup: RasterSetup, batch: int) -> int:
+    """Threads per triangle: with many images there is work enough for all."""
+    return max(1, min(_STRIPS, 4096 // batch)) if setup.on_gpu else 1
+
 
 
 _TYPES: dict[str, Any] = {
@@ -154,8 +164,9 @@ def _draw(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, image
         _launch(setup, light_kernels.brighten, faces, inputs)
     inputs = [t.points, setup.faces, setup.lens, setup.width, setup.height, t.planes, t.boxes]
     _launch(setup, raster_kernels.set_up_triangles, faces, inputs)
-    inputs = [t.planes, t.boxes, setup.lens.near, setup.samples, t.keys]
-    _launch(setup, raster_kernels.rasterize, faces, inputs)
+    strips = _strips(setup, batch)
+    inputs = [t.planes, t.boxes, setup.lens.near, setup.samples, strips, t.keys]
+    _launch(setup, raster_kernels.rasterize, (*faces, strips), inputs)
     inputs = [
         t.planes,
         setup.faces,
@@ -177,8 +188,10 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
     t = _views(tensors, images)
     batch, n_faces = t.batch, setup.faces.shape[0]
     shading = [t.planes, setup.faces, t.attributes, t.brightness]
-    inputs = [*shading, setup.samples, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
-    _launch(setup, raster_kernels.shade_adjoint, (batch, setup.height, setup.width), inputs)
+    run = _RUN if setup.on_gpu else setup.width
+    inputs = [*shading, setup.samples, run, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
+    runs = (batch, setup.height, -(-setup.width // run))
+    _launch(setup, raster_kernels.shade_adjoint, runs, inputs)
     inputs = [
         t.points,
         t.planes,

@@ -24,6 +24,9 @@ from samrl_core.model.edge_kernels import WALK, way_out
 from samrl_core.model.kernel_types import Pixel
 from samrl_core.model.raster_kernels import triangle_of, value_at
 
+# Products and sums are rounded one by one, or a GPU would see another triangle at an edge than a CPU.
+wp.set_module_options({"fuse_fp": False})
+
 # Slope of g per sample, relative to 1/z, below which surfaces are one and the same: rounding decides.
 PARALLEL = wp.constant(wp.float32(1.0e-5))
 

@@ -20,6 +20,9 @@ import warp as wp
 from samrl_core.model.kernel_types import EdgeUse, Pixel
 from samrl_core.model.raster_kernels import Lens, corner_value, triangle_of, value_at
 
+# Products and sums are rounded one by one, or a GPU would see another triangle at an edge than a CPU.
+wp.set_module_options({"fuse_fp": False})
+
 # Relative depth by which something must lie in front to hide an edge; 0.5 mm at 0.5 m. Less would
 # drop edges that touch what they stand on, from rounding.
 HIDE = wp.constant(wp.float32(1.0e-3))

@@ -18,6 +18,9 @@ import warp as wp
 
 from samrl_core.model.kernel_types import LightRow, Pixel
 
+# Products and sums are rounded one by one, or a GPU would see another triangle at an edge than a CPU.
+wp.set_module_options({"fuse_fp": False})
+
 
 @wp.func
 def world_point(attributes: wp.array2d(dtype=Pixel), b: int, vertex: int):

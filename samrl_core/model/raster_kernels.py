@@ -18,6 +18,9 @@ import warp as wp
 
 from samrl_core.model.kernel_types import Pixel
 
+# Products and sums are rounded one by one, or a GPU would see another triangle at an edge than a CPU.
+wp.set_module_options({"fuse_fp": False})
+
 DEPTH_SCALE = wp.constant(wp.float32(4294967296.0))  # 1/z in units of 2^-32 / m: exact to float32
 ID_BITS = wp.constant(wp.int64(24))
 ID_MASK = wp.constant(wp.int64(0xFFFFFF))
@@ -96,35 +99,45 @@ def value_at(
 
 
 @wp.func
-def add_adjoint(
+def slope_at(
     planes: wp.array2d(dtype=wp.mat33),
     faces: wp.array2d(dtype=wp.int32),
     attributes: wp.array2d(dtype=Pixel),
     brightness: wp.array2d(dtype=wp.vec3),
     b: int,
     triangle: int,
-    u: float,
-    v: float,
+    pixel: wp.vec3,
     g: Pixel,
+):
+    """Adjoint of `value_at` = sum w_i a_i / sum w_i, w = W (u, v, 1): dL/dw, and the shares w_i / sum w."""
+    w = planes[b, triangle] * pixel
+    z = 1.0 / (w[0] + w[1] + w[2])
+    slope = wp.vec3(
+        wp.dot(g, corner_value(attributes, brightness, b, triangle, 0, faces[triangle, 0])),
+        wp.dot(g, corner_value(attributes, brightness, b, triangle, 1, faces[triangle, 1])),
+        wp.dot(g, corner_value(attributes, brightness, b, triangle, 2, faces[triangle, 2])),
+    )
+    mean = wp.dot(slope, w) * z
+    return (slope - wp.vec3(mean, mean, mean)) * z, w * z
+
+
+@wp.func
+def add_to_triangle(
+    b: int,
+    triangle: int,
+    plane: wp.mat33,
+    first: Pixel,
+    second: Pixel,
+    third: Pixel,
     planes_grad: wp.array2d(dtype=wp.mat33),
     corner_grad: wp.array3d(dtype=Pixel),
 ):
-    """Adds the adjoint of `value_at`: value = sum w_i a_i / sum w_i, w = W (u, v, 1)."""
+    """Adds what a run of pixels has gathered."""
     if triangle >= 0:
-        pixel = wp.vec3(u, v, 1.0)
-        w = planes[b, triangle] * pixel
-        z = 1.0 / (w[0] + w[1] + w[2])
-        slope = wp.vec3(
-            wp.dot(g, corner_value(attributes, brightness, b, triangle, 0, faces[triangle, 0])),
-            wp.dot(g, corner_value(attributes, brightness, b, triangle, 1, faces[triangle, 1])),
-            wp.dot(g, corner_value(attributes, brightness, b, triangle, 2, faces[triangle, 2])),
-        )
-        mean = wp.dot(slope, w) * z
-        dw = (slope - wp.vec3(mean, mean, mean)) * z
-        wp.atomic_add(planes_grad, b, triangle, wp.outer(dw, pixel))
-        wp.atomic_add(corner_grad, b, triangle, 0, g * (w[0] * z))
-        wp.atomic_add(corner_grad, b, triangle, 1, g * (w[1] * z))
-        wp.atomic_add(corner_grad, b, triangle, 2, g * (w[2] * z))
+        wp.atomic_add(planes_grad, b, triangle, plane)
+        wp.atomic_add(corner_grad, b, triangle, 0, first)
+        wp.atomic_add(corner_grad, b, triangle, 1, second)
+        wp.atomic_add(corner_grad, b, triangle, 2, third)
 
 
 @wp.kernel(enable_backward=False)
@@ -199,10 +212,11 @@ def rasterize(
     boxes: wp.array2d(dtype=wp.vec4),  # (B, F)
     near: float,
     samples: int,
+    strips: int,  # threads that share a triangle, row by row
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s), zero where empty
 ):
     """Nearest triangle per sample; of equals the lowest index wins, in any order of execution."""
-    b, f = wp.tid()
+    b, f, strip = wp.tid()
     box = boxes[b, f]
     if box[0] > box[2]:
         return
@@ -212,7 +226,7 @@ def rasterize(
     m = planes[b, f]
     du = m[0, 0] + m[1, 0] + m[2, 0]
     low = wp.int64(0xFFFFFF) - wp.int64(f)
-    for row in range(first_row, last_row + 1):
+    for row in range(first_row + strip, last_row + 1, strips):
         v = (float(row) + 0.5) / s
         lo = box[0]
         hi = box[2]
@@ -292,36 +306,58 @@ def shade_adjoint(
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
     brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
     samples: int,
+    run: int,  # pixels of a row that one thread takes
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
     planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F) out, added
     corner_grad: wp.array3d(dtype=Pixel),  # (B, F, 3) out, added
 ):
-    """Adjoint of `shade` with respect to W and to the values at the corners of each triangle."""
-    b, y, x = wp.tid()
+    """Adjoint of `shade` with respect to W and to the values at the corners of each triangle.
+
+    Neighbouring pixels mostly see one triangle: their sum is added once, for additions to one place wait
+    for each other.
+    """
+    b, y, part = wp.tid()
     inverse = 1.0 / float(samples)
-    first = keys[b, y * samples, x * samples]
-    mixed = int(0)
-    for row in range(y * samples, (y + 1) * samples):
-        for column in range(x * samples, (x + 1) * samples):
-            if (keys[b, row, column] & ID_MASK) != (first & ID_MASK):
-                mixed = 1
-    g = image_grad[b, y, x]
-    if mixed == 1:
-        g = g * (inverse * inverse)
+    seen = int(-1)
+    plane = wp.mat33()
+    one = Pixel()
+    two = Pixel()
+    three = Pixel()
+    for x in range(part * run, wp.min((part + 1) * run, image_grad.shape[2])):
+        first = keys[b, y * samples, x * samples]
+        mixed = int(0)
         for row in range(y * samples, (y + 1) * samples):
             for column in range(x * samples, (x + 1) * samples):
+                if (keys[b, row, column] & ID_MASK) != (first & ID_MASK):
+                    mixed = 1
+        g = image_grad[b, y, x]
+        count = int(1)
+        if mixed == 1:
+            g = g * (inverse * inverse)
+            count = samples * samples
+        for k in range(count):
+            at = wp.vec3(float(x) + 0.5, float(y) + 0.5, 1.0)
+            triangle = triangle_of(first)
+            if mixed == 1:
+                row = y * samples + k / samples
+                column = x * samples + k % samples
+                at = wp.vec3((float(column) + 0.5) * inverse, (float(row) + 0.5) * inverse, 1.0)
                 triangle = triangle_of(keys[b, row, column])
-                u = (float(column) + 0.5) * inverse
-                v = (float(row) + 0.5) * inverse
-                add_adjoint(
-                    planes, faces, attributes, brightness, b, triangle, u, v, g, planes_grad, corner_grad
-                )
-    else:
-        u = float(x) + 0.5
-        v = float(y) + 0.5
-        triangle = triangle_of(first)
-        add_adjoint(planes, faces, attributes, brightness, b, triangle, u, v, g, planes_grad, corner_grad)
+            if triangle != seen:
+                add_to_triangle(b, seen, plane, one, two, three, planes_grad, corner_grad)
+                seen = triangle
+                plane = wp.mat33()
+                one = Pixel()
+                two = Pixel()
+                three = Pixel()
+            if triangle >= 0:
+                dw, share = slope_at(planes, faces, attributes, brightness, b, triangle, at, g)
+                plane += wp.outer(dw, at)
+                one += g * share[0]
+                two += g * share[1]
+                three += g * share[2]
+    add_to_triangle(b, seen, plane, one, two, three, planes_grad, corner_grad)
 
 
 @wp.kernel(enable_backward=False)

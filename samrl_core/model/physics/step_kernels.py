@@ -222,7 +222,7 @@ def step_kernels(double: bool) -> SimpleNamespace:
 
     @wp.kernel(module="unique")
     def integrate(tree: Tree, motion: Motion, k: int):
-        e, l = wp.tid()
+        l, e = wp.tid()
         integrate_joint(tree, motion, k, e, l)
 
     return SimpleNamespace(step=step, integrate=integrate)

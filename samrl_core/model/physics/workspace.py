@@ -102,16 +102,22 @@ class Workspace:
         links, dofs, unknowns = len(layout.parent), len(layout.link_of_v), layout.unknowns
         points, actions = len(layout.pair), max(1, layout.actions)
 
-        def zeros(shape: tuple[int, ...], dtype: Any, grad: bool = False) -> Any:
+        def zeros(shape: tuple[int, ...], dtype: Any, grad: bool = False, of_batch: int = 0) -> Any:
             # At least one of everything: an array of no size has no pointer to capture.
             shape = tuple(max(1, n) for n in shape)
-            return wp.zeros(shape, dtype=dtype, device=c.device, requires_grad=grad)
+            if c.device == "cpu" or len(shape) == 1:
+                return wp.zeros(shape, dtype=dtype, device=c.device, requires_grad=grad)
+            # Threads of a GPU are environments and read the same place of each: neighbours in memory.
+            rest = [k for k in range(len(shape)) if k != of_batch]
+            order = [*rest, of_batch]
+            array = wp.zeros([shape[k] for k in order], dtype=dtype, device=c.device, requires_grad=grad)
+            return array.transpose([order.index(k) for k in range(len(shape))])
 
         motion = t.Motion()
-        motion.q = zeros((steps + 1, batch, len(layout.start_q)), t.real, True)
-        motion.v = zeros((steps + 1, batch, dofs), t.real, True)
-        motion.action = zeros((steps, batch, actions), t.real, True)
-        motion.wrench = zeros((steps, batch, 2 * c.bodies), t.vec3, True)
+        motion.q = zeros((steps + 1, batch, len(layout.start_q)), t.real, True, 1)
+        motion.v = zeros((steps + 1, batch, dofs), t.real, True, 1)
+        motion.action = zeros((steps, batch, actions), t.real, True, 1)
+        motion.wrench = zeros((steps, batch, 2 * c.bodies), t.vec3, True, 1)
         values = t.Values()
         shapes: dict[str, tuple[int, Any]] = {
             "mass": (c.bodies, t.real),
@@ -140,11 +146,11 @@ class Workspace:
         for name in ("normal", "slip", "slip_change"):
             setattr(solve, name, zeros((batch, points), t.vec3))
         solve.gap = zeros((batch, points), t.real)
-        solve.factor = zeros((steps, batch, unknowns, unknowns), t.real)
-        solve.pivot = zeros((steps, batch, unknowns), wp.int32)
-        solve.active = zeros((steps, batch, points), wp.int32)
-        solve.active_count = zeros((steps, batch), wp.int32)
-        solve.error = zeros((steps, batch), t.real)
+        solve.factor = zeros((steps, batch, unknowns, unknowns), t.real, of_batch=1)
+        solve.pivot = zeros((steps, batch, unknowns), wp.int32, of_batch=1)
+        solve.active = zeros((steps, batch, points), wp.int32, of_batch=1)
+        solve.active_count = zeros((steps, batch), wp.int32, of_batch=1)
+        solve.error = zeros((steps, batch), t.real, of_batch=1)
         power = t.Power()
         for name in VECTORS:
             setattr(power, name, zeros((batch, links + 1), t.vec3, True))
@@ -222,7 +228,7 @@ class Workspace:
         for k in reversed(range(self.steps)):
             wp.launch(
                 integrate,
-                dim=(self.batch, c.tree.links),
+                dim=(c.tree.links, self.batch),
                 inputs=[c.tree, self.motion, k],
                 adj_inputs=[no_tree, self._motion_grad, 0],
                 adj_outputs=[],

@@ -2,6 +2,7 @@
 #   make cell    one recorded episode of the cell      make test   fast tests, then check
 #   make slow    the slow tests                        make check  ruff, pyright
 #   make bench   the cell's benchmark                  make docs   documents generated from code
+#   make bench-model   the model beside its peers, which it installs (Mitsuba needs Debian's libllvm19)
 #   make clean   remove .venv and caches (recordings in out/ stay)
 # Variables: PYTHON (3.11, or 3.12 with a self-built pybullet), TASK, SEED, EPISODES.
 
@@ -25,7 +26,7 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: setup cell test check slow bench docs clean
+.PHONY: setup cell test check slow bench bench-model docs clean
 .DELETE_ON_ERROR:
 
 setup: $(BUILT)
@@ -62,6 +63,12 @@ slow: $(BUILT)
 bench: $(BUILT)
 	@mkdir -p out
 	$(BIN)/samrl bench cell --out out/bench-$$(date +%Y%m%d-%H%M%S)
+
+bench-model: $(BUILT)
+	$(PIP) install -q -c constraints.txt -e ".[bench]"
+	@n=1; while [ -e out/bench-model-$$n ]; do n=$$((n + 1)); done; \
+	for part in emd physics renderer; do \
+	  $(BIN)/samrl bench $$part --out out/bench-model-$$n || exit; done
 
 docs: $(BUILT)
 	$(BIN)/python -m samrl_ros.docs

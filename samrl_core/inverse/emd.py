@@ -80,7 +80,7 @@ def earth_movers(first: np.ndarray, second: np.ndarray, max_points: int = MAX_PO
     """
     a, b = _checked(first, "first"), _checked(second, "second")
     size = min(a.shape[0], b.shape[0], max_points)
-    ia, ib = farthest_points(a, size), farthest_points(b, size)
+    ia, ib = (farthest_points(p, size) if size < len(p) else np.arange(size) for p in (a, b))
     offset = a[ia][:, None, :] - b[ib][None, :, :]
     cost = np.sqrt(np.einsum("ijk,ijk->ij", offset, offset))
     row, column = linear_sum_assignment(cost)

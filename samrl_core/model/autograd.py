@@ -105,7 +105,6 @@ def _strips(setup: RasterSetup, batch: int) -> int:
     return max(1, min(_STRIPS, 4096 // batch)) if setup.on_gpu else 1
 
 
-
 _TYPES: dict[str, Any] = {
     "points": wp.vec3,
     "attributes": Pixel,

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from samrl_core.errors import InputError
+
 bench_app = typer.Typer(help="Measure.", no_args_is_help=True)
 
 
@@ -28,3 +30,60 @@ def cell(
     from samrl_ros.bench.cell_bench import bench_cell
 
     raise typer.Exit(bench_cell(out, seed, episodes, real_time_factor))
+
+
+ModelOut = Annotated[Path, typer.Option("--out", help="Folder of the results; they must not be there yet.")]
+Rounds = Annotated[int, typer.Option(help="Turns of every alternative; the median counts.", min=1)]
+Device = Annotated[str, typer.Option(help="torch's name of the device whose rates are measured.")]
+Batches = Annotated[
+    list[int] | None, typer.Option("--batch", help="Size of a batch; repeat for more.", min=1)
+]
+
+
+def _device(name: str) -> str:
+    import torch
+
+    try:
+        torch.zeros(1, device=name)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(
+            f"device {name}: {str(error).splitlines()[0]}; --device cpu runs everywhere"
+        ) from error
+    return name
+
+
+@bench_app.command("renderer")
+def renderer(
+    out: ModelOut = Path("out/bench-model"), rounds: Rounds = 5, device: Device = "cpu", batch: Batches = None
+) -> None:
+    """The renderer beside Mitsuba (gradients at equal error) and PyBullet's TinyRenderer (images)."""
+    from samrl_ros.bench.model_bench import measure, renderer_parts
+
+    batches = batch or [1, 16, 64]
+    raise typer.Exit(measure("renderer", renderer_parts(rounds, batches, _device(device)), out))
+
+
+@bench_app.command("physics")
+def physics(
+    out: ModelOut = Path("out/bench-model"),
+    rounds: Rounds = 5,
+    device: Device = "cpu",
+    batch: Batches = None,
+    nimble: Annotated[
+        Path | None,
+        typer.Option(help="Python of an environment with nimblephysics and numpy<2; left out without it."),
+    ] = None,
+) -> None:
+    """The physics beside MuJoCo, Newton and Nimble: a free chain, a sliding disc."""
+    from samrl_ros.bench.model_bench import measure, physics_parts
+
+    batches = batch or [1, 64]
+    raise typer.Exit(measure("physics", physics_parts(rounds, batches, _device(device), nimble), out))
+
+
+@bench_app.command("emd")
+def emd(out: ModelOut = Path("out/bench-model"), rounds: Rounds = 9) -> None:
+    """The exact Earth Mover's Distance beside POT and GeomLoss."""
+    from samrl_ros.bench.model_bench import emd_parts, measure
+
+    raise typer.Exit(measure("emd", emd_parts(rounds), out))

@@ -38,6 +38,7 @@ class PhysicsModel:
         where = "cpu" if torch.device(device).type == "cpu" else f"cuda:{torch.device(device).index or 0}"
         self._constants = Constants(scene, self.layout, dtype == torch.float64, where)
         self._workspaces: dict[tuple[int, int], Workspace] = {}
+        self._checked: list[tuple[torch.Tensor, int]] = []  # parameters found good, and their versions
 
     def parameters(self, batch: int) -> PhysicsParameters:
         """The scene's own values."""
@@ -120,7 +121,14 @@ class PhysicsModel:
             length = state.q.detach()[:, first : first + 4].norm(dim=1)
             if bool(((length - 1.0).abs() > 1e-3).any()):
                 raise InputError(f"quaternion lengths {length.tolist()} must be 1; normalise them")
-        parameters.check()
+        # Checking costs more than a rollout of some steps: once for the same unchanged tensors.
+        now = [(value, value._version) for value in parameters.tensors()]
+        same = len(self._checked) == len(now) and all(
+            a is b and i == k for (a, i), (b, k) in zip(self._checked, now, strict=True)
+        )
+        if not same:
+            parameters.check()
+            self._checked = now
 
 
 class _Rollout(torch.autograd.Function):

@@ -17,7 +17,7 @@ from samrl_core.model.topology import Topology
 from samrl_core.warp_runtime import start
 
 _MODULES = (raster_kernels, edge_kernels, cut_kernels, light_kernels)
-_RUN = 16  # pixels that one GPU thread gathers before it adds to a triangle
+_RUN = 16  # pixels of a row that one GPU thread takes: neighbours mostly see one triangle
 _STRIPS = 32  # GPU threads that share a triangle of a single image: a table fills half of one
 
 
@@ -100,6 +100,16 @@ def make_setup(
     )
 
 
+def _run(setup: RasterSetup, width: int) -> int:
+    """How much of a row one thread takes: on a CPU all of it."""
+    return _RUN if setup.on_gpu else width
+
+
+def _runs(setup: RasterSetup, batch: int, height: int, width: int) -> tuple[int, int, int]:
+    """Threads of a kernel that takes rows in runs."""
+    return batch, height, -(-width // _run(setup, width))
+
+
 def _strips(setup: RasterSetup, batch: int) -> int:
     """Threads per triangle: with many images there is work enough for all."""
     return max(1, min(_STRIPS, 4096 // batch)) if setup.on_gpu else 1
@@ -174,12 +184,13 @@ def _draw(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, image
         setup.face_label,
         setup.background,
         setup.samples,
+        _run(setup, setup.width),
         t.keys,
         t.image,
         t.depth,
         t.label,
     ]
-    _launch(setup, raster_kernels.shade, (batch, setup.height, setup.width), inputs)
+    _launch(setup, raster_kernels.shade, _runs(setup, batch, setup.height, setup.width), inputs)
 
 
 def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, images: slice) -> None:
@@ -187,10 +198,10 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
     t = _views(tensors, images)
     batch, n_faces = t.batch, setup.faces.shape[0]
     shading = [t.planes, setup.faces, t.attributes, t.brightness]
-    run = _RUN if setup.on_gpu else setup.width
+    run = _run(setup, setup.width)
     inputs = [*shading, setup.samples, run, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
-    runs = (batch, setup.height, -(-setup.width // run))
-    _launch(setup, raster_kernels.shade_adjoint, runs, inputs)
+    pixel_runs = _runs(setup, batch, setup.height, setup.width)
+    _launch(setup, raster_kernels.shade_adjoint, pixel_runs, inputs)
     inputs = [
         t.points,
         t.planes,
@@ -221,12 +232,14 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
         setup.background,
         setup.lens.near,
         setup.samples,
+        _run(setup, setup.width * setup.samples),
         t.keys,
         t.claims,
         t.image_grad,
         t.planes_grad,
     ]
-    _launch(setup, cut_kernels.integrate_cuts, (batch, *tensors["keys"].shape[1:]), inputs)
+    height, width = tensors["keys"].shape[1:]
+    _launch(setup, cut_kernels.integrate_cuts, _runs(setup, batch, height, width), inputs)
     inputs = [
         t.points,
         setup.faces,

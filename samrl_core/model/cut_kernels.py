@@ -22,7 +22,7 @@ import warp as wp
 
 from samrl_core.model.edge_kernels import WALK, way_out
 from samrl_core.model.kernel_types import Pixel
-from samrl_core.model.raster_kernels import triangle_of, value_at
+from samrl_core.model.raster_kernels import ID_MASK, triangle_of, value_at
 
 # Products and sums are rounded one by one, or a GPU would see another triangle at an edge than a CPU.
 wp.set_module_options({"fuse_fp": False})
@@ -186,24 +186,26 @@ def intersection(
     add_to_rows(planes_grad, b, second, at, -gain)
 
 
-@wp.kernel(enable_backward=False)
-def integrate_cuts(
-    planes: wp.array2d(dtype=wp.mat33),  # (B, F)
-    faces: wp.array2d(dtype=wp.int32),  # (F, 3)
-    face_part: wp.array(dtype=wp.int32),  # (F,)
-    neighbors: wp.array2d(dtype=wp.int32),  # (F, 3)
-    attributes: wp.array2d(dtype=Pixel),  # (B, V)
-    brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
+@wp.func
+def cuts_of_sample(
+    planes: wp.array2d(dtype=wp.mat33),
+    faces: wp.array2d(dtype=wp.int32),
+    face_part: wp.array(dtype=wp.int32),
+    neighbors: wp.array2d(dtype=wp.int32),
+    attributes: wp.array2d(dtype=Pixel),
+    brightness: wp.array2d(dtype=wp.vec3),
     background: Pixel,
     near: float,
     samples: int,
-    keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
-    claims: wp.array3d(dtype=wp.uint8),  # (B, H s, W s)
-    image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
-    planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F) out, added
+    keys: wp.array3d(dtype=wp.int64),
+    claims: wp.array3d(dtype=wp.uint8),
+    image_grad: wp.array3d(dtype=Pixel),
+    planes_grad: wp.array2d(dtype=wp.mat33),
+    b: int,
+    y: int,
+    x: int,
 ):
-    """Adds dL/dW of all intersections and near cuts between a sample and its right and lower neighbour."""
-    b, y, x = wp.tid()
+    """Intersections and near cuts between a sample and its right and lower neighbour."""
     spacing = 1.0 / float(samples)
     here = triangle_of(keys[b, y, x])
     p = wp.vec3((float(x) + 0.5) * spacing, (float(y) + 0.5) * spacing, 1.0)
@@ -234,3 +236,38 @@ def integrate_cuts(
             planes, faces, neighbors, attributes, brightness, background, b, here, there, p, q, axis, spacing,
             image_grad, planes_grad,
         )  # fmt: skip
+
+
+@wp.kernel(enable_backward=False)
+def integrate_cuts(
+    planes: wp.array2d(dtype=wp.mat33),  # (B, F)
+    faces: wp.array2d(dtype=wp.int32),  # (F, 3)
+    face_part: wp.array(dtype=wp.int32),  # (F,)
+    neighbors: wp.array2d(dtype=wp.int32),  # (F, 3)
+    attributes: wp.array2d(dtype=Pixel),  # (B, V)
+    brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
+    background: Pixel,
+    near: float,
+    samples: int,
+    run: int,  # samples of a row that one thread takes
+    keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
+    claims: wp.array3d(dtype=wp.uint8),  # (B, H s, W s)
+    image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
+    planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F) out, added
+):
+    """Adds dL/dW of all intersections and near cuts."""
+    b, y, part = wp.tid()
+    for x in range(part * run, wp.min((part + 1) * run, keys.shape[2])):
+        seen = keys[b, y, x] & ID_MASK
+        same = int(1)
+        if x + 1 < keys.shape[2]:
+            if (keys[b, y, x + 1] & ID_MASK) != seen:
+                same = 0
+        if y + 1 < keys.shape[1]:
+            if (keys[b, y + 1, x] & ID_MASK) != seen:
+                same = 0
+        if same == 0:
+            cuts_of_sample(
+                planes, faces, face_part, neighbors, attributes, brightness, background, near, samples, keys,
+                claims, image_grad, planes_grad, b, y, x,
+            )  # fmt: skip

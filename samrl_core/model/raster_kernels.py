@@ -260,43 +260,75 @@ def shade(
     face_label: wp.array(dtype=wp.int32),  # (F,)
     background: Pixel,
     samples: int,
+    run: int,  # pixels of a row that one thread takes
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image: wp.array3d(dtype=Pixel),  # (B, H, W) out
     depth: wp.array3d(dtype=wp.float32),  # (B, H, W) out [m]
     label: wp.array3d(dtype=wp.int32),  # (B, H, W) out
 ):
-    """Mean over the samples; where all of them see one triangle, its value at the pixel's centre."""
-    b, y, x = wp.tid()
+    """Mean over the samples; where all of them see one triangle, its value at the pixel's centre.
+
+    Neighbouring pixels mostly see one triangle, whose value is a fraction of two linear functions of the
+    place: they are found once. Taken from the first corner's value, so that a constant stays constant.
+    """
+    b, y, part = wp.tid()
     inverse = 1.0 / float(samples)
-    first = keys[b, y * samples, x * samples]
-    nearest = first
-    mixed = int(0)
-    for row in range(y * samples, (y + 1) * samples):
-        for column in range(x * samples, (x + 1) * samples):
-            key = keys[b, row, column]
-            nearest = wp.max(nearest, key)
-            if (key & ID_MASK) != (first & ID_MASK):
-                mixed = 1
-    front = triangle_of(nearest)
-    if mixed == 1:
-        value = Pixel()
+    known = int(-2)
+    base = Pixel()
+    by_u = Pixel()
+    by_v = Pixel()
+    rest = Pixel()
+    over = wp.vec3()
+    for x in range(part * run, wp.min((part + 1) * run, image.shape[2])):
+        first = keys[b, y * samples, x * samples]
+        nearest = first
+        mixed = int(0)
         for row in range(y * samples, (y + 1) * samples):
             for column in range(x * samples, (x + 1) * samples):
-                triangle = triangle_of(keys[b, row, column])
+                key = keys[b, row, column]
+                nearest = wp.max(nearest, key)
+                if (key & ID_MASK) != (first & ID_MASK):
+                    mixed = 1
+        count = int(1)
+        if mixed == 1:
+            count = samples * samples
+        value = Pixel()
+        for k in range(count):
+            u = float(x) + 0.5
+            v = float(y) + 0.5
+            triangle = triangle_of(first)
+            if mixed == 1:
+                row = y * samples + k / samples
+                column = x * samples + k % samples
                 u = (float(column) + 0.5) * inverse
                 v = (float(row) + 0.5) * inverse
-                value += value_at(planes, faces, attributes, brightness, background, b, triangle, u, v)
-        image[b, y, x] = value * (inverse * inverse)
-    else:
-        image[b, y, x] = value_at(
-            planes, faces, attributes, brightness, background, b, front, float(x) + 0.5, float(y) + 0.5
-        )
-    if front >= 0:
-        depth[b, y, x] = DEPTH_SCALE / wp.float32(nearest >> ID_BITS)
-        label[b, y, x] = face_label[front]
-    else:
-        depth[b, y, x] = wp.inf
-        label[b, y, x] = 0
+                triangle = triangle_of(keys[b, row, column])
+            if triangle != known:
+                known = triangle
+                if triangle >= 0:
+                    m = planes[b, triangle]
+                    base = corner_value(attributes, brightness, b, triangle, 0, faces[triangle, 0])
+                    one = corner_value(attributes, brightness, b, triangle, 1, faces[triangle, 1]) - base
+                    two = corner_value(attributes, brightness, b, triangle, 2, faces[triangle, 2]) - base
+                    by_u = one * m[1, 0] + two * m[2, 0]
+                    by_v = one * m[1, 1] + two * m[2, 1]
+                    rest = one * m[1, 2] + two * m[2, 2]
+                    over = m[0] + m[1] + m[2]
+            if triangle >= 0:
+                z = 1.0 / (over[0] * u + over[1] * v + over[2])
+                value += base + (by_u * u + by_v * v + rest) * z
+            else:
+                value += background
+        if mixed == 1:
+            value = value * (inverse * inverse)
+        image[b, y, x] = value
+        front = triangle_of(nearest)
+        if front >= 0:
+            depth[b, y, x] = DEPTH_SCALE / wp.float32(nearest >> ID_BITS)
+            label[b, y, x] = face_label[front]
+        else:
+            depth[b, y, x] = wp.inf
+            label[b, y, x] = 0
 
 
 @wp.kernel(enable_backward=False)

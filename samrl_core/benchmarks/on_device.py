@@ -2,8 +2,8 @@
 
     python -m samrl_core.benchmarks.on_device --device cuda:0 --out DIR
 
-Needs torch, warp-lang, numpy and scipy alone, no ROS, no PyBullet. `--gradients FILE` alone, on a machine
-whose Warp has a CPU compiler, writes the CPU's gradients, which `--beside FILE` reads on one that has none.
+Needs torch, warp-lang, numpy, scipy and matplotlib alone, no ROS, no PyBullet. `--gradients FILE` alone, on a
+machine whose Warp has a CPU compiler, writes the CPU's gradients, which `--beside FILE` reads on one without.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from pathlib import Path
 import torch
 
 from samrl_core.benchmarks import agreement, batches
+from samrl_core.benchmarks.plots import rate_picture
 
 BATCHES = (1, 64, 1024, 8192)
 ROUNDS = 7
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure and write `on_device.json`."""
+    """Measure and write `on_device.json` and `on_device.png`."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--device", default="cpu", help="torch's name of the device")
     parser.add_argument("--out", type=Path, help="folder of the results")
@@ -49,6 +50,7 @@ def main(arguments: list[str] | None = None) -> None:
     }
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "on_device.json").write_text(json.dumps(result, indent=1))
+    rate_picture(result, given.out / "on_device.png")
     print(json.dumps(result, indent=1))
 
 

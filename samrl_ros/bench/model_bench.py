@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from samrl_core.benchmarks.plots import ratio_picture
 from samrl_core.errors import InputError
 from samrl_ros.exit_codes import FAILED, OK
 from samrl_ros.summary import write_json
@@ -46,12 +47,14 @@ def measure(name: str, parts: Mapping[str, Part], out: Path) -> int:
         report["missing"] = missing
     out.mkdir(parents=True, exist_ok=True)
     write_json(path, report)
+    picture = path.with_suffix(".png")
+    ratio_picture(report, picture)
     for part in parts:
         if part in report:
             console.print(_table(part, report[part]))
     for part, why in missing.items():
         console.print(f"{part}: not measured: {why}", style="yellow", highlight=False)
-    console.print(f"bench:   {path}", highlight=False)
+    console.print(f"bench:   {path}\npicture: {picture}", highlight=False)
     return FAILED if missing else OK
 
 

@@ -17,7 +17,7 @@ from samrl_core.model.topology import Topology
 from samrl_core.warp_runtime import start
 
 _MODULES = (raster_kernels, edge_kernels, cut_kernels, light_kernels)
-_RUN = 16  # pixels of a row that one GPU thread takes: neighbours mostly see one triangle
+_GATHERED = 16  # pixels of a row that one GPU thread sums up before it adds to a triangle
 _STRIPS = 32  # GPU threads that share a triangle of a single image: a table fills half of one
 
 
@@ -100,14 +100,17 @@ def make_setup(
     )
 
 
-def _run(setup: RasterSetup, width: int) -> int:
-    """How much of a row one thread takes: on a CPU all of it."""
-    return _RUN if setup.on_gpu else width
+def _launch_rows(
+    setup: RasterSetup, kernel: Any, size: tuple[int, int, int], gathered: int, inputs: list[Any]
+) -> None:
+    """Launches a kernel that takes rows in runs: on a CPU whole ones, for neighbours mostly see one triangle.
 
-
-def _runs(setup: RasterSetup, batch: int, height: int, width: int) -> tuple[int, int, int]:
-    """Threads of a kernel that takes rows in runs."""
-    return batch, height, -(-width // _run(setup, width))
+    `size` is batch, height and width of what it goes over, `gathered` the run of a GPU's thread, which comes
+    first among the inputs.
+    """
+    batch, height, width = size
+    run = gathered if setup.on_gpu else width
+    _launch(setup, kernel, (batch, height, -(-width // run)), [run, *inputs])
 
 
 def _strips(setup: RasterSetup, batch: int) -> int:
@@ -184,13 +187,12 @@ def _draw(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, image
         setup.face_label,
         setup.background,
         setup.samples,
-        _run(setup, setup.width),
         t.keys,
         t.image,
         t.depth,
         t.label,
     ]
-    _launch(setup, raster_kernels.shade, _runs(setup, batch, setup.height, setup.width), inputs)
+    _launch_rows(setup, raster_kernels.shade, (batch, setup.height, setup.width), 1, inputs)
 
 
 def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, images: slice) -> None:
@@ -198,10 +200,9 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
     t = _views(tensors, images)
     batch, n_faces = t.batch, setup.faces.shape[0]
     shading = [t.planes, setup.faces, t.attributes, t.brightness]
-    run = _run(setup, setup.width)
-    inputs = [*shading, setup.samples, run, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
-    pixel_runs = _runs(setup, batch, setup.height, setup.width)
-    _launch(setup, raster_kernels.shade_adjoint, pixel_runs, inputs)
+    pixels = (batch, setup.height, setup.width)
+    inputs = [*shading, setup.samples, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
+    _launch_rows(setup, raster_kernels.shade_adjoint, pixels, _GATHERED, inputs)
     inputs = [
         t.points,
         t.planes,
@@ -232,14 +233,13 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
         setup.background,
         setup.lens.near,
         setup.samples,
-        _run(setup, setup.width * setup.samples),
         t.keys,
         t.claims,
         t.image_grad,
         t.planes_grad,
     ]
     height, width = tensors["keys"].shape[1:]
-    _launch(setup, cut_kernels.integrate_cuts, _runs(setup, batch, height, width), inputs)
+    _launch_rows(setup, cut_kernels.integrate_cuts, (batch, height, width), 1, inputs)
     inputs = [
         t.points,
         setup.faces,

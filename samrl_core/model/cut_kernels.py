@@ -240,6 +240,7 @@ def cuts_of_sample(
 
 @wp.kernel(enable_backward=False)
 def integrate_cuts(
+    run: int,  # samples of a row that one thread takes
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
     face_part: wp.array(dtype=wp.int32),  # (F,)
@@ -249,7 +250,6 @@ def integrate_cuts(
     background: Pixel,
     near: float,
     samples: int,
-    run: int,  # samples of a row that one thread takes
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     claims: wp.array3d(dtype=wp.uint8),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)

@@ -253,6 +253,7 @@ def rasterize(
 
 @wp.kernel(enable_backward=False)
 def shade(
+    run: int,  # pixels of a row that one thread takes
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
@@ -260,7 +261,6 @@ def shade(
     face_label: wp.array(dtype=wp.int32),  # (F,)
     background: Pixel,
     samples: int,
-    run: int,  # pixels of a row that one thread takes
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image: wp.array3d(dtype=Pixel),  # (B, H, W) out
     depth: wp.array3d(dtype=wp.float32),  # (B, H, W) out [m]
@@ -333,12 +333,12 @@ def shade(
 
 @wp.kernel(enable_backward=False)
 def shade_adjoint(
+    run: int,  # pixels of a row that one thread takes
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
     brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
     samples: int,
-    run: int,  # pixels of a row that one thread takes
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
     planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F) out, added

@@ -109,7 +109,10 @@ class ViewPlanner:
         if strategy == "fixed":
             return self._choice(False, stay, present, 0, estimate, tool_arm_position, "fixed view")
         obstacles = Capsules.joined(
-            (self._reach.tool_capsules(tool_arm_position), self._reach.body_capsules(estimate.values))
+            (
+                self._reach.tool_capsules(tool_arm_position, estimate.values),
+                self._reach.body_capsules(estimate.values),
+            )
         )
         free = [v for v in self._reach.views if self._reach.is_clear(v.capsules, obstacles)]
         if strategy == "random":

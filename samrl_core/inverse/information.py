@@ -35,6 +35,7 @@ class TargetImage:
     color: np.ndarray  # (H, W, 3) coverage x colour, 0..1
     depth: np.ndarray  # (H, W) [m], of the target where it covers a pixel
     mask: np.ndarray  # (H, W) bool, target covers more than half of the pixel
+    rim: int = 1  # at the mask's boundary depth is not compared; 0 for targets that are all boundary [px]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,15 +88,14 @@ def view_information(
     span = 2 * h if central else h
 
     # Depth counts only well inside the target: at its boundary the sensor mixes or loses it.
-    inside = eroded(middle.mask)
+    inside = eroded(middle.mask, middle.rim)
     for a, b in ends:
         inside &= a.mask & b.mask
     unit = np.full((*middle.mask.shape, 4), noise.color)
     unit[..., 3] = noise.depth * np.where(inside, middle.depth, 1.0) ** 2
 
     def slope(axis: int) -> np.ndarray:
-        whole = np.where(middle.mask, middle.depth, 0.0)  # read inside only, where neighbours are target too
-        depth = np.where(inside, np.gradient(whole, axis=axis), 0.0)
+        depth = np.where(inside, _slope_within(middle.depth, middle.mask, axis), 0.0)
         return np.concatenate([np.gradient(middle.color, axis=axis), depth[..., None]], axis=-1) / unit
 
     slope_v, slope_u = slope(0), slope(1)  # of channels of unit noise, per pixel
@@ -130,12 +130,29 @@ def view_information(
     )
 
 
+def _slope_within(depth: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:
+    """Slope of depth (H, W) [m/px] from neighbours that are target too: both, or the one there is, else 0."""
+    whole = np.where(mask, depth, 0.0)
+    lower, upper = np.full(whole.shape, np.nan), np.full(whole.shape, np.nan)
+    step = np.where(np.diff(mask.astype(np.int8), axis=axis) == 0, np.diff(whole, axis=axis), np.nan)
+    first, last = [slice(None)] * 2, [slice(None)] * 2
+    first[axis], last[axis] = slice(None, -1), slice(1, None)
+    upper[tuple(first)], lower[tuple(last)] = step, step
+    both = 0.5 * (np.where(np.isnan(lower), upper, lower) + np.where(np.isnan(upper), lower, upper))
+    return np.where(mask & np.isfinite(both), both, 0.0)
+
+
 def _channels(image: TargetImage, inside: np.ndarray, unit: np.ndarray) -> np.ndarray:
     depth = np.where(inside, image.depth, 0.0)
     return np.concatenate([image.color, depth[..., None]], axis=-1) / unit
 
 
-def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) -> np.ndarray:
+def newton_step(
+    view: ViewInformation,
+    real: TargetImage,
+    outlier: float = 3.0,
+    belief: tuple[np.ndarray, np.ndarray] | None = None,
+) -> np.ndarray:
     """Change of the parameters (P,) that the linear model asks for: the noise-weighted end of eq. 7.
 
     Eq. 4's plain sum lets the ragged boundary of the segmentation outvote the sharp edges inside the target.
@@ -145,9 +162,12 @@ def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) 
         view: linearised where the parameters are now.
         real: the real image cut by the real mask; depth NaN where it was not measured.
         outlier: in standard deviations of a pixel's channel.
+        belief: distance from here to the mean of what was believed before (P,), and the inverse of its
+            covariance (P, P); the step then goes to the likeliest place of both. Without it, directions that
+            the image does not show are left alone.
     """
     near = view.near
-    measured = (view.inside & eroded(real.mask) & np.isfinite(real.depth))[near]
+    measured = (view.inside & eroded(real.mask, real.rim) & np.isfinite(real.depth))[near]
     color = real.color[near] / view.unit[:, :3]
     depth = np.where(measured, np.nan_to_num(real.depth[near]) / view.unit[:, 3], view.middle[:, 3])
     residual = np.concatenate([color, depth[:, None]], axis=-1) - view.middle  # (K, 4)
@@ -157,9 +177,11 @@ def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) 
     size = np.sqrt((residual**2).sum(axis=-1) * own)
     weight = view.weight * np.minimum(1.0, outlier / np.maximum(size, 1e-12))
     normal = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
-    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ np.einsum(
-        "kci,k,kc->i", rows, weight, residual
-    )
+    slope = np.einsum("kci,k,kc->i", rows, weight, residual)
+    if belief is not None:
+        home, precision = belief
+        return np.linalg.solve(normal + precision, slope + precision @ home)
+    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ slope
 
 
 def fused(
@@ -173,6 +195,19 @@ def fused(
     Raises:
         InputError: the covariance is not positive definite.
     """
+    widened = widened_belief(mean, covariance, fit, information, surprise)
+    posterior = np.linalg.inv(np.linalg.inv(widened) + information)
+    return mean + posterior @ information @ (fit - mean), 0.5 * (posterior + posterior.T)
+
+
+def widened_belief(
+    mean: np.ndarray, covariance: np.ndarray, fit: np.ndarray, information: np.ndarray, surprise: float
+) -> np.ndarray:
+    """The covariance (P, P), larger where a fit surprises (`fused`).
+
+    Raises:
+        InputError: the covariance is not positive definite.
+    """
     eigenvalues = np.linalg.eigvalsh(covariance)
     if not eigenvalues.min() > 0:
         raise InputError(f"covariance has eigenvalues {eigenvalues}, must be positive definite")
@@ -181,6 +216,4 @@ def fused(
     gain = covariance @ np.linalg.inv(np.eye(mean.size) + information @ covariance) @ information
     spread = information - information @ gain  # (C + I^-1)^-1 without inverting a singular I
     distance = float(offset @ spread @ offset) / mean.size
-    widened = covariance * max(1.0, distance / surprise)
-    posterior = np.linalg.inv(np.linalg.inv(widened) + information)
-    return mean + posterior @ information @ offset, 0.5 * (posterior + posterior.T)
+    return covariance * max(1.0, distance / surprise)

@@ -40,6 +40,7 @@ class DampedSettings:
     largest_step: float = 1.5  # longest change of a parameter in a step [scale]
     smallest_step: float = 0.02  # converged when a step is below [scale]
     smallest_gain: float = 1e-3  # converged when two steps in a row gain less than this share of the value
+    patience: int = 4  # converged when so many steps in a row do not help
     first_damping: float = 0.05  # added to the curvature, as a share of its diagonal (Marquardt 1963)
     ease: float = 0.3  # factor on the damping after a step that helped
     brake: float = 4.0  # factor on the damping after one that did not
@@ -82,7 +83,7 @@ def minimize_damped(
         raise InputError(f"start {x} is not finite")
     s = settings
     x = np.clip(x, lower, upper)
-    best, here, first, damping, idle = x, None, np.nan, s.first_damping, 0
+    best, here, first, damping, idle, failed = x, None, np.nan, s.first_damping, 0, 0
     trial = x
     for k in range(s.max_evaluations):
         there = objective(trial)
@@ -93,16 +94,16 @@ def minimize_damped(
         elif there.value < here.value:
             gain = (here.value - there.value) / max(abs(here.value), 1e-300)
             idle = idle + 1 if gain < s.smallest_gain else 0
-            best, here, damping = trial, there, max(damping * s.ease, 1e-4)
+            best, here, damping, failed = trial, there, max(damping * s.ease, 1e-4), 0
         else:
-            damping *= s.brake
+            damping, failed = damping * s.brake, failed + 1
         if watch is not None:
             watch(best)
         step = _step(here, best, scale, lower, upper, damping)
         longest = np.abs(step).max() / s.largest_step
         step = step / max(1.0, longest) * scale
         trial = np.clip(best + step, lower, upper)
-        if np.abs((trial - best) / scale).max() < s.smallest_step or idle >= 2:
+        if np.abs((trial - best) / scale).max() < s.smallest_step or idle >= 2 or failed >= s.patience:
             return Minimum(best, here.value, first, k + 1, "converged")
     assert here is not None
     return Minimum(best, here.value, first, s.max_evaluations, "iteration_limit")

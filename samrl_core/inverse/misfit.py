@@ -9,9 +9,11 @@ import torch
 
 from samrl_core.inverse.emd import earth_movers
 from samrl_core.inverse.information import TargetImage
-from samrl_core.inverse.target_cloud import in_front, target_cloud
+from samrl_core.inverse.target_cloud import target_cloud
+from samrl_core.inverse.thin_mask import thin_mask
 from samrl_core.model.model import Model
 from samrl_core.model.renderer import Rendered
+from samrl_core.model.target import Reach
 from samrl_core.types.camera import Camera
 from samrl_core.types.observation import Observation
 
@@ -28,19 +30,20 @@ class RealTarget:
     pixels: int  # of the mask
 
     @staticmethod
-    def of(observation: Observation, label: int, thin: bool = False) -> RealTarget:
-        """Cut the target with `label` out of an observation; of a thin one, what lies behind is cut off."""
+    def of(observation: Observation, label: int, reach: Reach | None = None) -> RealTarget:
+        """Cut the target with `label` out of an observation; with `reach` it is a thin one."""
         frame = observation.frame
         mask = frame.mask == label
+        color = frame.color / 255.0
         depth = frame.depth.astype(np.float64)
-        if thin:
-            known = in_front(depth, mask)
-            mask = mask & (known | ~np.isfinite(depth))
-            depth = np.where(known, depth, np.nan)
-        color = frame.color / 255.0 * mask[..., None]
-        rim = 0 if thin else 1
-        cloud = target_cloud(observation.camera.unproject(depth), mask, rim)
-        return RealTarget(TargetImage(color, depth, mask, rim), cloud, int(mask.sum()))
+        points = observation.camera.unproject(depth)
+        if reach is not None:
+            far = np.linalg.norm(points - reach.center, axis=-1) > reach.radius  # not where NaN
+            mask = thin_mask(color, np.where(far, np.inf, depth), mask, frame.mask == 0)
+            depth = np.where(far, np.nan, depth)
+        rim = 1 if reach is None else 0
+        image = TargetImage(color * mask[..., None], depth, mask, rim)
+        return RealTarget(image, target_cloud(points, mask, rim), int(mask.sum()))
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,8 @@ class TargetRenderer:
         self.camera = camera
         self.label = model.target_label
         # A thread is all boundary: taking the rim off would leave nothing.
-        self.thin = model.has_chain
+        self.reach = model.chain_reach(tool_arm_position)
+        self.thin = self.reach is not None
         self._tool_arm = tool_arm_position
 
     def render(self, values: torch.Tensor, colors: torch.Tensor) -> Rendered:
@@ -76,7 +80,8 @@ class TargetRenderer:
             color = (r.color * r.target[..., None]).numpy()
             xyz = r.xyz.numpy().astype(np.float64)
         if self.thin:  # the mean point would lie between the thread and what is behind it
-            return TargetImage(color.astype(np.float64), r.depth.numpy().astype(np.float64), coverage > 0.5, 0)
+            depth = r.depth.numpy().astype(np.float64)
+            return TargetImage(color.astype(np.float64), depth, self._thin_mask(r), 0)
         # Depth of the pixel's mean point: `Rendered.depth` is that of the nearest sample, which on a slanted
         # face is a quarter of a pixel too near and pushed the estimate away from the camera by 0.4 mm.
         world_in_camera = self.camera.camera_in_world.inverse()
@@ -85,12 +90,16 @@ class TargetRenderer:
 
     def cloud(self, rendered: Rendered) -> np.ndarray:
         """X_sim of eq. 5: the target's points (N, 3) in a rendered image, taken as from a real one [m]."""
-        mask = rendered.target.detach().numpy() > 0.5
         if self.thin:
-            mask &= rendered.label.numpy() == self.label
+            mask = self._thin_mask(rendered)
             depth = np.where(mask, rendered.depth.numpy().astype(np.float64), np.nan)
             return target_cloud(self.camera.unproject(depth), mask, 0)
+        mask = rendered.target.detach().numpy() > 0.5
         return target_cloud(rendered.xyz.detach().numpy().astype(np.float64), mask)
+
+    def _thin_mask(self, rendered: Rendered) -> np.ndarray:
+        """Half of a pixel's samples: as many pixels as a sensor with one sample in each would see."""
+        return (rendered.target.detach().numpy() >= 0.5) & (rendered.label.numpy() == self.label)
 
     def pixel_motion(self, points: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """How points (N, 3) [m] that move by `motion` (N, 3, P) move in the image, (N, 2, P) [px per unit]."""
@@ -187,6 +196,15 @@ class Misfit:
         self.color_weight = color_weight
         self.emd_weight = emd_weight
 
+    def points(self, cloud: np.ndarray) -> int:
+        """How many points of each cloud eq. 5 takes.
+
+        Of a thin target half of the smaller cloud at most: thinning then evens out both clouds' densities,
+        which differ where depth was not measured and would pull points along the thread.
+        """
+        fewer = min(len(cloud), len(self._real.cloud))
+        return min(FINE_POINTS, max(1, fewer // 2)) if self._renderer.thin else FINE_POINTS
+
     def losses(self, values: np.ndarray, colors: np.ndarray) -> Losses:
         """Eqs. 4 to 6 without gradient."""
         with torch.no_grad():
@@ -224,7 +242,7 @@ class Misfit:
         cloud = self._renderer.cloud(rendered)
         if len(cloud) < 8:  # out of sight in the model: pull with the whole body instead
             cloud = self._renderer.whole_surface(values)
-        moved = earth_movers(cloud, self._real.cloud, max_points)
+        moved = earth_movers(cloud, self._real.cloud, min(max_points, self.points(cloud)))
         used = moved.matched[:, 0]
         motion = self._renderer.motion(values, cloud[used])
         return moved.value, np.einsum("nc,ncp->p", moved.gradient[used], motion)

@@ -23,7 +23,7 @@ from samrl_core.inverse.information import (
     view_information,
     widened_belief,
 )
-from samrl_core.inverse.misfit import FINE_POINTS, Misfit, RealTarget, TargetRenderer
+from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
 
 _NEAR = 5e-4  # points nearer than this pull no harder [m]
 
@@ -33,10 +33,11 @@ class PoseFitSettings:
     """Losses, step control and noise."""
 
     coarse_above: float = 0.004  # distance of the clouds above which EMD alone is reduced first [m]
-    coarse: DampedSettings = DampedSettings(max_evaluations=10)
+    coarse: DampedSettings = DampedSettings(max_evaluations=10, patience=2)
     fine: DampedSettings = DampedSettings(max_evaluations=10)
     belief_weight: float = 2e-5  # of the distance to what was believed, per parameter and deviation [m]
-    polish: int = 2  # noise-weighted Newton steps at the end
+    polish: int = 4  # noise-weighted Newton steps at the end, at most
+    polish_enough: float = 0.3  # converged when one of them is below [posterior standard deviation]
     polish_limit: float = 2.0  # longest of them, in pixels of the target's fastest point [px]
     jacobian_pixels: float = 0.5  # half span of the differences, of the target's fastest point [px]
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
@@ -102,7 +103,7 @@ class PoseObjective:
         cloud = self._renderer.cloud(rendered)
         if len(cloud) < 8:  # out of sight in the model: pull with the whole target instead
             cloud = self._renderer.whole_surface(values)
-        moved = earth_movers(cloud, self._real.cloud, FINE_POINTS)
+        moved = earth_movers(cloud, self._real.cloud, self._misfit.points(cloud))
         used, wanted = moved.matched.T
         motion = self._renderer.motion(values, cloud[used])
         distance = np.linalg.norm(cloud[used] - self._real.cloud[wanted], axis=1)
@@ -170,13 +171,20 @@ def fit_pose(
     view = view_at(values)
     widened = widened_belief(start, belief, values, view.matrix, s.surprise)
     precision = np.linalg.inv(widened)
-    for _ in range(s.polish):
+    covariance = np.linalg.inv(precision + view.matrix)
+    why = fit.why_stopped
+    for k in range(s.polish):
+        if k:
+            view = view_at(values)
+        covariance = np.linalg.inv(precision + view.matrix)
         change = newton_step(view, real.image, belief=(start - values, precision))
         limit = np.minimum(renderer.pixel_steps(values, s.polish_limit), scale)
         change = change / max(1.0, float(np.abs(change / limit).max()))
         values = np.clip(values + change, lower, upper)
         if watch is not None:
             watch(values)
-        view = view_at(values)
-    covariance = np.linalg.inv(precision + view.matrix)
-    return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, fit.why_stopped)
+        small = bool(np.all(np.abs(change) < s.polish_enough * np.sqrt(np.diag(covariance))))
+        why = "converged" if small else "iteration_limit"
+        if small:
+            break
+    return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)

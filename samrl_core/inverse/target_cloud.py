@@ -26,23 +26,6 @@ def eroded(mask: np.ndarray, pixels: int = 1) -> np.ndarray:
     return inner
 
 
-def in_front(depth: np.ndarray, mask: np.ndarray, jump: float = 0.010, window: int = 2) -> np.ndarray:
-    """Where a thin target's mask (H, W) has a depth [m] that can be the target's own, (H, W) bool.
-
-    A mask that is off by a pixel shows what lies behind a thread, not the thread: what is more than `jump` [m]
-    behind the nearest masked point within `window` pixels is left out, and so is what was not measured.
-    """
-    if depth.shape != mask.shape or mask.dtype != np.bool_:
-        raise InputError(f"depth {depth.shape} and mask {mask.shape} {mask.dtype} must be of one image")
-    known = mask & np.isfinite(depth)
-    z = np.where(known, depth, np.inf)
-    height, width = z.shape
-    padded = np.pad(z, window, constant_values=np.inf)
-    shifts = range(2 * window + 1)
-    nearest = np.min([padded[v : v + height, u : u + width] for v in shifts for u in shifts], axis=0)
-    return known & (z <= nearest + jump)
-
-
 def target_cloud(xyz: np.ndarray, mask: np.ndarray, erosion: int = 1) -> np.ndarray:
     """Points (N, 3) of an image of points (H, W, 3) [m] inside the eroded mask; NaN is dropped.
 

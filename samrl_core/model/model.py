@@ -19,7 +19,7 @@ from samrl_core.model.chain_skin import CHAIN
 from samrl_core.model.color_groups import lambert
 from samrl_core.model.renderer import Rendered, Renderer
 from samrl_core.model.scene_mesh import build_scene_mesh
-from samrl_core.model.target import ALONG, TargetFrames
+from samrl_core.model.target import ALONG, Reach, TargetFrames
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
@@ -110,11 +110,6 @@ class Model:
         return self._target_label
 
     @property
-    def has_chain(self) -> bool:
-        """Whether a chain hangs from the tool; it is part of the target then."""
-        return self._links is not None
-
-    @property
     def target_groups(self) -> np.ndarray:
         """Which colour groups are the target's, (K,) into `color_names`."""
         used = self._mesh.group[(self._target > 0) & self._mesh.is_grouped]
@@ -163,6 +158,14 @@ class Model:
             places += [np.outer(ALONG * link.length, [0.0, 0.0, 1.0]) for link in self._scene.tool.chain]
         which = np.repeat(np.arange(len(places)), [len(p) for p in places])
         return TargetFrames(np.array(rows), np.array(slopes), np.concatenate(places), which)
+
+    def chain_reach(self, tool_arm_position: np.ndarray) -> Reach | None:
+        """Where the chain can be with the tool arm at a joint position (J,) [rad]; None for a rigid tool."""
+        chain = self._scene.tool.chain
+        if not chain:
+            return None
+        center = self._occluders(tool_arm_position).tip.position
+        return Reach(center, 1.1 * sum(link.length for link in chain))  # its thickness is within the tenth
 
     def render(
         self,

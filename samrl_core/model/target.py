@@ -11,6 +11,14 @@ ALONG = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 
 
 @dataclass(frozen=True, eq=False)
+class Reach:
+    """A ball that holds all of a chain, however it hangs."""
+
+    center: np.ndarray  # (3,) in world [m]
+    radius: float  # [m]
+
+
+@dataclass(frozen=True, eq=False)
 class TargetFrames:
     """The F frames that the target's parts are fixed to: bodies first, then links of the chain."""
 

@@ -75,7 +75,7 @@ def minimize_damped(
     x = np.array(start, dtype=np.float64)
     if x.ndim != 1 or not all(np.shape(a) == x.shape for a in (scale, lower, upper)):
         raise InputError(
-            f"start, scale and bounds must be one shape (N,), got {x.shape} {np.shape(scale)} {np.shape(lower)}"
+            f"start, scale, bounds must be one shape (N,), got {x.shape} {np.shape(scale)} {np.shape(lower)}"
         )
     if not (np.all(np.asarray(scale) > 0) and np.all(np.asarray(lower) <= np.asarray(upper))):
         raise InputError(f"scale {scale} must be positive and lower {lower} not above upper {upper}")

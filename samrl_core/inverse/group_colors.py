@@ -38,4 +38,3 @@ def fit_colors(
             x = np.linalg.solve(normal, (a.T * weight) @ wanted[:, channel] + tie * start)
         found[groups, channel] = np.clip(x, 0.0, 1.0)
     return found
-

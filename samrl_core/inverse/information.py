@@ -23,6 +23,8 @@ class ImageNoise:
     # Neighbouring pixels err together (a mask boundary is one curve, not independent samples), so their
     # information is counted once per so many pixels.
     shared_by: float = 5.0  # [px]
+    # A thread's pixels err together over longer pieces: as it is drawn, and both of its edges at once.
+    thin_shared_by: float = 15.0  # [px]
     # Error of calibration and encoders: the whole image is off by this much. It does not average out over
     # the pixels of a view.
     registration: float = 0.10  # [px]
@@ -109,7 +111,8 @@ def view_information(
     near = middle.mask | (np.abs(sensitivity).sum(axis=(-1, -2)) > 0)
     # A shift of the image by +u moves what was at u - 1 here: the slope with the opposite sign.
     rows, shift = sensitivity[near], -np.stack([slope_u[near], slope_v[near]], axis=-1)
-    weight = 1.0 / (noise.shared_by * resolution * variance[near])  # along edges pixels fall with the side
+    shared_by = noise.shared_by if middle.rim else noise.thin_shared_by
+    weight = 1.0 / (shared_by * resolution * variance[near])  # along edges pixels fall with the side
     information = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
     cross = np.einsum("kci,k,kcj->ij", rows, weight, shift, optimize=True)
 

@@ -102,7 +102,7 @@ class TargetRenderer:
         return (rendered.target.detach().numpy() >= 0.5) & (rendered.label.numpy() == self.label)
 
     def pixel_motion(self, points: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """How points (N, 3) [m] that move by `motion` (N, 3, P) move in the image, (N, 2, P) [px per unit]."""
+        """How points (N, 3) [m] moved by `motion` (N, 3, P) move in the image, (N, 2, P) [px per unit]."""
         world_in_camera = self.camera.camera_in_world.inverse()
         x, y, z = world_in_camera.apply(points).T
         z = np.maximum(z, 1e-3)[:, None]

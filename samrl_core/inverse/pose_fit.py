@@ -1,8 +1,8 @@
 """Fit of the target's pose to one image where parameters act together: rotations, joints of a chain.
 
 Eq. 6 is reduced by damped Newton steps: its slope comes from the renderer and the matched points, its
-curvature from how the target's points move. Then a few steps weigh every pixel by its noise, and the result is
-the likeliest pose of image and belief together, with its covariance.
+curvature from how the target's points move. Then a few steps weigh every pixel by its noise, and the
+result is the likeliest pose of image and belief together, with its covariance.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from samrl_core.inverse.information import (
     widened_belief,
 )
 from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
+from samrl_core.tasks.task import Task
 
 _NEAR = 5e-4  # points nearer than this pull no harder [m]
 
@@ -52,6 +53,11 @@ class PoseFit:
     colors: np.ndarray  # (G, 3)
     evaluations: int  # renderings with gradient
     why_stopped: str  # converged | iteration_limit | diverged
+
+
+def acts_together(task: Task) -> bool:
+    """Whether a task's parameters are more than the three coordinates of a place: rotations or joints."""
+    return len(task.parameters()) > 3
 
 
 class PoseObjective:

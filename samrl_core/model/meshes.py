@@ -67,7 +67,7 @@ def revolved_mesh(
     closed = r.ndim == 1 and r.shape == z.shape and r.size >= 3 and r[0] == 0 and r[-1] == 0
     if not closed or not (r[1:-1] > 0).all() or not (np.diff(z) >= 0).all() or segments < 3:
         raise InputError(
-            f"surface about z with radii {r} m at heights {z} m, {segments} segments: radii must be 0 at both "
+            f"surface about z of radii {r} m at heights {z} m, {segments} segments: radii must be 0 at both "
             "ends and positive between, heights must not go down, segments be at least 3"
         )
     n, rings = segments, r.size - 2

@@ -87,7 +87,9 @@ class Model:
         self._moved = frozenset(moved)
         target_labels = sorted({labels[name] for name in moved})
         if len(target_labels) != 1:
-            raise InputError(f"task {task.name} moves things with labels {target_labels}; give them one label")
+            raise InputError(
+                f"task {task.name} moves things with labels {target_labels}; give them one label"
+            )
         self._target_label = target_labels[0]
         self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._renderer = Renderer(

@@ -38,6 +38,12 @@ def camera(task: NeedleThreading | SpatulaFlipping = TASK) -> Camera:
     return Camera(CELL.intrinsics, task.start_camera())
 
 
+def densely(line: np.ndarray) -> np.ndarray:
+    """Points on a broken line, 100 to a piece."""
+    share = np.linspace(0, 1, 100)[:, None]
+    return np.concatenate([a + share * (b - a) for a, b in zip(line[:-1], line[1:], strict=True)])
+
+
 def test_frames_are_those_of_the_task() -> None:
     """Against the kinematics that the world and evaluation use."""
     found = ChainMotion(TASK, CHAIN)(torch.from_numpy(ANGLES), TIP)
@@ -66,7 +72,7 @@ def test_tube_lies_on_the_capsules() -> None:
     skin = chain_skin(CHAIN, 0.4)
     vertices = skin.posed(ChainMotion(TASK, CHAIN)(torch.from_numpy(angles), TIP)).numpy()
     line = chain_points(CHAIN, link_poses(CHAIN, TIP, angles))
-    along = np.concatenate([a + np.outer(np.linspace(0, 1, 200), b - a) for a, b in zip(line, line[1:])])
+    along = densely(line)
     points = np.concatenate([vertices, vertices[skin.faces].mean(axis=1)])
     distance = np.linalg.norm(points[:, None] - along[None], axis=-1).min(axis=1)
     assert abs(distance.mean() / TASK.thread_radius - 1) < 0.06
@@ -77,14 +83,13 @@ def test_tube_lies_on_the_capsules() -> None:
 def test_links_of_other_shapes_and_colours() -> None:
     """Boxes are drawn rigid, each with its link; every colour has a group; labels must agree."""
     box = Box((0.001, 0.001, 0.004), Pose(np.array([0.0, 0.0, 0.005]), np.array([0.0, 0.0, 0.0, 1.0])))
-    links = tuple(
-        replace(link, parts=(box,), color=(0.1 * k, 0.5, 0.2)) for k, link in enumerate(CHAIN[:3])
-    )
+    links = tuple(replace(link, parts=(box,), color=(0.1 * k, 0.5, 0.2)) for k, link in enumerate(CHAIN[:3]))
     skin = chain_skin(links, 0.4)
     assert len(skin.names) == 3 and len(set(skin.part.tolist())) == 3
     poses = link_poses(links, TIP, ANGLES[:6])
     links_now = TensorPose(
-        torch.tensor(np.array([p.rotation for p in poses])), torch.tensor(np.array([p.position for p in poses]))
+        torch.tensor(np.array([p.rotation for p in poses])),
+        torch.tensor(np.array([p.position for p in poses])),
     )
     local = np.concatenate([p.inverse().apply(skin.posed(links_now).numpy()) for p in poses])
     corner = np.abs(np.abs(local - [0.0, 0.0, 0.005]) - [0.001, 0.001, 0.004]).max(axis=1) < 1e-9
@@ -116,7 +121,7 @@ def test_thread_is_where_the_camera_projects_it(joints: np.ndarray) -> None:
     r = model.render(torch.from_numpy(ANGLES), torch.from_numpy(model.initial_colors()), camera(), joints)
     tip = CELL.tool_base_in_world @ model.tip_in_base(joints)
     line = chain_points(CHAIN, link_poses(CHAIN, tip, ANGLES))
-    along = np.concatenate([a + np.outer(np.linspace(0, 1, 50), b - a) for a, b in zip(line, line[1:])])
+    along = densely(line)
     uv = camera().project(along)[:, :2]
     rows, columns = np.nonzero(r.target.numpy() > 0.5)
     pixels = np.stack([columns, rows], axis=1) + 0.5

@@ -132,21 +132,11 @@ def test_thread_is_where_the_camera_projects_it(joints: np.ndarray) -> None:
     assert (r.label.numpy()[r.target.numpy() == 1] == TASK.thread_label).all()
 
 
-class _ManyColors(NeedleThreading):
-    """The same thread with links of different colours."""
-
-    def scene(self, cell):
-        scene = super().scene(cell)
-        hues = [(0.9, 0.1, 0.1), (0.1, 0.8, 0.2), (0.15, 0.2, 0.9)]
-        chain = tuple(replace(link, color=hues[k % 3]) for k, link in enumerate(scene.tool.chain))
-        return Scene(scene.bodies, replace(scene.tool, chain=chain))
-
-
 @pytest.mark.parametrize(
     "task, values",
     [
         (TASK, 0.6 * ANGLES),
-        (_ManyColors(), 0.6 * ANGLES),
+        (NeedleThreading(link_colors=((0.9, 0.1, 0.1), (0.1, 0.8, 0.2), (0.15, 0.2, 0.9))), 0.6 * ANGLES),
         (SpatulaFlipping(), np.array([0.512, 0.004, 0.030, 0.3, -0.4])),
     ],
     ids=["thread", "many_colors", "pancake"],

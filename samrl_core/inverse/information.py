@@ -61,6 +61,7 @@ def view_information(
     noise: ImageNoise,
     resolution: float = 1.0,
     central: bool = True,
+    render_all: Callable[[np.ndarray], list[TargetImage]] | None = None,
 ) -> ViewInformation:
     """J^T W J by differences of images, less what an unknown shift of the image spoils.
 
@@ -77,6 +78,7 @@ def view_information(
         resolution: pixels of this image per pixel of the real one, along a side (a smaller image is faster).
         central: differences to both sides; else forward ones, which take half the renderings and are good
             enough to rank views.
+        render_all: images for parameters (B, P) in one go, where that is quicker than `render` one by one.
 
     Raises:
         InputError: shapes disagree or a step is not positive.
@@ -84,9 +86,13 @@ def view_information(
     v, h = np.asarray(values, dtype=np.float64), np.asarray(steps, dtype=np.float64)
     if v.ndim != 1 or h.shape != v.shape or not np.all(h > 0):
         raise InputError(f"steps {h} must be positive, one per parameter {v}")
-    middle = render(v)
     count = v.size
-    ends = [(render(v + d), render(v - d) if central else middle) for d in np.diag(h)]
+    places = np.concatenate([v[None], v + np.diag(h), *([v - np.diag(h)] if central else [])])
+    images = [render(p) for p in places] if render_all is None else render_all(places)
+    window = _window(images)
+    shape = images[0].mask.shape
+    middle, *moved = [_cut(image, window) for image in images]
+    ends = list(zip(moved[:count], moved[count:] or [middle] * count, strict=True))
     span = 2 * h if central else h
 
     # Depth counts only well inside the target: at its boundary the sensor mixes or loses it.
@@ -124,13 +130,34 @@ def view_information(
     return ViewInformation(
         0.5 * (matrix + matrix.T),
         int(middle.mask.sum()),
-        near,
-        inside,
+        _put(near, window, shape),
+        _put(inside, window, shape),
         rows,
         weight,
         _channels(middle, inside, unit)[near],
         unit[near],
     )
+
+
+def _window(images: list[TargetImage]) -> tuple[slice, slice]:
+    """Rows and columns outside of which no image shows anything of the target, with a rim for slopes."""
+    any_ = np.any([(i.color != 0).any(axis=-1) | i.mask for i in images], axis=0)
+    window = []
+    for axis in (1, 0):
+        used = np.flatnonzero(any_.any(axis=axis))
+        low, high = (used[0], used[-1] + 1) if used.size else (0, 1)
+        window.append(slice(max(0, int(low) - 3), int(high) + 3))
+    return window[0], window[1]
+
+
+def _cut(image: TargetImage, window: tuple[slice, slice]) -> TargetImage:
+    return TargetImage(image.color[window], image.depth[window], image.mask[window], image.rim)
+
+
+def _put(part: np.ndarray, window: tuple[slice, slice], shape: tuple[int, ...]) -> np.ndarray:
+    whole = np.zeros(shape, dtype=part.dtype)
+    whole[window] = part
+    return whole
 
 
 def _slope_within(depth: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:

@@ -73,33 +73,38 @@ class TargetRenderer:
         return self.model.render(values, colors, self.camera, self._tool_arm)
 
     def image(self, values: np.ndarray, colors: np.ndarray) -> TargetImage:
-        """The compared part, without gradient."""
+        """The compared part for values (P,), without gradient."""
+        return self.images(values[None], colors)[0]
+
+    def images(self, values: np.ndarray, colors: np.ndarray) -> list[TargetImage]:
+        """The same for values (B, P), in one rendering."""
         with torch.no_grad():
             r = self.render(torch.as_tensor(values), torch.as_tensor(colors))
             coverage = r.target.numpy()
-            color = (r.color * r.target[..., None]).numpy()
-            xyz = r.xyz.numpy().astype(np.float64)
+            color = (r.color * r.target[..., None]).numpy().astype(np.float64)
         if self.thin:  # the mean point would lie between the thread and what is behind it
             depth = r.depth.numpy().astype(np.float64)
-            return TargetImage(color.astype(np.float64), depth, self._thin_mask(r), 0)
+            masks = self._thin_mask(coverage, r.label.numpy())
+            return [TargetImage(c, d, m, 0) for c, d, m in zip(color, depth, masks, strict=True)]
         # Depth of the pixel's mean point: `Rendered.depth` is that of the nearest sample, which on a slanted
         # face is a quarter of a pixel too near and pushed the estimate away from the camera by 0.4 mm.
         world_in_camera = self.camera.camera_in_world.inverse()
+        xyz = r.xyz.numpy().astype(np.float64)
         depth = xyz @ world_in_camera.rotation[2] + world_in_camera.position[2]
-        return TargetImage(color.astype(np.float64), depth, coverage > 0.5)
+        return [TargetImage(c, d, m) for c, d, m in zip(color, depth, coverage > 0.5, strict=True)]
 
     def cloud(self, rendered: Rendered) -> np.ndarray:
         """X_sim of eq. 5: the target's points (N, 3) in a rendered image, taken as from a real one [m]."""
         if self.thin:
-            mask = self._thin_mask(rendered)
+            mask = self._thin_mask(rendered.target.detach().numpy(), rendered.label.numpy())
             depth = np.where(mask, rendered.depth.numpy().astype(np.float64), np.nan)
             return target_cloud(self.camera.unproject(depth), mask, 0)
         mask = rendered.target.detach().numpy() > 0.5
         return target_cloud(rendered.xyz.detach().numpy().astype(np.float64), mask)
 
-    def _thin_mask(self, rendered: Rendered) -> np.ndarray:
+    def _thin_mask(self, coverage: np.ndarray, label: np.ndarray) -> np.ndarray:
         """Half of a pixel's samples: as many pixels as a sensor with one sample in each would see."""
-        return (rendered.target.detach().numpy() >= 0.5) & (rendered.label.numpy() == self.label)
+        return (coverage >= 0.5) & (label == self.label)
 
     def pixel_motion(self, points: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """How points (N, 3) [m] moved by `motion` (N, 3, P) move in the image, (N, 2, P) [px per unit]."""

@@ -38,7 +38,7 @@ class PoseFitSettings:
     fine: DampedSettings = DampedSettings(max_evaluations=10)
     belief_weight: float = 2e-5  # of the distance to what was believed, per parameter and deviation [m]
     polish: int = 4  # noise-weighted Newton steps at the end, at most
-    polish_enough: float = 0.3  # converged when one of them is below [posterior standard deviation]
+    polish_enough: float = 0.4  # converged when one of them is below, in root mean square [std. deviation]
     polish_limit: float = 2.0  # longest of them, in pixels of the target's fastest point [px]
     jacobian_pixels: float = 0.5  # half span of the differences, of the target's fastest point [px]
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
@@ -172,7 +172,13 @@ def fit_pose(
 
     def view_at(at: np.ndarray) -> ViewInformation:
         steps = np.minimum(renderer.pixel_steps(at, s.jacobian_pixels), scale)
-        return view_information(lambda v: renderer.image(v, colors), at, steps, noise)
+        return view_information(
+            lambda v: renderer.image(v, colors),
+            at,
+            steps,
+            noise,
+            render_all=lambda many: renderer.images(many, colors),
+        )
 
     view = view_at(values)
     widened = widened_belief(start, belief, values, view.matrix, s.surprise)
@@ -189,7 +195,8 @@ def fit_pose(
         values = np.clip(values + change, lower, upper)
         if watch is not None:
             watch(values)
-        small = bool(np.all(np.abs(change) < s.polish_enough * np.sqrt(np.diag(covariance))))
+        squared = float(change @ np.linalg.solve(covariance, change)) / change.size
+        small = squared < s.polish_enough**2
         why = "converged" if small else "iteration_limit"
         if small:
             break

@@ -34,6 +34,7 @@ class ModelSettings:
 
     supersample: int = 2  # samples per pixel and direction
     device: str = "cpu"  # torch's name
+    threads: int = 2  # that share the images of one call on a CPU
     near: float = 0.02  # near plane [m]
     ambient: float = 0.4  # share of light without direction, 0..1
     towards_light: tuple[float, float, float] = (0.5, 0.5, 1.0)  # in world
@@ -93,7 +94,7 @@ class Model:
         self._target_label = target_labels[0]
         self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._renderer = Renderer(
-            self._mesh.topology, cell.intrinsics, s.supersample, s.device, s.near, s.background
+            self._mesh.topology, cell.intrinsics, s.supersample, s.device, s.near, s.background, s.threads
         )
         self._target = torch.from_numpy(self._mesh.target_of(self._moved))
         faces = self._mesh.topology.faces
@@ -179,7 +180,7 @@ class Model:
         """The image that the camera should take; differentiable in values, colours and camera tensors.
 
         Args:
-            values: (P,) in the order of `Task.parameters`.
+            values: (P,) in the order of `Task.parameters`; (B, P) gives B images in one go.
             colors: (G, 3) linear RGB in the order of `color_names`.
             camera: a camera, or world-to-camera rotation and translation as tensors.
             tool_arm_position: joint positions (7,) [rad].
@@ -195,7 +196,10 @@ class Model:
             rotation, translation = world_to_camera(camera.camera_in_world)
         else:
             rotation, translation = camera
-        vertices = self._vertices(values, tool_arm_position)
+        if values.ndim == 2:
+            vertices = torch.stack([self._vertices(v, tool_arm_position) for v in values])
+        else:
+            vertices = self._vertices(values, tool_arm_position)
         color = self._mesh.vertex_colors(
             colors.to("cpu", torch.float32), self._occluders(tool_arm_position).color
         )

@@ -133,8 +133,9 @@ class Real2Sim:
             and colours unchanged.
         """
         s = self._settings
-        renderer = TargetRenderer(self._model, observation.camera, observation.tool_arm.position)
-        real = RealTarget.of(observation, renderer.label, renderer.reach)
+        joints = observation.tool_arm.position
+        real = RealTarget.of(observation, self._model.target_label, self._model.chain_reach(joints))
+        renderer = TargetRenderer(self._model, observation.camera, joints, real.clear)
         if min(real.pixels, len(real.cloud)) < (s.least_thin_pixels if renderer.thin else s.least_pixels):
             return replace(
                 estimate,

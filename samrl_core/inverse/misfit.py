@@ -10,7 +10,7 @@ import torch
 from samrl_core.inverse.emd import earth_movers
 from samrl_core.inverse.information import TargetImage
 from samrl_core.inverse.target_cloud import target_cloud
-from samrl_core.inverse.thin_mask import thin_mask
+from samrl_core.inverse.thin_mask import clear_of_others, thin_mask
 from samrl_core.model.model import Model
 from samrl_core.model.renderer import Rendered
 from samrl_core.model.target import Reach
@@ -28,6 +28,7 @@ class RealTarget:
     image: TargetImage  # colour is mask x colour (G_real x I_real of eq. 4), depth NaN where unmeasured
     cloud: np.ndarray  # (N, 3) in world [m]
     pixels: int  # of the mask
+    clear: np.ndarray | None = None  # (H, W) bool, what of the image is compared; None: all of it
 
     @staticmethod
     def of(observation: Observation, label: int, reach: Reach | None = None) -> RealTarget:
@@ -41,9 +42,13 @@ class RealTarget:
             far = np.linalg.norm(points - reach.center, axis=-1) > reach.radius  # not where NaN
             mask = thin_mask(color, np.where(far, np.inf, depth), mask, frame.mask == 0)
             depth = np.where(far, np.nan, depth)
+        clear = None
+        if reach is not None:
+            clear = clear_of_others(frame.mask, label, mask)
+            mask = mask & clear
         rim = 1 if reach is None else 0
         image = TargetImage(color * mask[..., None], depth, mask, rim)
-        return RealTarget(image, target_cloud(points, mask, rim), int(mask.sum()))
+        return RealTarget(image, target_cloud(points, mask, rim), int(mask.sum()), clear)
 
 
 @dataclass(frozen=True)
@@ -58,19 +63,31 @@ class Losses:
 class TargetRenderer:
     """Renders the target from one camera with the tool arm where its joints say."""
 
-    def __init__(self, model: Model, camera: Camera, tool_arm_position: np.ndarray) -> None:
-        """What the task's parameters move is the target."""
+    def __init__(
+        self,
+        model: Model,
+        camera: Camera,
+        tool_arm_position: np.ndarray,
+        clear: np.ndarray | None = None,
+    ) -> None:
+        """What the task's parameters move is the target; `clear` as in `RealTarget`."""
         self.model = model
         self.camera = camera
         self.label = model.target_label
         # A thread is all boundary: taking the rim off would leave nothing.
-        self.reach = model.chain_reach(tool_arm_position)
-        self.thin = self.reach is not None
+        self.thin = model.chain_reach(tool_arm_position) is not None
         self._tool_arm = tool_arm_position
+        shape = (camera.intrinsics.height, camera.intrinsics.width)
+        self._clear = np.ones(shape, dtype=bool) if clear is None else clear
 
     def render(self, values: torch.Tensor, colors: torch.Tensor) -> Rendered:
         """The model's image (eq. 2)."""
         return self.model.render(values, colors, self.camera, self._tool_arm)
+
+    def compared(self, rendered: Rendered) -> torch.Tensor:
+        """G_sim x I_sim of eq. 4, (..., H, W, 3)."""
+        image = rendered.color * rendered.target[..., None]
+        return image * torch.from_numpy(self._clear)[..., None] if self.thin else image
 
     def image(self, values: np.ndarray, colors: np.ndarray) -> TargetImage:
         """The compared part for values (P,), without gradient."""
@@ -81,7 +98,7 @@ class TargetRenderer:
         with torch.no_grad():
             r = self.render(torch.as_tensor(values), torch.as_tensor(colors))
             coverage = r.target.numpy()
-            color = (r.color * r.target[..., None]).numpy().astype(np.float64)
+            color = self.compared(r).numpy().astype(np.float64)
         if self.thin:  # the mean point would lie between the thread and what is behind it
             depth = r.depth.numpy().astype(np.float64)
             masks = self._thin_mask(coverage, r.label.numpy())
@@ -104,7 +121,7 @@ class TargetRenderer:
 
     def _thin_mask(self, coverage: np.ndarray, label: np.ndarray) -> np.ndarray:
         """Half of a pixel's samples: as many pixels as a sensor with one sample in each would see."""
-        return (coverage >= 0.5) & (label == self.label)
+        return (coverage >= 0.5) & (label == self.label) & self._clear
 
     def pixel_motion(self, points: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """How points (N, 3) [m] moved by `motion` (N, 3, P) move in the image, (N, 2, P) [px per unit]."""
@@ -240,8 +257,9 @@ class Misfit:
 
     def color_loss(self, rendered: Rendered) -> torch.Tensor:
         """Eq. 4 of a rendered image, per pixel of the real mask, 0..1."""
-        simulated = rendered.color * rendered.target[..., None]
-        return (simulated - self._real_color).abs().mean(dim=-1).sum() / self._real.pixels
+        return (self._renderer.compared(rendered) - self._real_color).abs().mean(
+            dim=-1
+        ).sum() / self._real.pixels
 
     def _emd(self, values: np.ndarray, rendered, max_points: int) -> tuple[float, np.ndarray]:
         cloud = self._renderer.cloud(rendered)

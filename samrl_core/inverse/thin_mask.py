@@ -14,7 +14,9 @@ from samrl_core.errors import InputError
 _REACH = 2  # a mask is off by so much at most [px]
 _JUMP = 0.030  # what is farther behind its neighbours is not the target; a thread may point away [m]
 _ROUNDS = 4  # of growing into a hole that the segmenter left, `_REACH` at a time
-_LIKE = 0.10  # largest difference of a new pixel's channels from a sure one's, 0..1
+_LIKE = 0.10  # largest difference of channels at which two pixels are alike, 0..1
+_SHARE = 0.10  # a colour is the target's when so many of the masked pixels are like it
+_MOST = 0.6
 _PIXEL = 0.02  # colour difference that counts as much as a pixel of distance, 0..1
 
 
@@ -22,8 +24,8 @@ def thin_mask(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.n
     """Which pixels show the target, (H, W) bool.
 
     Asked are the mask and free pixels next to it. Measured ones are the target's if nothing masked lies
-    clearly in front of them (and, outside of the mask, if their colour is the target's); the others take the
-    answer of the measured pixel most alike in colour and place. So on until nothing changes.
+    clearly in front of them and their colour is no exception among them; the others take the answer of the
+    measured pixel most alike in colour and place. So on until nothing changes.
 
     Args:
         color: (H, W, 3), 0..1.
@@ -47,6 +49,23 @@ def thin_mask(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.n
     return found
 
 
+def clear_of_others(label: np.ndarray, target: int, mask: np.ndarray) -> np.ndarray:
+    """Where a thin target can be compared, (H, W) bool: not next to pixels of other things.
+
+    Between the fingers that hold it a thread is seen as a strip that may be narrower than a pixel; whether
+    the segmenter finds it there says nothing about its pose. If that would leave less than `_MOST` of the
+    mask, as when the thread hangs before the hand, all of the image counts.
+
+    Args:
+        label: (H, W) as segmented.
+        target: its label; 0 is no thing.
+        mask: of the target, mended, (H, W) bool.
+    """
+    other = np.where((label != 0) & (label != target) & ~mask, 0.0, 1.0)
+    clear = _least(other, 1) > 0.5
+    return clear if (clear & mask).sum() >= _MOST * mask.sum() else np.ones_like(clear)
+
+
 def _mended(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.ndarray) -> np.ndarray:
     asked = mask | (free & (_least(np.where(mask, 0.0, 1.0)) < 0.5))
     known = asked & ~np.isnan(depth)
@@ -56,9 +75,10 @@ def _mended(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.nda
     sure = front & mask
     if not sure.any():
         return sure
-    new = np.argwhere(front & ~mask)
-    tint = np.abs(color[tuple(new.T)][:, None] - color[sure][None]).max(axis=-1).min(axis=1)
-    front[tuple(new[tint > _LIKE].T)] = False
+    # A mask that is off also shows what is beside the target and no farther away, a little of it.
+    every = np.argwhere(front)
+    alike = np.abs(color[front][:, None] - color[sure][None]).max(axis=-1) < _LIKE
+    front[tuple(every[alike.mean(axis=1) < _SHARE].T)] = False
     result = front.copy()
     unknown = np.argwhere(asked & ~known)
     if not behind.any():  # nothing to compare with: the mask is believed
@@ -71,9 +91,9 @@ def _mended(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.nda
     return result
 
 
-def _least(image: np.ndarray) -> np.ndarray:
+def _least(image: np.ndarray, reach: int = _REACH) -> np.ndarray:
     """Least value (H, W) of the neighbourhood."""
     height, width = image.shape
-    padded = np.pad(image, _REACH, constant_values=np.inf)
-    shifts = range(2 * _REACH + 1)
+    padded = np.pad(image, reach, constant_values=np.inf)
+    shifts = range(2 * reach + 1)
     return np.min([padded[v : v + height, u : u + width] for v in shifts for u in shifts], axis=0)

@@ -130,8 +130,9 @@ def test_same_input_same_bits_and_the_watcher_sees_the_way(thread: Bench) -> Non
 def test_slope_of_the_loss(thread: Bench) -> None:
     """Eq. 6 by all angles at once, along random directions, against differences; far from the minimum."""
     image = thread.observe(2)
-    renderer = TargetRenderer(thread.model, image.camera, image.tool_arm.position)
-    real = RealTarget.of(image, renderer.label, renderer.reach)
+    joints = image.tool_arm.position
+    real = RealTarget.of(image, thread.model.target_label, thread.model.chain_reach(joints))
+    renderer = TargetRenderer(thread.model, image.camera, joints, real.clear)
     colors = thread.model.initial_colors()
     misfit = Misfit(renderer, real, 1.0, 0.0)
     objective = PoseObjective(renderer, real, misfit, (np.zeros(20), np.full(20, 0.1)), 0.0)

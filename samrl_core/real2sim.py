@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from samrl_core.inverse.information import ImageNoise, ViewInformation, fused, newton_step, view_information
 from samrl_core.inverse.minimize import MinimizeSettings, Minimum, minimize
-from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
+from samrl_core.inverse.misfit import Losses, Misfit, RealTarget, TargetRenderer
+from samrl_core.inverse.pose_fit import PoseFitSettings, acts_together, fit_pose
 from samrl_core.model.model import Model
 from samrl_core.types.observation import Observation
 
@@ -47,12 +49,15 @@ class Real2SimSettings:
     color_floor: float = 0.02  # error of a colour that no number of pixels removes (shading), 0..1
     drift: float = 1e-4  # the target may move by this between images, standard deviation [unit of value]
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
+    motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
+    least_thin_pixels: int = 12  # the same of a thread
     coarse_above: float = 0.012  # distance of the clouds above which EMD alone is reduced first [m]
     polish: int = 2  # noise-weighted Newton steps after the descent
     polish_limit: float = 0.1  # longest of them [parameter's scale]
     jacobian_step: float = 0.035  # half span of the differences for the covariance [parameter's scale]
     noise: ImageNoise = field(default_factory=ImageNoise)
+    pose: PoseFitSettings = field(default_factory=PoseFitSettings)  # of rotations and joints
     coarse: MinimizeSettings = MinimizeSettings(
         first_step=0.5, largest_step=1.0, smallest_step=0.03, max_evaluations=14
     )
@@ -102,21 +107,36 @@ class Real2Sim:
         self._scale = np.array([p.scale for p in specs])
         self._lower = np.array([p.lower for p in specs])
         self._upper = np.array([p.upper for p in specs])
+        self._together = acts_together(model.task)
 
-    def update(self, estimate: Estimate, observation: Observation) -> Estimate:
+    def update(
+        self,
+        estimate: Estimate,
+        observation: Observation,
+        watch: Callable[[np.ndarray], None] | None = None,
+    ) -> Estimate:
         """Reduce eq. 6 over poses and colours, then fuse the fit with the belief before it.
 
         Coarse: EMD alone, whose slope reaches across the range. Fine: eq. 6 over poses and colours, along the
         renderer's gradient. The fit's information (`view_information`) gives its covariance; the result is
-        the Gaussian product of fit and belief, so that views add up.
+        the Gaussian product of fit and belief, so that views add up. Rotations and the joints of a chain are
+        fitted by `pose_fit`, places by steps of their own for each parameter.
+
+        Args:
+            estimate: belief before this image.
+            observation: image and joints.
+            watch: told the values (P,) as the fit goes on, by `pose_fit` alone.
 
         Returns:
-            A new estimate. `why_stopped` "no_target": too few target pixels, values and colours unchanged.
+            A new estimate. `why_stopped` "no_target": too few target pixels, values and colours unchanged;
+            "diverged": nothing finite came out, or colours and points both fit worse than before; belief
+            and colours unchanged.
         """
         s = self._settings
-        renderer = TargetRenderer(self._model, observation.camera, observation.tool_arm.position)
-        real = RealTarget.of(observation, renderer.label)
-        if min(real.pixels, len(real.cloud)) < s.least_pixels:
+        joints = observation.tool_arm.position
+        real = RealTarget.of(observation, self._model.target_label, self._model.chain_reach(joints))
+        renderer = TargetRenderer(self._model, observation.camera, joints, real.clear)
+        if min(real.pixels, len(real.cloud)) < (s.least_thin_pixels if renderer.thin else s.least_pixels):
             return replace(
                 estimate,
                 stamp_ns=observation.stamp_ns,
@@ -126,6 +146,10 @@ class Real2Sim:
             )
         misfit = Misfit(renderer, real, s.color_weight, s.emd_weight)
         before = misfit.losses(estimate.values, estimate.colors)
+        if self._together:
+            return self._update_together(
+                estimate, observation.stamp_ns, renderer, real, misfit, before, watch
+            )
 
         start, coarse_evaluations = estimate.values, 0
         cold = before.emd > s.coarse_above
@@ -154,25 +178,40 @@ class Real2Sim:
         values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
         values = np.clip(values, self._lower, self._upper)
         color_variance, colors = self._fused_colors(estimate, colors, renderer.group_pixels(values, colors))
+        if fit.why_stopped == "diverged":
+            covariance = estimate.covariance
         after = misfit.losses(values, colors)
-        return Estimate(
-            names=estimate.names,
-            values=values,
-            covariance=covariance if fit.why_stopped != "diverged" else estimate.covariance,
-            color_names=estimate.color_names,
-            colors=colors,
-            color_variance=color_variance,
-            stamp_ns=observation.stamp_ns,
-            loss_before=before.total,
-            loss_after=after.total,
-            color_loss_before=before.color,
-            color_loss_after=after.color,
-            emd_before=before.emd,
-            emd_after=after.emd,
-            iterations=coarse_evaluations + fit.evaluations,
-            why_stopped=fit.why_stopped,
-            converged=fit.why_stopped == "converged",
+        belief = (values, covariance, colors, color_variance)
+        count = coarse_evaluations + fit.evaluations
+        return _estimate(estimate, observation.stamp_ns, belief, (before, after), count, fit.why_stopped)
+
+    def _update_together(
+        self,
+        estimate: Estimate,
+        stamp_ns: int,
+        renderer: TargetRenderer,
+        real: RealTarget,
+        misfit: Misfit,
+        before: Losses,
+        watch: Callable[[np.ndarray], None] | None,
+    ) -> Estimate:
+        s = self._settings
+        belief = estimate.covariance + np.diag((s.motion * self._scale) ** 2)
+        fit = fit_pose(
+            renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )
+        pixels = renderer.group_pixels(fit.values, fit.colors)
+        color_variance, colors = self._fused_colors(estimate, fit.colors, pixels)
+        after = misfit.losses(fit.values, colors)
+        found, losses, why = (
+            (fit.values, fit.covariance, colors, color_variance),
+            (before, after),
+            fit.why_stopped,
+        )
+        if why == "diverged" or (after.emd > before.emd and after.color > before.color):
+            found = (estimate.values, belief, estimate.colors, estimate.color_variance)
+            losses, why = (before, before), "diverged"
+        return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)
 
     def _fit(
         self, misfit: Misfit, values: np.ndarray, colors: np.ndarray, steps: MinimizeSettings
@@ -194,3 +233,33 @@ class Real2Sim:
         # Shading changes with the next view, so a colour is never believed better than the floor.
         variance = np.maximum((1.0 - gain) * estimate.color_variance, s.color_floor**2)
         return variance, colors
+
+
+def _estimate(
+    last: Estimate,
+    stamp_ns: int,
+    belief: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    losses: tuple[Losses, Losses],
+    iterations: int,
+    why_stopped: str,
+) -> Estimate:
+    values, covariance, colors, color_variance = belief
+    before, after = losses
+    return Estimate(
+        names=last.names,
+        values=values,
+        covariance=covariance,
+        color_names=last.color_names,
+        colors=colors,
+        color_variance=color_variance,
+        stamp_ns=stamp_ns,
+        loss_before=before.total,
+        loss_after=after.total,
+        color_loss_before=before.color,
+        color_loss_after=after.color,
+        emd_before=before.emd,
+        emd_after=after.emd,
+        iterations=iterations,
+        why_stopped=why_stopped,
+        converged=why_stopped == "converged",
+    )

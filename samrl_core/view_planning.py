@@ -13,6 +13,7 @@ import numpy as np
 from samrl_core.errors import InputError
 from samrl_core.inverse.information import ImageNoise, TargetImage, ViewInformation, view_information
 from samrl_core.inverse.misfit import TargetRenderer
+from samrl_core.inverse.pose_fit import PoseFitSettings, acts_together
 from samrl_core.model.model import Model, ModelSettings
 from samrl_core.real2sim import Estimate
 from samrl_core.robots.geometry import Capsules
@@ -109,7 +110,10 @@ class ViewPlanner:
         if strategy == "fixed":
             return self._choice(False, stay, present, 0, estimate, tool_arm_position, "fixed view")
         obstacles = Capsules.joined(
-            (self._reach.tool_capsules(tool_arm_position), self._reach.body_capsules(estimate.values))
+            (
+                self._reach.tool_capsules(tool_arm_position, estimate.values),
+                self._reach.body_capsules(estimate.values),
+            )
         )
         free = [v for v in self._reach.views if self._reach.is_clear(v.capsules, obstacles)]
         if strategy == "random":
@@ -186,6 +190,8 @@ class ViewPlanner:
             return renderer.image(values, estimate.colors)
 
         step = s.jacobian_step * scale * self._scale
+        if acts_together(model.task):  # a parameter's scale says little about how far it moves the picture
+            step = renderer.pixel_steps(estimate.values, PoseFitSettings.jacobian_pixels)
         return view_information(image, estimate.values, step, s.noise, 1.0 / scale, central=scale == 1)
 
     def _choice(

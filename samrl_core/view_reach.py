@@ -13,6 +13,7 @@ from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.geometry import Capsules, clearance, link_shapes
 from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks.chain import link_poses
 from samrl_core.tasks.task import Task, ViewRegion
 from samrl_core.types.pose import Pose, look_at
 
@@ -86,11 +87,19 @@ class ViewReach:
         camera = Capsules(ends[:1], ends[1:], np.array([self.settings.camera_radius]))
         return Capsules.joined((arm, camera))
 
-    def tool_capsules(self, joint_position: np.ndarray) -> Capsules:
-        """The tool arm with its tool at a joint position (J,) [rad]."""
+    def tool_capsules(self, joint_position: np.ndarray, values: np.ndarray) -> Capsules:
+        """The tool arm with its tool at a joint position (J,) [rad], the tool's chain as estimated (P,)."""
         links = self._tool_arm.link_poses_in_world(joint_position)
-        tool = Capsules.of_parts(self._tool.parts, links[self._cell.tool_arm.flange])
-        return Capsules.joined((Capsules.of_arm(self._tool_shapes, links), tool))
+        flange = links[self._cell.tool_arm.flange]
+        chain = self._tool.chain
+        hanging = link_poses(chain, flange @ self._tool.tip_in_flange, self._task.chain_angles(values))
+        return Capsules.joined(
+            (
+                Capsules.of_arm(self._tool_shapes, links),
+                Capsules.of_parts(self._tool.parts, flange),
+                *(Capsules.of_parts(link.parts, pose) for link, pose in zip(chain, hanging, strict=True)),
+            )
+        )
 
     def body_capsules(self, values: np.ndarray) -> Capsules:
         """The task's bodies where the estimate has them."""

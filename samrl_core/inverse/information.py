@@ -23,6 +23,8 @@ class ImageNoise:
     # Neighbouring pixels err together (a mask boundary is one curve, not independent samples), so their
     # information is counted once per so many pixels.
     shared_by: float = 5.0  # [px]
+    # A thread's pixels err together over longer pieces: as it is drawn, and both of its edges at once.
+    thin_shared_by: float = 15.0  # [px]
     # Error of calibration and encoders: the whole image is off by this much. It does not average out over
     # the pixels of a view.
     registration: float = 0.10  # [px]
@@ -35,6 +37,7 @@ class TargetImage:
     color: np.ndarray  # (H, W, 3) coverage x colour, 0..1
     depth: np.ndarray  # (H, W) [m], of the target where it covers a pixel
     mask: np.ndarray  # (H, W) bool, target covers more than half of the pixel
+    rim: int = 1  # at the mask's boundary depth is not compared; 0 for targets that are all boundary [px]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +61,7 @@ def view_information(
     noise: ImageNoise,
     resolution: float = 1.0,
     central: bool = True,
+    render_all: Callable[[np.ndarray], list[TargetImage]] | None = None,
 ) -> ViewInformation:
     """J^T W J by differences of images, less what an unknown shift of the image spoils.
 
@@ -74,6 +78,7 @@ def view_information(
         resolution: pixels of this image per pixel of the real one, along a side (a smaller image is faster).
         central: differences to both sides; else forward ones, which take half the renderings and are good
             enough to rank views.
+        render_all: images for parameters (B, P) in one go, where that is quicker than `render` one by one.
 
     Raises:
         InputError: shapes disagree or a step is not positive.
@@ -81,21 +86,24 @@ def view_information(
     v, h = np.asarray(values, dtype=np.float64), np.asarray(steps, dtype=np.float64)
     if v.ndim != 1 or h.shape != v.shape or not np.all(h > 0):
         raise InputError(f"steps {h} must be positive, one per parameter {v}")
-    middle = render(v)
     count = v.size
-    ends = [(render(v + d), render(v - d) if central else middle) for d in np.diag(h)]
+    places = np.concatenate([v[None], v + np.diag(h), *([v - np.diag(h)] if central else [])])
+    images = [render(p) for p in places] if render_all is None else render_all(places)
+    window = _window(images)
+    shape = images[0].mask.shape
+    middle, *moved = [_cut(image, window) for image in images]
+    ends = list(zip(moved[:count], moved[count:] or [middle] * count, strict=True))
     span = 2 * h if central else h
 
     # Depth counts only well inside the target: at its boundary the sensor mixes or loses it.
-    inside = eroded(middle.mask)
+    inside = eroded(middle.mask, middle.rim)
     for a, b in ends:
         inside &= a.mask & b.mask
     unit = np.full((*middle.mask.shape, 4), noise.color)
     unit[..., 3] = noise.depth * np.where(inside, middle.depth, 1.0) ** 2
 
     def slope(axis: int) -> np.ndarray:
-        whole = np.where(middle.mask, middle.depth, 0.0)  # read inside only, where neighbours are target too
-        depth = np.where(inside, np.gradient(whole, axis=axis), 0.0)
+        depth = np.where(inside, _slope_within(middle.depth, middle.mask, axis), 0.0)
         return np.concatenate([np.gradient(middle.color, axis=axis), depth[..., None]], axis=-1) / unit
 
     slope_v, slope_u = slope(0), slope(1)  # of channels of unit noise, per pixel
@@ -109,7 +117,8 @@ def view_information(
     near = middle.mask | (np.abs(sensitivity).sum(axis=(-1, -2)) > 0)
     # A shift of the image by +u moves what was at u - 1 here: the slope with the opposite sign.
     rows, shift = sensitivity[near], -np.stack([slope_u[near], slope_v[near]], axis=-1)
-    weight = 1.0 / (noise.shared_by * resolution * variance[near])  # along edges pixels fall with the side
+    shared_by = noise.shared_by if middle.rim else noise.thin_shared_by
+    weight = 1.0 / (shared_by * resolution * variance[near])  # along edges pixels fall with the side
     information = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
     cross = np.einsum("kci,k,kcj->ij", rows, weight, shift, optimize=True)
 
@@ -121,8 +130,8 @@ def view_information(
     return ViewInformation(
         0.5 * (matrix + matrix.T),
         int(middle.mask.sum()),
-        near,
-        inside,
+        _put(near, window, shape),
+        _put(inside, window, shape),
         rows,
         weight,
         _channels(middle, inside, unit)[near],
@@ -130,12 +139,50 @@ def view_information(
     )
 
 
+def _window(images: list[TargetImage]) -> tuple[slice, slice]:
+    """Rows and columns outside of which no image shows anything of the target, with a rim for slopes."""
+    any_ = np.any([(i.color != 0).any(axis=-1) | i.mask for i in images], axis=0)
+    window = []
+    for axis in (1, 0):
+        used = np.flatnonzero(any_.any(axis=axis))
+        low, high = (used[0], used[-1] + 1) if used.size else (0, 1)
+        window.append(slice(max(0, int(low) - 3), int(high) + 3))
+    return window[0], window[1]
+
+
+def _cut(image: TargetImage, window: tuple[slice, slice]) -> TargetImage:
+    return TargetImage(image.color[window], image.depth[window], image.mask[window], image.rim)
+
+
+def _put(part: np.ndarray, window: tuple[slice, slice], shape: tuple[int, ...]) -> np.ndarray:
+    whole = np.zeros(shape, dtype=part.dtype)
+    whole[window] = part
+    return whole
+
+
+def _slope_within(depth: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:
+    """Slope of depth (H, W) [m/px] from neighbours that are target too: both, or the one there is, else 0."""
+    whole = np.where(mask, depth, 0.0)
+    lower, upper = np.full(whole.shape, np.nan), np.full(whole.shape, np.nan)
+    step = np.where(np.diff(mask.astype(np.int8), axis=axis) == 0, np.diff(whole, axis=axis), np.nan)
+    first, last = [slice(None)] * 2, [slice(None)] * 2
+    first[axis], last[axis] = slice(None, -1), slice(1, None)
+    upper[tuple(first)], lower[tuple(last)] = step, step
+    both = 0.5 * (np.where(np.isnan(lower), upper, lower) + np.where(np.isnan(upper), lower, upper))
+    return np.where(mask & np.isfinite(both), both, 0.0)
+
+
 def _channels(image: TargetImage, inside: np.ndarray, unit: np.ndarray) -> np.ndarray:
     depth = np.where(inside, image.depth, 0.0)
     return np.concatenate([image.color, depth[..., None]], axis=-1) / unit
 
 
-def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) -> np.ndarray:
+def newton_step(
+    view: ViewInformation,
+    real: TargetImage,
+    outlier: float = 3.0,
+    belief: tuple[np.ndarray, np.ndarray] | None = None,
+) -> np.ndarray:
     """Change of the parameters (P,) that the linear model asks for: the noise-weighted end of eq. 7.
 
     Eq. 4's plain sum lets the ragged boundary of the segmentation outvote the sharp edges inside the target.
@@ -145,9 +192,12 @@ def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) 
         view: linearised where the parameters are now.
         real: the real image cut by the real mask; depth NaN where it was not measured.
         outlier: in standard deviations of a pixel's channel.
+        belief: distance from here to the mean of what was believed before (P,), and the inverse of its
+            covariance (P, P); the step then goes to the likeliest place of both. Without it, directions that
+            the image does not show are left alone.
     """
     near = view.near
-    measured = (view.inside & eroded(real.mask) & np.isfinite(real.depth))[near]
+    measured = (view.inside & eroded(real.mask, real.rim) & np.isfinite(real.depth))[near]
     color = real.color[near] / view.unit[:, :3]
     depth = np.where(measured, np.nan_to_num(real.depth[near]) / view.unit[:, 3], view.middle[:, 3])
     residual = np.concatenate([color, depth[:, None]], axis=-1) - view.middle  # (K, 4)
@@ -157,9 +207,11 @@ def newton_step(view: ViewInformation, real: TargetImage, outlier: float = 3.0) 
     size = np.sqrt((residual**2).sum(axis=-1) * own)
     weight = view.weight * np.minimum(1.0, outlier / np.maximum(size, 1e-12))
     normal = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
-    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ np.einsum(
-        "kci,k,kc->i", rows, weight, residual
-    )
+    slope = np.einsum("kci,k,kc->i", rows, weight, residual)
+    if belief is not None:
+        home, precision = belief
+        return np.linalg.solve(normal + precision, slope + precision @ home)
+    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ slope
 
 
 def fused(
@@ -173,6 +225,19 @@ def fused(
     Raises:
         InputError: the covariance is not positive definite.
     """
+    widened = widened_belief(mean, covariance, fit, information, surprise)
+    posterior = np.linalg.inv(np.linalg.inv(widened) + information)
+    return mean + posterior @ information @ (fit - mean), 0.5 * (posterior + posterior.T)
+
+
+def widened_belief(
+    mean: np.ndarray, covariance: np.ndarray, fit: np.ndarray, information: np.ndarray, surprise: float
+) -> np.ndarray:
+    """The covariance (P, P), larger where a fit surprises (`fused`).
+
+    Raises:
+        InputError: the covariance is not positive definite.
+    """
     eigenvalues = np.linalg.eigvalsh(covariance)
     if not eigenvalues.min() > 0:
         raise InputError(f"covariance has eigenvalues {eigenvalues}, must be positive definite")
@@ -181,6 +246,4 @@ def fused(
     gain = covariance @ np.linalg.inv(np.eye(mean.size) + information @ covariance) @ information
     spread = information - information @ gain  # (C + I^-1)^-1 without inverting a singular I
     distance = float(offset @ spread @ offset) / mean.size
-    widened = covariance * max(1.0, distance / surprise)
-    posterior = np.linalg.inv(np.linalg.inv(widened) + information)
-    return mean + posterior @ information @ offset, 0.5 * (posterior + posterior.T)
+    return covariance * max(1.0, distance / surprise)

@@ -28,7 +28,8 @@ class BodyMotion:
         """Remembers the last values, since a minimiser and a planner ask for the same ones again."""
         self._task = task
         self._scale = np.array([p.scale for p in task.parameters()])
-        self._last: tuple[bytes, dict[str, np.ndarray], dict[str, np.ndarray]] | None = None
+        self._rows_at: tuple[bytes, dict[str, np.ndarray]] | None = None
+        self._slopes_at: tuple[bytes, dict[str, np.ndarray]] | None = None
 
     def __call__(self, values: torch.Tensor) -> dict[str, TensorPose]:
         """Poses at `values` (P,), exact in value, first order in gradient.
@@ -43,29 +44,37 @@ class BodyMotion:
         here = values.detach().cpu().numpy().astype(np.float64)
         if not np.isfinite(here).all():
             raise InputError(f"values {here} must be finite; check the estimate's last update")
-        poses, slopes = self._at(here)
-        moved = (values - values.detach()).to("cpu", torch.float64)
-        result = {}
-        for name, rows in poses.items():
-            flat = torch.from_numpy(rows) + torch.from_numpy(slopes[name]) @ moved
-            result[name] = TensorPose(flat[:9].reshape(3, 3), flat[9:])
-        return result
+        poses = self.rows(here)
+        flat = {name: torch.from_numpy(rows) for name, rows in poses.items()}
+        if values.requires_grad and torch.is_grad_enabled():
+            slopes = self.slopes(here)
+            moved = (values - values.detach()).to("cpu", torch.float64)
+            flat = {name: rows + torch.from_numpy(slopes[name]) @ moved for name, rows in flat.items()}
+        return {name: TensorPose(rows[:9].reshape(3, 3), rows[9:]) for name, rows in flat.items()}
 
-    def _at(self, values: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    def rows(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Rotation by rows and position (12,) of each body at `values` (P,)."""
         key = values.tobytes()
-        if self._last is None or self._last[0] != key:
-            poses = self._rows(values)
+        if self._rows_at is None or self._rows_at[0] != key:
+            self._rows_at = (key, self._rows(values))
+        return self._rows_at[1]
+
+    def slopes(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """How `rows` change with the values, (12, P) of each body."""
+        key = values.tobytes()
+        if self._slopes_at is None or self._slopes_at[0] != key:
+            names = list(self.rows(values))
             columns = []
-            for k, scale in enumerate(self._scale):
+            for k, scale in enumerate(self._scale if names else ()):
                 h = np.zeros_like(values)
                 h[k] = _STEP * scale
                 up, down = self._rows(values + h), self._rows(values - h)
-                columns.append({n: (up[n] - down[n]) / (2 * h[k]) for n in poses})
+                columns.append({n: (up[n] - down[n]) / (2 * h[k]) for n in names})
             slopes = {
-                n: np.stack([c[n] for c in columns], axis=1) if columns else np.zeros((12, 0)) for n in poses
+                n: np.stack([c[n] for c in columns], axis=1) if columns else np.zeros((12, 0)) for n in names
             }
-            self._last = (key, poses, slopes)
-        return self._last[1], self._last[2]
+            self._slopes_at = (key, slopes)
+        return self._slopes_at[1]
 
     def _rows(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Rotation by rows and position, (12,) per body."""

@@ -14,9 +14,12 @@ import torch
 from samrl_core.errors import InputError
 from samrl_core.model import peg_contact
 from samrl_core.model.body_motion import BodyMotion
+from samrl_core.model.chain_motion import ChainMotion
+from samrl_core.model.chain_skin import CHAIN
 from samrl_core.model.color_groups import lambert
 from samrl_core.model.renderer import Rendered, Renderer
 from samrl_core.model.scene_mesh import build_scene_mesh
+from samrl_core.model.target import ALONG, Reach, TargetFrames
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
@@ -31,6 +34,7 @@ class ModelSettings:
 
     supersample: int = 2  # samples per pixel and direction
     device: str = "cpu"  # torch's name
+    threads: int = 2  # that share the images of one call on a CPU
     near: float = 0.02  # near plane [m]
     ambient: float = 0.4  # share of light without direction, 0..1
     towards_light: tuple[float, float, float] = (0.5, 0.5, 1.0)  # in world
@@ -49,15 +53,17 @@ CameraPose = tuple[torch.Tensor, torch.Tensor]  # rotation (3, 3) and translatio
 class Model:
     """Renderer and forward model of one task in one cell.
 
-    Bodies move with the task's parameters; the tool and the tool arm, which may hide them, stand where
-    the measured joints say. The camera arm is not drawn: its camera looks away from it.
+    Bodies move with the task's parameters, and so do the links of the chain that hangs from the tool's
+    tip: together they are the target. Tip, tool and tool arm, which may hide the target, stand where the
+    measured joints say. The camera arm is not drawn: its camera looks away from it.
     """
 
     def __init__(self, task: Task, cell: CellSpec, settings: ModelSettings | None = None) -> None:
         """Builds meshes, colour groups and the renderer.
 
         Raises:
-            InputError: a body of the scene that the parameters move does not exist, or no body moves.
+            InputError: the parameters move a body that does not exist, or nothing, or things whose labels
+                differ.
         """
         self.task = task
         self.cell = cell
@@ -66,17 +72,33 @@ class Model:
         self._motion = BodyMotion(task)
         nominal = torch.tensor([p.nominal for p in task.parameters()], dtype=torch.float64)
         moved = list(self._motion(nominal))
-        names = [b.name for b in self._scene.bodies]
-        if not moved or not set(moved) <= set(names):
-            raise InputError(f"task {task.name} moves bodies {moved}, its scene has {names}")
-        self._target_name = moved[0]
-        self._moved = frozenset(moved)
-        self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
+        labels = {b.name: b.label for b in self._scene.bodies} | {CHAIN: 0}
+        chain = self._scene.tool.chain
+        if not set(moved) <= set(labels) - {CHAIN} or not (moved or chain):
+            raise InputError(
+                f"task {task.name} moves bodies {moved}, its scene has {sorted(set(labels) - {CHAIN})} and a "
+                f"chain of {len(chain)} links; something there must move"
+            )
+        self._target_name = moved[0] if moved else ""
+        self._links = ChainMotion(task, chain) if chain else None
         self._mesh = build_scene_mesh(self._scene, cell, s)
+        if self._mesh.skin is not None:
+            moved.append(CHAIN)
+            labels[CHAIN] = self._mesh.skin.label
+        self._moved = frozenset(moved)
+        target_labels = sorted({labels[name] for name in moved})
+        if len(target_labels) != 1:
+            raise InputError(
+                f"task {task.name} moves things with labels {target_labels}; give them one label"
+            )
+        self._target_label = target_labels[0]
+        self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._renderer = Renderer(
-            self._mesh.topology, cell.intrinsics, s.supersample, s.device, s.near, s.background
+            self._mesh.topology, cell.intrinsics, s.supersample, s.device, s.near, s.background, s.threads
         )
-        self._target = torch.from_numpy(self._mesh.target_of(self._target_name))
+        self._target = torch.from_numpy(self._mesh.target_of(self._moved))
+        faces = self._mesh.topology.faces
+        self._target_faces = faces[self._target.numpy()[faces[:, 0]] > 0]
         self._posed: _Occluders | None = None
         self._contact: peg_contact.PegAndHole | None = None
 
@@ -84,6 +106,17 @@ class Model:
     def color_names(self) -> tuple[str, ...]:
         """Names of the colour groups, `<body>/<direction>`."""
         return self._mesh.color_names
+
+    @property
+    def target_label(self) -> int:
+        """Segmentation label of what the parameters move."""
+        return self._target_label
+
+    @property
+    def target_groups(self) -> np.ndarray:
+        """Which colour groups are the target's, (K,) into `color_names`."""
+        used = self._mesh.group[(self._target > 0) & self._mesh.is_grouped]
+        return np.unique(used.numpy())
 
     @property
     def n_triangles(self) -> int:
@@ -99,6 +132,44 @@ class Model:
         flange_in_world = self._arm.link_poses_in_world(joints)[self.cell.tool_arm.flange]
         return self.cell.tool_base_in_world.inverse() @ flange_in_world @ self._scene.tool.tip_in_flange
 
+    def target_surface(self, values: np.ndarray, tool_arm_position: np.ndarray) -> np.ndarray:
+        """Corners of the target's triangles in world, (F, 3, 3) [m], wound outwards.
+
+        Args:
+            values: (P,).
+            tool_arm_position: joint positions (J,) [rad].
+        """
+        with torch.no_grad():
+            vertices = self._vertices(torch.as_tensor(values), tool_arm_position).numpy()
+        return vertices[self._target_faces]
+
+    def target_frames(self, values: np.ndarray, tool_arm_position: np.ndarray) -> TargetFrames:
+        """Frames that the target's parts are fixed to, and how they move with the values.
+
+        Args:
+            values: (P,).
+            tool_arm_position: joint positions (J,) [rad].
+        """
+        values = np.asarray(values, dtype=np.float64)
+        bodies, slopes = self._motion.rows(values), list(self._motion.slopes(values).values())
+        rows = list(bodies.values())
+        places = [p.vertices for name in bodies for p in self._mesh.pieces if p.frame == name]
+        if self._links is not None:
+            tip = self._occluders(tool_arm_position).tip
+            rows += list(self._links.rows(values, tip))
+            slopes += list(self._links.slopes(values, tip))
+            places += [np.outer(ALONG * link.length, [0.0, 0.0, 1.0]) for link in self._scene.tool.chain]
+        which = np.repeat(np.arange(len(places)), [len(p) for p in places])
+        return TargetFrames(np.array(rows), np.array(slopes), np.concatenate(places), which)
+
+    def chain_reach(self, tool_arm_position: np.ndarray) -> Reach | None:
+        """Where the chain can be with the tool arm at a joint position (J,) [rad]; None for a rigid tool."""
+        chain = self._scene.tool.chain
+        if not chain:
+            return None
+        center = self._occluders(tool_arm_position).tip.position
+        return Reach(center, 1.1 * sum(link.length for link in chain))  # its thickness is within the tenth
+
     def render(
         self,
         values: torch.Tensor,
@@ -109,7 +180,7 @@ class Model:
         """The image that the camera should take; differentiable in values, colours and camera tensors.
 
         Args:
-            values: (P,) in the order of `Task.parameters`.
+            values: (P,) in the order of `Task.parameters`; (B, P) gives B images in one go.
             colors: (G, 3) linear RGB in the order of `color_names`.
             camera: a camera, or world-to-camera rotation and translation as tensors.
             tool_arm_position: joint positions (7,) [rad].
@@ -125,7 +196,10 @@ class Model:
             rotation, translation = world_to_camera(camera.camera_in_world)
         else:
             rotation, translation = camera
-        vertices = self._vertices(values, tool_arm_position)
+        if values.ndim == 2:
+            vertices = torch.stack([self._vertices(v, tool_arm_position) for v in values])
+        else:
+            vertices = self._vertices(values, tool_arm_position)
         color = self._mesh.vertex_colors(
             colors.to("cpu", torch.float32), self._occluders(tool_arm_position).color
         )
@@ -158,9 +232,12 @@ class Model:
     def _vertices(self, values: torch.Tensor, tool_arm_position: np.ndarray) -> torch.Tensor:
         """World vertices (V, 3) [m], pieces in drawing order."""
         poses = self._motion(values)
-        placed = dict(self._occluders(tool_arm_position).vertices)
+        occluders = self._occluders(tool_arm_position)
+        placed = dict(occluders.vertices)
         for k, piece in enumerate(self._mesh.pieces):
-            if piece.frame in poses:
+            if piece.frame == CHAIN and self._mesh.skin is not None and self._links is not None:
+                placed[k] = self._mesh.skin.posed(self._links(values, occluders.tip))
+            elif piece.frame in poses:
                 pose = poses[piece.frame]
                 placed[k] = piece.tensor @ pose.rotation.T + pose.position
         return torch.cat([placed[k] for k in range(len(self._mesh.pieces))])
@@ -182,13 +259,15 @@ class Model:
         light = np.array(self.settings.towards_light)
         shade = lambert(np.concatenate(normals), self.settings.ambient, light)
         color = torch.from_numpy((self._mesh.fixed_color * shade[:, None]).astype(np.float32))
-        self._posed = _Occluders(joints.copy(), vertices, color)
+        tip = links[self.cell.tool_arm.flange] @ self._scene.tool.tip_in_flange
+        self._posed = _Occluders(joints.copy(), tip, vertices, color)
         return self._posed
 
 
 @dataclass(frozen=True, eq=False)
 class _Occluders:
     joints: np.ndarray  # (J,) [rad]
+    tip: Pose  # of the tool in world
     vertices: dict[int, torch.Tensor]  # per piece (V, 3) in world [m]
     color: torch.Tensor  # (V, 3) of all vertices; those with a colour group are not used
 

@@ -1,13 +1,15 @@
-"""All triangles of the model: bodies with colour groups, table, tool and tool arm with fixed colours."""
+"""All triangles of the model: bodies and chain with colour groups, table, tool and tool arm without."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
+from samrl_core.model.chain_skin import CHAIN, ChainSkin, chain_skin
 from samrl_core.model.color_groups import color_groups
 from samrl_core.model.meshes import face_normals, flatten, part_mesh
 from samrl_core.model.topology import Topology
@@ -26,9 +28,9 @@ _WORLD = "world"
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A closed surface that moves as one."""
+    """A closed surface that moves as one, or the tool's chain."""
 
-    frame: str  # body or link that carries it, or "world"
+    frame: str  # body or link that carries it, "world", or `CHAIN`
     vertices: np.ndarray  # (V, 3) in that frame [m]
     faces: np.ndarray  # (F, 3) int32
     normals: np.ndarray  # (V, 3) unit, in that frame
@@ -43,6 +45,7 @@ class SceneMesh:
     """Pieces in drawing order, their common topology and the colour groups."""
 
     pieces: tuple[Piece, ...]
+    skin: ChainSkin | None  # of the piece in frame `CHAIN`, if the tool has a chain
     topology: Topology
     fixed: dict[str, Pose]  # poses in world of frames that neither parameters nor joints move
     color_names: tuple[str, ...]
@@ -51,9 +54,9 @@ class SceneMesh:
     is_grouped: torch.Tensor  # (V,) bool
     fixed_color: np.ndarray  # (V, 3)
 
-    def target_of(self, body: str) -> np.ndarray:
-        """1 on the vertices of a body, else 0, (V,) float32."""
-        return np.concatenate([np.full(len(p.vertices), p.frame == body, np.float32) for p in self.pieces])
+    def target_of(self, frames: Collection[str]) -> np.ndarray:
+        """1 on the vertices in any of the frames, else 0, (V,) float32."""
+        return np.concatenate([np.full(len(p.vertices), p.frame in frames, np.float32) for p in self.pieces])
 
     def vertex_colors(self, colors: torch.Tensor, rest: torch.Tensor) -> torch.Tensor:
         """Colours (V, 3) from the groups' colours (G, 3), or from `rest` (V, 3) where there is no group."""
@@ -70,6 +73,11 @@ def build_scene_mesh(scene: Scene, cell: CellSpec, settings: ModelSettings) -> S
         pieces.append(_body_piece(body, groups.face_group, len(names)))
         names += groups.names
         initial.append(groups.initial)
+    skin = chain_skin(scene.tool.chain, settings.ambient) if scene.tool.chain else None
+    if skin is not None:
+        pieces.append(_chain_piece(skin, len(names)))
+        names += skin.names
+        initial.append(skin.initial)
     pieces.append(_table(settings))
     flange, tip = cell.tool_arm.flange, scene.tool.tip_in_flange.position
     distance = [float(np.linalg.norm(part.part_in_body.position - tip)) for part in scene.tool.parts]
@@ -80,15 +88,19 @@ def build_scene_mesh(scene: Scene, cell: CellSpec, settings: ModelSettings) -> S
     for link, parts in link_shapes(cell.tool_arm).items():
         pieces += [_part_piece(link, part, settings.arm_color, TOOL_ARM_LABEL) for part in parts]
     starts = np.cumsum([0] + [len(p.vertices) for p in pieces])
+    surfaces = [np.full(len(p.vertices), k) for k, p in enumerate(pieces)]
+    if skin is not None:  # links of its own shape each are surfaces of their own
+        surfaces[len(scene.bodies)] = len(pieces) + skin.part
     topology = Topology.build(
         np.concatenate([p.vertices for p in pieces]),
         np.concatenate([p.faces + n for p, n in zip(pieces, starts[:-1], strict=True)]),
         np.concatenate([np.full(len(p.vertices), p.label) for p in pieces]),
-        np.concatenate([np.full(len(p.vertices), k) for k, p in enumerate(pieces)]),
+        np.concatenate(surfaces),
     )
     group = np.concatenate([p.group for p in pieces])
     return SceneMesh(
         tuple(pieces),
+        skin,
         topology,
         {_WORLD: Pose.identity(), **{b.name: b.body_in_world for b in scene.bodies}},
         tuple(names),
@@ -113,6 +125,13 @@ def _body_piece(body: Body, face_group: np.ndarray, first_group: int) -> Piece:
         body.label,
         torch.from_numpy(flat.vertices.copy()),
     )
+
+
+def _chain_piece(skin: ChainSkin, first_group: int) -> Piece:
+    zeros = np.zeros(skin.vertices.shape)  # a group's colour holds its shading
+    tensor = torch.from_numpy(skin.vertices.copy())
+    group = skin.group + first_group
+    return Piece(CHAIN, skin.vertices, skin.faces, zeros, group, zeros, skin.label, tensor)
 
 
 def _part_piece(frame: str, part: Part, color: Rgb, label: int) -> Piece:

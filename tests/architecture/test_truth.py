@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # Who may call SimulatedWorld.truth(): the log that evaluation reads, and evaluations themselves.
 MAY_CALL_TRUTH = {
     "samrl_core/world/evaluation.py",
+    "samrl_core/experiments/model_updating.py",
     "samrl_core/experiments/view_score.py",
 }
 # Who may read what the log wrote.

@@ -15,11 +15,11 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.chain import chain_points, link_poses
 from samrl_core.tasks.needle_threading.eye import needle_body
 from samrl_core.tasks.needle_threading.thread import crossing_distance, length_below, point_at
-from samrl_core.tasks.needle_threading.tool import hand_with_thread, thread_link
+from samrl_core.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
 from samrl_core.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
 from samrl_core.tasks.task import Draw, Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.types.pose import Pose
-from samrl_core.types.scene import ChainLink, Scene, Tool
+from samrl_core.types.scene import ChainLink, Rgb, Scene, Tool
 
 NEEDLE = "needle"
 
@@ -43,6 +43,7 @@ class NeedleThreading(Task):
     stiffness: float = 0.02  # of a joint; the thread's own weight bends it by 3 deg at most [N m/rad]
     damping: float = 0.0012  # of a joint; a swing dies away within one turn [N m s/rad]
     thread_friction: float = 0.2  # [-]
+    link_colors: tuple[Rgb, ...] = (THREAD_COLOR,)  # of the links in turn, over and over
     half_range: float = math.radians(10.0)  # joints hang within +- this at the start [rad]
     bend_limit: float = math.radians(45.0)  # what an estimate may say of a joint that touches the eye [rad]
     eye_x: float = 0.5  # centre of the eye, in the tool arm's base frame [m]
@@ -70,6 +71,8 @@ class NeedleThreading(Task):
         for field in lengths:
             if not getattr(self, field) > 0:
                 raise InputError(f"{field} is {getattr(self, field)}, must be positive")
+        if not self.link_colors:
+            raise InputError("link_colors is empty; give the thread one colour at least")
         if self.links < 1:
             raise InputError(f"a thread of {self.links} links hangs nowhere; give it one at least")
         if not self.thread_radius < self.eye_radius < self.eye_outer_radius:
@@ -244,6 +247,7 @@ class NeedleThreading(Task):
                 self.damping,
                 self.thread_friction,
                 self.thread_label,
+                self.link_colors[i % len(self.link_colors)],
             )
             for i in range(self.links)
         )

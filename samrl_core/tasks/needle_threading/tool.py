@@ -20,6 +20,7 @@ def thread_link(
     damping: float,
     friction: float,
     label: int,
+    color: Rgb = THREAD_COLOR,
 ) -> ChainLink:
     """One link, a solid capsule from this pair of joints to the next. SI units."""
     middle = np.array([0.0, 0.0, 0.5 * length])
@@ -27,7 +28,7 @@ def thread_link(
     return ChainLink(
         name,
         (capsule,),
-        THREAD_COLOR,
+        color,
         label,
         length,
         mass,

@@ -1,0 +1,50 @@
+"""How points on the target move with the parameters, without a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Places along a link's centre line, as shares of its length, by which a point finds its link.
+ALONG = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """A ball that holds all of a chain, however it hangs."""
+
+    center: np.ndarray  # (3,) in world [m]
+    radius: float  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class TargetFrames:
+    """The F frames that the target's parts are fixed to: bodies first, then links of the chain."""
+
+    rows: np.ndarray  # (F, 12) rotation by rows, then position in world [m]
+    slopes: np.ndarray  # (F, 12, P) how `rows` change with the parameters
+    places: np.ndarray  # (M, 3) points by which other points find their part, in its frame [m]
+    place_frame: np.ndarray  # (M,) which frame
+
+    def frame_of(self, points: np.ndarray) -> np.ndarray:
+        """Which frame each point (N, 3) [m] belongs to, that of the nearest place, (N,)."""
+        if len(self.rows) == 1:
+            return np.zeros(len(points), dtype=np.int64)
+        turn = self.rows[:, :9].reshape(-1, 3, 3)[self.place_frame]
+        places = np.einsum("mij,mj->mi", turn, self.places) + self.rows[self.place_frame, 9:]
+        squared = np.square(points[:, None] - places[None]).sum(axis=-1)
+        return self.place_frame[np.argmin(squared, axis=1)]
+
+    def motion(self, points: np.ndarray) -> np.ndarray:
+        """How points (N, 3) of the target move with the parameters, (N, 3, P) [m per unit].
+
+        The points are taken as fixed to their part: what the image shows at a fixed pixel of a flat face
+        does not change when the face slides along itself, but the cloud as a whole moves.
+        """
+        frame = self.frame_of(points)
+        turn = self.rows[:, :9].reshape(-1, 3, 3)[frame]
+        local = np.einsum("nji,nj->ni", turn, points - self.rows[frame, 9:])
+        slopes = self.slopes[frame]
+        turning = slopes[:, :9].reshape(len(points), 3, 3, -1)
+        return np.einsum("nijp,nj->nip", turning, local) + slopes[:, 9:]

@@ -147,6 +147,10 @@ class NeedleThreading(Task):
         tip = Pose.from_rotation(checked_tip(tip_position), DOWN)
         return chain_points(chain, link_poses(chain, tip, self.chain_angles(values)))
 
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """The angles themselves."""
+        return self.chain_angles(chain_angles)
+
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """A straight thread would end above the eye; camera in the middle of its region."""
         gripped = self.eye + [0.0, 0.0, self.start_above + self.links * self.link_length]

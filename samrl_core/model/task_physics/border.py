@@ -13,14 +13,9 @@ import torch
 class TaskState:
     """B states of one task: the tool's tip, and what it touches."""
 
-    q: torch.Tensor  # (B, Q) coordinates, the tip's (3,) first; `TaskDynamics.read` needs no more [m], [rad]
+    q: torch.Tensor  # (B, Q) coordinates; `TaskDynamics.read` needs no more [m], [rad]
     v: torch.Tensor  # (B, D) their velocities [m/s], [rad/s]
     rest: torch.Tensor  # (B, R) angles at which springs are slack; they do not change [rad]
-
-    @property
-    def tip(self) -> torch.Tensor:
-        """Tool tip (B, 3) in the tool arm's base frame [m]."""
-        return self.q[:, :3]
 
 
 class TaskDynamics(ABC):

@@ -41,6 +41,7 @@ class ContactSettings:
     chain_stiffness: float = 500.0  # per ball of a chain, whose links weigh grams [N/m]
     dissipation: float = 10.0  # of Hunt and Crossley [s/m]
     table_friction: float = 0.3  # [-]
+    table_height: float = 0.0  # of its top in world [m]
     slip_speed: float = 1.0e-3  # below it friction fades [m/s]
     margin: float = 0.004  # balls farther from a solid are left out of a step [m]
     edge: float = 0.0005  # rounding of edges where the body states none [m]
@@ -115,7 +116,7 @@ def assemble(task: Task, cell: CellSpec, settings: ContactSettings) -> Assembly:
                 pairs.append(pair(other, balls, s.edge, me, solid, friction, body.friction))
     physics = PhysicsScene(
         tuple(bodies),
-        (plane(),),
+        (plane(Pose(np.array([0.0, 0.0, s.table_height]), UNTURNED)),),
         tuple(pairs),
         step_s=s.step_s,
         slip_speed=s.slip_speed,

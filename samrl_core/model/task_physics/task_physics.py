@@ -24,7 +24,7 @@ class TaskPhysicsSettings:
     """Time of an action, and contact."""
 
     action_s: float = 0.1  # the tip moves, with minimal jerk [s]
-    rest_s: float = 0.0  # then stands still [s]
+    rest_s: float = 0.3  # then stands still, while the next image is taken and fitted [s]
     contact: ContactSettings = field(default_factory=ContactSettings)
 
     def __post_init__(self) -> None:

@@ -1,7 +1,8 @@
 """What an estimate becomes while the tool moves, between two images: the belief before the next update.
 
-The process model of an extended Kalman filter: the mean follows eq. 3, the covariance its slope, taken over one
-standard deviation of the belief because contact bends it; what the model does not know grows with what moves.
+The process model of an extended Kalman filter: the mean follows eq. 3, the covariance its slope, taken over
+one standard deviation of the belief because contact bends it; what the model does not know grows with what
+moves.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Actions that take the tool through the sub-goals, optimised through the model (eqs. 18-22).
 
-One sub-goal after the other: the first that the task names in the predicted state is reached by as few actions
-as its step allows, then the task is asked again. The last term of eq. 22, the squared distance of the state
-from the sub-goal, is r^2 with r = G(s) - tip(s): the sub-goal may move with the state, as where a thread must
-be gripped moves with its shape. Gauss-Newton's method on r and the actions' squares, with the derivative of the
-state by the actions from the model (eq. 19) and that of r by the state from differences.
+One sub-goal after the other: the first that the task names in the predicted state is reached by as few
+actions as its step allows, then the task is asked again. The last term of eq. 22, the squared distance of
+the state from the sub-goal, is r^2 with r = G(s) - tip(s): the sub-goal may move with the state, as where a
+thread must be gripped moves with its shape. Gauss-Newton's method on r and the actions' squares, with the
+derivative of the state by the actions from the model (eq. 19) and that of r by the state from differences.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ class TrajectorySettings:
     """How long the search may go on."""
 
     max_actions: int = 60  # whole plan
-    max_sub_goals: int = 60  # the plan ends after so many; all but its first action is thrown away in the loop
+    max_sub_goals: int = (
+        60  # the plan ends after so many; all but its first action is thrown away in the loop
+    )
     spare_actions: int = 2  # more per sub-goal than the straight line needs, where it cannot be reached else
     max_iterations: int = 8  # Gauss-Newton steps per sub-goal and number of actions
     effort_weight: float = 1e-3  # of the squared actions against the squared distance to the goal [-]
@@ -199,7 +201,7 @@ class _Search:
         return self._goal.tip_position - tip, True
 
     def _slope(self, start: TaskState, actions: torch.Tensor) -> np.ndarray:
-        """dr/da (3, 3 T): by differences to the last state's coordinates, from there by the model's gradient."""
+        """dr/da (3, 3 T): by differences to the last coordinates, from there by the model's gradient."""
         variable = actions.clone().requires_grad_(True)
         state = start
         for action in variable:

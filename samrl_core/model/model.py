@@ -16,10 +16,9 @@ from samrl_core.model.body_motion import BodyMotion
 from samrl_core.model.color_groups import lambert
 from samrl_core.model.renderer import Rendered, Renderer
 from samrl_core.model.scene_mesh import build_scene_mesh
-from samrl_core.model.task_physics.assemble import ContactSettings
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
 from samrl_core.model.task_physics.choose import dynamics_of
-from samrl_core.model.task_physics.task_physics import TaskPhysicsSettings
+from samrl_core.model.task_physics.settings import ContactSettings, TaskPhysicsSettings
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task

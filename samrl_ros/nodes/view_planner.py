@@ -39,7 +39,9 @@ class ViewPlannerSettings:
     task: str = setting("peg_insertion", "task whose scene the model holds")
     strategy: str = setting("best", "how the view is chosen", choices=("best", "fixed", "random"))
     seed: int = setting(0, "seed of the random strategy", range=(0, 2**31 - 1))
-    horizon: int = setting(3, "sub-goals that are planned for; only the first action is executed", range=(1, 60))
+    horizon: int = setting(
+        3, "sub-goals that are planned for; only the first action is executed", range=(1, 60)
+    )
 
 
 class ViewPlannerNode(Behaviour):

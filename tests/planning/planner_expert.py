@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.model.task_physics.choose import dynamics_of
-from samrl_core.model.task_physics.task_physics import TaskPhysicsSettings
+from samrl_core.model.task_physics.settings import TaskPhysicsSettings
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.tasks.needle_threading.task import NeedleThreading

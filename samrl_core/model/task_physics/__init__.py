@@ -1,1 +1,1 @@
-"""The tasks' physics: bodies, joints and contacts built from a task's scene, behind one border to plan with."""
+"""The tasks' physics, built from their scenes, behind one border to plan with."""

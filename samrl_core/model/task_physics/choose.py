@@ -6,7 +6,8 @@ import numpy as np
 
 from samrl_core.model.task_physics.border import TaskDynamics
 from samrl_core.model.task_physics.peg_dynamics import PegDynamics
-from samrl_core.model.task_physics.task_physics import TaskPhysics, TaskPhysicsSettings
+from samrl_core.model.task_physics.settings import TaskPhysicsSettings
+from samrl_core.model.task_physics.task_physics import TaskPhysics
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
 

@@ -22,14 +22,34 @@ def solids_of(body: Body, edge: float) -> tuple[Shape, ...]:
         body: its parts are boxes, cylinders or capsules.
         edge: rounding of edges where the body states none [m].
     """
-    ring_of_boxes = [p for p in body.parts if isinstance(p, Box) and _is_radial(p)]
-    if len(ring_of_boxes) < 3:
-        ring_of_boxes = []
-    others = [part for part in body.parts if part not in ring_of_boxes]
-    shapes = [solid_of(part, body.rounding or edge) for part in others]
-    if ring_of_boxes:
-        shapes.insert(0, _washer(body.name, ring_of_boxes, edge))
-    return tuple(shapes)
+    boxes = _radial_boxes(body)
+    shapes = [solid_of(part, body.rounding or edge) for part in body.parts if part not in boxes]
+    sizes = ring_of(body)
+    if sizes is None:
+        return tuple(shapes)
+    inner, outer, top = sizes
+    height = 2 * boxes[0].half_extents[2]
+    where = Pose(np.array([0.0, 0.0, top - 0.5 * height]), UNTURNED)
+    return (ring(inner, outer, height, 0.0, edge, where), *shapes)
+
+
+def ring_of(body: Body) -> tuple[float, float, float] | None:
+    """Inner and outer radius and height of the top of the ring that a body's boxes make [m]; None without.
+
+    Raises:
+        InputError: the ring is uneven.
+    """
+    boxes = _radial_boxes(body)
+    if not boxes:
+        return None
+    places = np.array([b.part_in_body.position for b in boxes])
+    halves = np.array([b.half_extents for b in boxes])
+    distance = np.hypot(places[:, 0], places[:, 1])
+    numbers = np.column_stack([distance - halves[:, 0], distance + halves[:, 0], places[:, 2], halves[:, 2]])
+    if np.ptp(numbers, axis=0).max() > 1e-6:
+        raise InputError(f"body {body.name} is no even ring: radii, heights and sizes of its boxes differ")
+    inner, outer, middle, half_height = numbers[0].tolist()
+    return inner, outer, middle + half_height
 
 
 def solid_of(part: Part, edge: float) -> Shape:
@@ -48,7 +68,7 @@ def capsule_balls(part: Capsule, count: int) -> np.ndarray:
 
 
 def rim_balls(part: Cylinder, rounding: float, count: int, both: bool = True) -> np.ndarray:
-    """Centres of balls of radius `rounding` on a cylinder's rims [m]: (2 count, 3), or its end's (count, 3)."""
+    """Centres (2 count, 3) of balls of radius `rounding` on a cylinder's rims [m], or (count, 3) on one."""
     angle = 2 * math.pi * np.arange(count) / count
     circle = (part.radius - rounding) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     height = 0.5 * part.length - rounding
@@ -89,20 +109,12 @@ def part_at(parts: Sequence[Part], place: np.ndarray) -> Part | None:
     return None
 
 
-def _is_radial(part: Box) -> bool:
-    """Whether a box's x axis points away from its body's z axis."""
-    place, axis = part.part_in_body.position, part.part_in_body.rotation[:, 0]
-    distance = float(np.hypot(place[0], place[1]))
-    return distance > 1e-9 and float(axis[:2] @ place[:2]) > distance * (1.0 - 1e-6)
-
-
-def _washer(name: str, boxes: Sequence[Box], edge: float) -> Shape:
-    places = np.array([b.part_in_body.position for b in boxes])
-    halves = np.array([b.half_extents for b in boxes])
-    distance = np.hypot(places[:, 0], places[:, 1])
-    numbers = np.column_stack([distance - halves[:, 0], distance + halves[:, 0], places[:, 2], halves[:, 2]])
-    if np.ptp(numbers, axis=0).max() > 1e-6:
-        raise InputError(f"body {name} is no even ring: radii, heights and sizes of its boxes differ")
-    inner, outer, middle, half_height = numbers[0]
-    where = Pose(np.array([0.0, 0.0, middle]), UNTURNED)
-    return ring(inner, outer, 2 * half_height, 0.0, edge, where)
+def _radial_boxes(body: Body) -> list[Box]:
+    """Boxes whose x axes point away from the body's z axis, if there are enough for a ring."""
+    found = []
+    for part in body.parts:
+        place, axis = part.part_in_body.position, part.part_in_body.rotation[:, 0]
+        distance = float(np.hypot(place[0], place[1]))
+        if isinstance(part, Box) and distance > 1e-9 and axis[:2] @ place[:2] > distance * (1.0 - 1e-6):
+            found.append(part)
+    return found if len(found) > 2 else []

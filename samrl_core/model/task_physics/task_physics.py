@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -10,29 +10,14 @@ import torch
 from samrl_core.errors import InputError
 from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState
-from samrl_core.model.task_physics.assemble import ContactSettings, assemble
+from samrl_core.model.task_physics.assemble import assemble
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
+from samrl_core.model.task_physics.settings import TaskPhysicsSettings
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.chain import holding_torque
 from samrl_core.tasks.start import DOWN, checked_tip
 from samrl_core.tasks.task import Task
 from samrl_core.types.pose import Pose
-
-
-@dataclass(frozen=True)
-class TaskPhysicsSettings:
-    """Time of an action, and contact."""
-
-    action_s: float = 0.1  # the tip moves, with minimal jerk [s]
-    rest_s: float = 0.3  # then stands still, while the next image is taken and fitted [s]
-    contact: ContactSettings = field(default_factory=ContactSettings)
-
-    def __post_init__(self) -> None:
-        if not (self.action_s >= self.contact.step_s and self.rest_s >= 0.0):
-            raise InputError(
-                f"action_s is {self.action_s} s, must be one step of {self.contact.step_s} s at least; rest_s "
-                f"is {self.rest_s} s, must be 0 at least"
-            )
 
 
 class TaskPhysics(TaskDynamics):
@@ -58,13 +43,13 @@ class TaskPhysics(TaskDynamics):
         self._parameters = self.physics.parameters(1)
         self._speeds = _speeds(round(s.action_s / s.contact.step_s), round(s.rest_s / s.contact.step_s))
         self._speeds /= s.contact.step_s
-        links = len(self._assembly.chain)
-        self._chain = slice(3, 3 + 2 * links)
+        first = 8 if self._assembly.sprung else 3
+        self._chain = slice(first, first + 2 * len(self._assembly.chain))
         self._gravity = np.array(self._assembly.scene.gravity)
 
     @property
     def parameters(self) -> PhysicsParameters:
-        """Masses, frictions and stiffnesses of one environment: the scene's own, or those of `with_parameters`."""
+        """Masses, frictions and stiffnesses (1, ...): the scene's own, or those of `with_parameters`."""
         return self._parameters
 
     def with_parameters(self, parameters: PhysicsParameters) -> TaskPhysics:
@@ -82,7 +67,8 @@ class TaskPhysics(TaskDynamics):
             angles = self._task.chain_angles(one)
             poses = self._task.body_poses(one)
             free = [self._coordinates(poses[name]) for name in self._assembly.movable]
-            rows.append(np.concatenate([tip, angles, *free]))
+            shifted = [poses[body.name].position for body in self._assembly.shifted]
+            rows.append(np.concatenate([tip, np.zeros(self._chain.start - 3), angles, *free, *shifted]))
             slack.append(self._rest(tip, angles))
         q = torch.from_numpy(np.array(rows))
         v = torch.zeros((len(rows), len(self.physics.layout.link_of_v)), dtype=torch.float64)
@@ -98,21 +84,39 @@ class TaskPhysics(TaskDynamics):
         batch = state.q.shape[0]
         if tuple(action.shape) != (batch, 3):
             raise InputError(f"action has shape {tuple(action.shape)}, must be ({batch}, 3): one per state")
-        velocity = self._speeds[:, None, None] * action
-        none = self.physics.no_action(batch, len(self._speeds))
-        actions = PhysicsAction(velocity, none.wrench)
-        return self.physics.rollout(
-            PhysicsState(state.q, state.v), actions, self._repeated(batch, state.rest)
+        return self._rollout(state, self._speeds[:, None, None] * action)
+
+    def track(self, state: TaskState, tips: torch.Tensor) -> PhysicsState:
+        """All states while the tip takes given places.
+
+        Args:
+            state: B states, their tips at the first place.
+            tips: (T + 1, B, 3) in the tool arm's base frame, one per step of the physics [m].
+        """
+        return self._rollout(state, (tips[1:] - tips[:-1]) / self.settings.contact.step_s)
+
+    def _rollout(self, state: TaskState, velocity: torch.Tensor) -> PhysicsState:
+        steps, batch, _ = velocity.shape
+        held = velocity.new_zeros((steps, batch, self.physics.layout.actions - 3))  # what the task shifts
+        actions = PhysicsAction(
+            torch.cat([velocity, held], dim=2), self.physics.no_action(batch, steps).wrench
         )
+        start = PhysicsState(state.q, state.v)
+        return self.physics.rollout(start, actions, self._repeated(batch, state.rest))
 
     def read(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `TaskDynamics`."""
         poses = {}
-        for k, name in enumerate(self._assembly.movable):
-            first = self._chain.stop + 7 * k
+        first = self._chain.stop
+        for name in self._assembly.movable:
             quat = q[first + 3 : first + 7]
             poses[name] = Pose(q[first : first + 3], quat / np.linalg.norm(quat))
-        return self._task.values_at(poses, q[self._chain]), q[:3]
+            first += 7
+        for body in self._assembly.shifted:
+            poses[body.name] = Pose(q[first : first + 3], body.body_in_world.quat_xyzw)
+            first += 3
+        tip = q[:3] + q[3:6] if self._assembly.sprung else q[:3]
+        return self._task.values_at(poses, q[self._chain]), tip
 
     def _repeated(self, batch: int, rest: torch.Tensor) -> PhysicsParameters:
         fields = {
@@ -120,9 +124,9 @@ class TaskPhysics(TaskDynamics):
             for name, value in vars(self._parameters).items()
             if name != "joint_rest"
         }
-        count = len(self.physics.layout.link_of_v)
-        after = rest.new_zeros((batch, count - self._chain.stop))
-        slack = torch.cat([rest.new_zeros((batch, 3)), rest, after], dim=1)
+        before = rest.new_zeros((batch, self._chain.start))
+        after = rest.new_zeros((batch, len(self.physics.layout.link_of_v) - self._chain.stop))
+        slack = torch.cat([before, rest, after], dim=1)
         return replace(self._parameters, **fields, joint_rest=slack)
 
     def _rest(self, tip: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from samrl_core.errors import InputError
 from samrl_core.model.task_physics.border import TaskDynamics
 from samrl_core.real2sim import Estimate
+from samrl_core.tasks.start import checked_tip
 from samrl_core.tasks.task import ParameterSpec
 
 
@@ -56,9 +56,7 @@ def predicted(
         SolveError: the model could not follow.
     """
     s = settings or PredictionSettings()
-    way = np.asarray(tip_after, dtype=np.float64) - np.asarray(tip_before, dtype=np.float64)
-    if way.shape != (3,) or not np.isfinite(way).all():
-        raise InputError(f"tips {tip_before} and {tip_after} must be three finite numbers each [m]")
+    way = checked_tip(tip_after) - checked_tip(tip_before)
     distance = float(np.linalg.norm(way))
     if distance < s.still:
         return estimate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -55,8 +56,8 @@ class TaskPhysics(TaskDynamics):
     def with_parameters(self, parameters: PhysicsParameters) -> TaskPhysics:
         """The same scene with fitted parameters (1, ...); compiled kernels are shared."""
         parameters.check()
-        other = object.__new__(TaskPhysics)
-        other.__dict__ = {**self.__dict__, "_parameters": parameters}
+        other = copy.copy(self)
+        other._parameters = parameters
         return other
 
     def start(self, values: np.ndarray, tip_position: np.ndarray) -> TaskState:

@@ -18,6 +18,7 @@ from samrl_core.model.physics.state import PhysicsParameters
 from samrl_core.model.task_physics.task_physics import TaskPhysics
 from samrl_core.tasks import task_named
 from samrl_core.tasks.needle_threading.task import NeedleThreading
+from samrl_core.tasks.task import Task
 from tests.model.task_physics.recorded import (
     CELL,
     SAMPLE,
@@ -41,20 +42,29 @@ def scaled(given: PhysicsParameters, thread: bool, factors: np.ndarray) -> Physi
     return replace(given, friction=a * given.friction, contact_stiffness=b * given.contact_stiffness)
 
 
-def fitted(dynamics: TaskPhysics, real: Recorded, thread: bool) -> np.ndarray:
-    """Factors on the told parameters, from wrong ones, by least squares on the parameters' way."""
+def seen(task: Task, values: np.ndarray, tips: np.ndarray) -> np.ndarray:
+    """What is compared in a fit, per sample, in units of what counts as much: 0.1 mm, and 0.5 deg."""
+    if isinstance(task, NeedleThreading):
+        return np.array(
+            [task.thread_points(v, tip).ravel() / 1e-4 for v, tip in zip(values, tips, strict=True)]
+        )
+    return values / [1e-4, 1e-4, 1e-4, 0.01, 0.01]
+
+
+def fitted(task: Task, dynamics: TaskPhysics, real: Recorded) -> np.ndarray:
+    """Factors on the told parameters, from wrong ones, by least squares on where things are."""
+    thread = isinstance(task, NeedleThreading)
     told = dynamics.parameters
     # A pancake that stands on its rim moves by chance: what comes after 80 deg is left out.
     standing = np.hypot(real.values[::SAMPLE, 3], real.values[::SAMPLE, 4]) > 1.4
     count = len(standing) if thread or not standing.any() else int(np.argmax(standing))
-    unit = np.full(real.values.shape[1], 1e-3 if thread else 0.01)
-    unit[: 0 if thread else 3] = 3e-4  # [rad], [m]
 
     def residual(logarithm: np.ndarray) -> np.ndarray:
         values = replayed(dynamics.with_parameters(scaled(told, thread, np.exp(logarithm))), real)
         count_here = min(count, len(values))
-        true = real.values[: count_here * SAMPLE : SAMPLE]
-        return ((values[:count_here] - true) / unit).ravel()
+        where = slice(0, count_here * SAMPLE, SAMPLE)
+        true, tips = real.values[where], real.tips[where]
+        return (seen(task, values[:count_here], tips) - seen(task, true, tips)).ravel()
 
     start = np.log([WRONG, WRONG])
     found = least_squares(residual, start, diff_step=0.05, bounds=(-3.0, 3.0), loss="soft_l1", max_nfev=12)
@@ -69,7 +79,7 @@ def report(name: str, count: int) -> None:
     dynamics = TaskPhysics(task, CELL)
     # Jerky motion makes a thread swing; without it, stiffness and damping do not show.
     motions = [recorded(task, seed, 0.25 if thread else 0.0) for seed in range(1 + count)]
-    factors = fitted(dynamics, motions[0], thread)
+    factors = fitted(task, dynamics, motions[0])
     named = "stiffness, damping" if thread else "friction, contact stiffness"
     print(f"{name}: factors on {named} as told, from {WRONG}: {factors.round(3).tolist()}")
     for label, share in (("told", np.ones(2)), ("wrong", np.full(2, WRONG)), ("fitted", factors)):

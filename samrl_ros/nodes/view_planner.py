@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import ToolAction, ViewTarget
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import ROLES
@@ -132,9 +132,23 @@ class ViewPlannerNode(Behaviour):
     def _act(self, request: Any, state: Any) -> None:
         values = np.array(state.values)
         tip = self._model.tip_in_base(self._readings["tool_arm"].position).position
-        dynamics = self._model.dynamics
-        plan = optimise(dynamics, self._task, dynamics.start(values, tip), self._horizon)
         message = ToolAction(header=state.header, episode=request.episode, step=request.step)
-        message.sub_goal = plan.sub_goals[0] if plan.sub_goals else "none"
-        message.nominal = to_message.vector(plan.actions[0] if len(plan.actions) else np.zeros(3))
+        message.sub_goal, nominal = self._action(values, tip)
+        message.nominal = to_message.vector(nominal)
         self._outbox.publish(ACTION, message)
+
+    def _action(self, values: np.ndarray, tip: np.ndarray) -> tuple[str, np.ndarray]:
+        """Name of the next sub-goal, and the first action (3,) [m] towards it; "none" and 0 when done."""
+        dynamics = self._model.dynamics
+        try:
+            plan = optimise(dynamics, self._task, dynamics.start(values, tip), self._horizon)
+        except SolveError as error:
+            self._outbox.log("error", f"no plan, straight to the next sub-goal instead: {error}")
+            goals = self._task.sub_goals(values, tip)
+            if not goals:
+                return "none", np.zeros(3)
+            way = goals[0].tip_position - tip
+            return goals[0].name, way * min(1.0, goals[0].max_step / max(float(np.linalg.norm(way)), 1e-9))
+        if not plan.sub_goals:
+            return "none", np.zeros(3)
+        return plan.sub_goals[0], plan.actions[0]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState
 from samrl_core.model.task_physics.assemble import assemble
@@ -19,6 +19,9 @@ from samrl_core.tasks.chain import holding_torque
 from samrl_core.tasks.start import DOWN, checked_tip
 from samrl_core.tasks.task import Task
 from samrl_core.types.pose import Pose
+
+
+FINER = 8  # an action that cannot be solved is tried again with its steps cut into so many
 
 
 class TaskPhysics(TaskDynamics):
@@ -41,6 +44,8 @@ class TaskPhysics(TaskDynamics):
         self.settings = s = settings or TaskPhysicsSettings()
         self._assembly = assemble(task, cell, s.contact)
         self.physics = PhysicsModel(self._assembly.scene, torch.float64)
+        scene = replace(self._assembly.scene, step_s=s.contact.step_s / FINER)
+        self._finer = PhysicsModel(scene, torch.float64)
         self._parameters = self.physics.parameters(1)
         self._speeds = _speeds(round(s.action_s / s.contact.step_s), round(s.rest_s / s.contact.step_s))
         self._speeds /= s.contact.step_s
@@ -99,11 +104,17 @@ class TaskPhysics(TaskDynamics):
     def _rollout(self, state: TaskState, velocity: torch.Tensor) -> PhysicsState:
         steps, batch, _ = velocity.shape
         held = velocity.new_zeros((steps, batch, self.physics.layout.actions - 3))  # what the task shifts
-        actions = PhysicsAction(
-            torch.cat([velocity, held], dim=2), self.physics.no_action(batch, steps).wrench
-        )
-        start = PhysicsState(state.q, state.v)
-        return self.physics.rollout(start, actions, self._repeated(batch, state.rest))
+        velocity = torch.cat([velocity, held], dim=2)
+        start, parameters = PhysicsState(state.q, state.v), self._repeated(batch, state.rest)
+        wrench = self.physics.no_action(batch, steps).wrench
+        try:
+            return self.physics.rollout(start, PhysicsAction(velocity, wrench), parameters)
+        except SolveError:  # a shorter step is nearer to linear
+            finer = PhysicsAction(
+                velocity.repeat_interleave(FINER, dim=0), wrench.repeat_interleave(FINER, dim=0)
+            )
+            path = self._finer.rollout(start, finer, parameters)
+            return PhysicsState(path.q[::FINER], path.v[::FINER])
 
     def read(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `TaskDynamics`."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.model.physics.signed_distance import signed_distance
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
 from samrl_core.model.task_physics.choose import dynamics_of
@@ -140,6 +140,27 @@ def test_closed_form_and_physics_of_the_peg_agree() -> None:
             state = moved(dynamics, dynamics.start(hole, tip), *[(0.0, 0.0, -0.004)] * 3)
             ends.append(dynamics.read(state.q[0].numpy())[1])
         np.testing.assert_allclose(ends[0], ends[1], atol=5e-4)
+
+
+def test_what_a_step_cannot_solve_shorter_ones_do(
+    physics: dict[str, TaskPhysics], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An action that failed is tried again with an eighth of the step, and ends where it should."""
+    dynamics = physics["spatula_flipping"]
+    start = dynamics.start(np.array([0.512, 0.0, 0.006, 0.0, 0.0]), np.array([0.459, 0.0, 0.0012]))
+    push = (0.005, 0.0, 0.0)
+    usual = dynamics.read(moved(dynamics, start, push).q[0].numpy())[0]
+
+    def fails(*_: object) -> None:
+        raise SolveError("as if")
+
+    monkeypatch.setattr(dynamics.physics, "rollout", fails)
+    finer = dynamics.read(moved(dynamics, start, push).q[0].numpy())[0]
+    assert usual[0] > 0.513
+    np.testing.assert_allclose(finer, usual, atol=2e-4)
+    monkeypatch.setattr(dynamics._finer, "rollout", fails)
+    with pytest.raises(SolveError, match="as if"):
+        moved(dynamics, start, push)
 
 
 @pytest.mark.parametrize(

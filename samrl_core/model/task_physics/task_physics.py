@@ -20,7 +20,6 @@ from samrl_core.tasks.start import DOWN, checked_tip
 from samrl_core.tasks.task import Task
 from samrl_core.types.pose import Pose
 
-
 FINER = 8  # an action that cannot be solved is tried again with its steps cut into so many
 
 

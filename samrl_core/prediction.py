@@ -2,7 +2,7 @@
 
 The process model of an extended Kalman filter: the mean follows eq. 3, the covariance its slope, taken over
 one standard deviation of the belief because contact bends it; what the model does not know grows with what
-moves.
+moves and with what contact holds.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class PredictionSettings:
     still: float = 1e-4  # a tool that moved less has moved nothing [m]
     model_error: float = 0.3  # standard deviation, of the predicted change [-]
     largest_spread: float = 1.0  # differences reach at most so far, in scales of the parameters [-]
-    floor: float = 1e-3  # no parameter is believed better, in scales of the parameters [-]
+    held_error: float = 0.05  # standard deviation of what contact holds, in scales of the parameters [-]
 
 
 def predicted(
@@ -74,7 +74,9 @@ def predicted(
     ends = np.array([dynamics.read(q)[0] for q in state.q.numpy()])
     slope = (ends[1 : count + 1] - ends[count + 1 :]).T / (2 * spread)
     change = ends[0] - estimate.values
-    unknown = (s.model_error * change) ** 2 + (s.floor * scale) ** 2
+    # What keeps its own error is untouched; what does not is held by contact, as well as the model knows it.
+    held = np.clip(np.abs(1.0 - np.diag(slope)), 1e-6, 1.0)
+    unknown = (s.model_error * change) ** 2 + (s.held_error * scale * held) ** 2
     covariance = slope @ estimate.covariance @ slope.T + np.diag(unknown)
     lower, upper = np.array([p.lower for p in specs]), np.array([p.upper for p in specs])
     # A disc that turns over jumps from one end of its range to the other: no deviation exceeds half of it.

@@ -202,21 +202,19 @@ class _Search:
 
     def _slope(self, start: TaskState, actions: torch.Tensor) -> np.ndarray:
         """dr/da (3, 3 T): by differences to the last coordinates, from there by the model's gradient."""
-        variable = actions.clone().requires_grad_(True)
-        state = start
-        for action in variable:
-            state = self._dynamics.forward(state, action[None])
+        # Three times the same motion, one for each row of r: one backward pass for all.
+        variable = actions.repeat(3, 1, 1).requires_grad_(True)
+        state = TaskState(*(part.expand(3, -1) for part in (start.q, start.v, start.rest)))
+        for k in range(len(actions)):
+            state = self._dynamics.forward(state, variable[:, k])
         q = state.q[0].detach().numpy()
         by_q = np.zeros((3, len(q)))
         for i in range(len(q)):
             change = np.zeros(len(q))
             change[i] = _DIFFERENCE
             by_q[:, i] = (self._distance(q + change)[0] - self._distance(q - change)[0]) / (2 * _DIFFERENCE)
-        rows = []
-        for row in by_q:
-            (slope,) = torch.autograd.grad(state.q, variable, torch.from_numpy(row)[None], retain_graph=True)
-            rows.append(slope.reshape(-1).numpy())
-        slope = np.array(rows)
+        (gradient,) = torch.autograd.grad(state.q, variable, torch.from_numpy(by_q))
+        slope = gradient.reshape(3, -1).numpy()
         if not np.isfinite(slope).all():
             raise InputError(f"gradient through the model is not finite at {q.tolist()}")
         return slope

@@ -60,7 +60,7 @@ class ViewPlannerNode(Behaviour):
         self._parameters = tuple(spec.name for spec in self._task.parameters())
         self._model = Model(self._task, cell)
         self._planner = ViewPlanner(self._model, cell, self._task)
-        self._horizon = TrajectorySettings(max_sub_goals=settings.horizon)
+        self._horizon = TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1)
         self._rng = np.random.default_rng(settings.seed)
         self._state: Any = None
         self._request: Any = None

@@ -29,7 +29,6 @@ NODE_ORDER = (
 
 STRATEGIES = ("best", "fixed", "random")  # as samrl_core.view_planning, which takes seconds to import
 LAYOUTS = ("split", "processes", "threads")
-PLANNED_TASKS = ("peg_insertion",)  # the model can fit and plan these; the others have world and rules only
 
 
 @dataclass(frozen=True)
@@ -63,15 +62,10 @@ def prepare(options: CellOptions) -> Path:
         The parameter file.
 
     Raises:
-        InputError: a task that is unknown or has no planner yet, an out folder in use or not writable, a
+        InputError: an unknown task, an out folder in use or not writable, a
             parameter file that does not fit. Nothing is written then.
     """
     task_named(options.task)
-    if options.task not in PLANNED_TASKS:
-        raise InputError(
-            f"task {options.task!r} has a world and rules, but the model cannot plan it yet; the cell runs: "
-            f"{', '.join(PLANNED_TASKS)}"
-        )
     if options.layout not in LAYOUTS:
         raise InputError(f"--layout is {options.layout!r}, must be one of {', '.join(LAYOUTS)}")
     if options.view and importlib.util.find_spec("foxglove") is None:

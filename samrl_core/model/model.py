@@ -1,4 +1,4 @@
-"""The model of the cell: renders what the camera should see (eq. 2) and predicts the tip (eq. 3).
+"""The model of the cell: renders what the camera should see (eq. 2) and predicts what moves (eq. 3).
 
 Built from nominal knowledge alone: the task's scene, the arms' shapes and calibration. What the task
 declares unknown (`Task.parameters`) and the colours of its bodies come with every call.
@@ -12,7 +12,6 @@ import numpy as np
 import torch
 
 from samrl_core.errors import InputError
-from samrl_core.model import peg_contact
 from samrl_core.model.body_motion import BodyMotion
 from samrl_core.model.chain_motion import ChainMotion
 from samrl_core.model.chain_skin import CHAIN
@@ -20,6 +19,9 @@ from samrl_core.model.color_groups import lambert
 from samrl_core.model.renderer import Rendered, Renderer
 from samrl_core.model.scene_mesh import build_scene_mesh
 from samrl_core.model.target import ALONG, Reach, TargetFrames
+from samrl_core.model.task_physics.border import TaskDynamics, TaskState
+from samrl_core.model.task_physics.choose import dynamics_of
+from samrl_core.model.task_physics.settings import ContactSettings, TaskPhysicsSettings
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
@@ -100,7 +102,7 @@ class Model:
         faces = self._mesh.topology.faces
         self._target_faces = faces[self._target.numpy()[faces[:, 0]] > 0]
         self._posed: _Occluders | None = None
-        self._contact: peg_contact.PegAndHole | None = None
+        self._dynamics: TaskDynamics | None = None
 
     @property
     def color_names(self) -> tuple[str, ...]:
@@ -205,29 +207,21 @@ class Model:
         )
         return self._renderer(vertices, color, self._target, rotation, translation)
 
-    def forward(self, tip_position: torch.Tensor, action: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
-        """Eq. 3: the tip after one displacement, stopped and guided by the target body.
-
-        Args:
-            tip_position: (..., 3) in the tool arm's base frame [m].
-            action: (..., 3) displacement in that frame [m].
-            values: (P,).
+    @property
+    def dynamics(self) -> TaskDynamics:
+        """What the task's bodies do when the tip moves; its `start` makes states of an estimate.
 
         Raises:
-            InputError: shapes do not end in 3, or tool and target are no upright peg and ring.
+            InputError: the task's scene has parts that no dynamics can move.
         """
-        if tip_position.shape[-1:] != (3,) or action.shape[-1:] != (3,):
-            shapes = f"{tuple(tip_position.shape)} and {tuple(action.shape)}"
-            raise InputError(f"tip and action have shapes {shapes}, must end in 3")
-        if self._contact is None:
-            body = next(b for b in self._scene.bodies if b.name == self._target_name)
-            self._contact = peg_contact.sizes_from(self._scene.tool, body)
-        base = self.cell.tool_base_in_world
-        rotation = torch.from_numpy(base.rotation.copy())
-        position = torch.from_numpy(base.position.copy())
-        origin = (self._motion(values)[self._target_name].position - position) @ rotation
-        table = self.settings.table_height - float(base.position[2])
-        return peg_contact.step(tip_position, action, origin.to(tip_position.dtype), self._contact, table)
+        if self._dynamics is None:
+            contact = ContactSettings(table_height=self.settings.table_height)
+            self._dynamics = dynamics_of(self.task, self.cell, TaskPhysicsSettings(contact=contact))
+        return self._dynamics
+
+    def forward(self, state: TaskState, action: torch.Tensor) -> TaskState:
+        """Eq. 3: the states after one displacement (B, 3) [m] each; see `TaskDynamics.forward`."""
+        return self.dynamics.forward(state, action)
 
     def _vertices(self, values: torch.Tensor, tool_arm_position: np.ndarray) -> torch.Tensor:
         """World vertices (V, 3) [m], pieces in drawing order."""

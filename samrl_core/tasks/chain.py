@@ -42,6 +42,25 @@ def chain_points(chain: Sequence[ChainLink], poses: Sequence[Pose]) -> np.ndarra
     return np.array([*(pose.position for pose in poses), end])
 
 
+def points_of_angles(lengths: Sequence[float], tip: Pose, angles: np.ndarray) -> np.ndarray:
+    """As `chain_points` of `link_poses`, many times faster: (K + 1, 3) [m].
+
+    Args:
+        lengths: of the K links [m].
+        tip: of the tool.
+        angles: (2 K,) [rad].
+    """
+    cosines, sines = np.cos(angles), np.sin(angles)
+    turn, point = tip.rotation, tip.position
+    points = [point]
+    for i, length in enumerate(lengths):
+        (cx, cy), (sx, sy) = cosines[2 * i : 2 * i + 2], sines[2 * i : 2 * i + 2]
+        turn = turn @ np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])  # Rx Ry
+        point = point + length * turn[:, 2]
+        points.append(point)
+    return np.array(points)
+
+
 def holding_torque(
     chain: Sequence[ChainLink], tip: Pose, angles: np.ndarray, gravity: np.ndarray
 ) -> np.ndarray:

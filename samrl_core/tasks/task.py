@@ -95,6 +95,13 @@ class Task(ABC):
         """Angles (2 K,) [rad] of the tool's chain of K links; (0,) for a rigid tool."""
 
     @abstractmethod
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """The parameters (P,) of such poses and angles: the inverse of `body_poses` and `chain_angles`.
+
+        What no parameter shows, as a disc's spin about its own axis, is left out.
+        """
+
+    @abstractmethod
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Joint positions at the start of an episode, per role (J,) [rad]."""
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.model.model import Model
+from samrl_core.prediction import predicted
 from samrl_core.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
@@ -50,6 +51,7 @@ class ModelUpdater(Behaviour):
         self._real2sim = Real2Sim(self._model)
         self._assembler = assembly.Assembler(cell)
         self._estimate: Estimate = initial_estimate(self._model)
+        self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
         self._request: Any = None
         self._bad_frames = 0
         self._updates = 0
@@ -58,7 +60,7 @@ class ModelUpdater(Behaviour):
         """See `Behaviour`."""
         if topic == READY:
             self._estimate = initial_estimate(self._model)
-            self._request = None
+            self._request = self._tip = None
         elif topic == REQUEST:
             if message.stage == "update":
                 self._request = message
@@ -93,10 +95,22 @@ class ModelUpdater(Behaviour):
     def _wanted(self, stamp_ns: int) -> bool:
         return self._request is not None and stamp_ns >= from_message.stamp_ns(self._request)
 
+    def _predicted(self, observation: Observation) -> Estimate:
+        """The estimate moved on by what the tool did since the last image."""
+        tip = self._model.tip_in_base(observation.tool_arm.position).position
+        before, self._tip = self._tip, tip
+        if before is None:
+            return self._estimate
+        try:
+            return predicted(self._model.dynamics, self._task.parameters(), self._estimate, before, tip)
+        except SolveError as error:
+            self._outbox.log("error", f"the last estimate stands in for a prediction: {error}")
+            return self._estimate
+
     def _update(self, observation: Observation) -> None:
         request, self._request = self._request, None
         if self._settings.enabled:
-            self._estimate = self._real2sim.update(self._estimate, observation)
+            self._estimate = self._real2sim.update(self._predicted(observation), observation)
         else:
             self._estimate = replace(self._estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")
         self._updates += 1

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import ToolAction, ViewTarget
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks import task_named
-from samrl_core.trajectory import optimise
+from samrl_core.trajectory import TrajectorySettings, optimise
 from samrl_core.types.observation import ArmReading
 from samrl_core.view_planning import ViewChoice, ViewPlanner
 from samrl_ros.behaviour import Behaviour, Outbox
@@ -39,6 +39,9 @@ class ViewPlannerSettings:
     task: str = setting("peg_insertion", "task whose scene the model holds")
     strategy: str = setting("best", "how the view is chosen", choices=("best", "fixed", "random"))
     seed: int = setting(0, "seed of the random strategy", range=(0, 2**31 - 1))
+    horizon: int = setting(
+        3, "sub-goals that are planned for; only the first action is executed", range=(1, 60)
+    )
 
 
 class ViewPlannerNode(Behaviour):
@@ -57,6 +60,7 @@ class ViewPlannerNode(Behaviour):
         self._parameters = tuple(spec.name for spec in self._task.parameters())
         self._model = Model(self._task, cell)
         self._planner = ViewPlanner(self._model, cell, self._task)
+        self._horizon = TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1)
         self._rng = np.random.default_rng(settings.seed)
         self._state: Any = None
         self._request: Any = None
@@ -128,9 +132,23 @@ class ViewPlannerNode(Behaviour):
     def _act(self, request: Any, state: Any) -> None:
         values = np.array(state.values)
         tip = self._model.tip_in_base(self._readings["tool_arm"].position).position
-        goals = self._task.sub_goals(values, tip)
-        plan = optimise(self._model, values, tip, goals)
         message = ToolAction(header=state.header, episode=request.episode, step=request.step)
-        message.sub_goal = goals[0].name if goals else "none"
-        message.nominal = to_message.vector(plan.actions[0] if len(plan.actions) else np.zeros(3))
+        message.sub_goal, nominal = self._action(values, tip)
+        message.nominal = to_message.vector(nominal)
         self._outbox.publish(ACTION, message)
+
+    def _action(self, values: np.ndarray, tip: np.ndarray) -> tuple[str, np.ndarray]:
+        """Name of the next sub-goal, and the first action (3,) [m] towards it; "none" and 0 when done."""
+        dynamics = self._model.dynamics
+        try:
+            plan = optimise(dynamics, self._task, dynamics.start(values, tip), self._horizon)
+        except SolveError as error:
+            self._outbox.log("error", f"no plan, straight to the next sub-goal instead: {error}")
+            goals = self._task.sub_goals(values, tip)
+            if not goals:
+                return "none", np.zeros(3)
+            way = goals[0].tip_position - tip
+            return goals[0].name, way * min(1.0, goals[0].max_step / max(float(np.linalg.norm(way)), 1e-9))
+        if not plan.sub_goals:
+            return "none", np.zeros(3)
+        return plan.sub_goals[0], plan.actions[0]

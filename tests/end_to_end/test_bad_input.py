@@ -26,7 +26,6 @@ def refused(capfd: pytest.CaptureFixture[str], arguments: list[str], code: int =
     ("options", "code", "words"),
     [
         (["--task", "nope"], 3, ("'nope'", "peg_insertion")),
-        (["--task", "needle_threading"], 3, ("cannot plan it yet", "peg_insertion")),
         (["--strategy", "nope"], 3, ("'nope'", "best, fixed, random")),
         (["--world", "nope"], 3, ("'nope'", "pybullet, mock")),
         (["--layout", "nope"], 3, ("'nope'", "split, processes, threads")),

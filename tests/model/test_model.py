@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -134,13 +136,19 @@ def test_gradient_of_the_estimate(channel: str, model: Model, joints: np.ndarray
 
 def test_forward_follows_the_estimate(model: Model) -> None:
     """Above the estimated hole the peg goes in; 10 mm beside it the block holds it up."""
-    down = torch.tensor([0.0, 0.0, -0.005], dtype=torch.float64)
-    over = torch.tensor([*VALUES, 0.042], dtype=torch.float64)
-    assert float(model.forward(over, down, values())[2]) == pytest.approx(0.037, abs=1e-6)
-    assert float(model.forward(over, down, values(VALUES[0] + 0.01))[2]) > 0.0398
-    v = values(VALUES[0] + 0.0021).requires_grad_(True)
-    (slope,) = torch.autograd.grad(model.forward(over, down, v)[2], v)
-    assert float(slope[0].abs()) > 0
+    down = torch.tensor([[0.0, 0.0, -0.005]], dtype=torch.float64)
+    over = np.array([*VALUES, 0.042])
+
+    def height(hole_x: float) -> float:
+        state = model.dynamics.start(np.array([hole_x, VALUES[1]]), over)
+        return float(model.forward(state, down).q[0, 2])
+
+    assert height(VALUES[0]) == pytest.approx(0.037, abs=1e-6)
+    assert height(VALUES[0] + 0.01) > 0.0398
+    state = model.dynamics.start(np.array([VALUES[0] + 0.0021, VALUES[1]]), over)
+    q = state.q.clone().requires_grad_(True)
+    (slope,) = torch.autograd.grad(model.forward(replace(state, q=q), down).q[0, 2], q)
+    assert float(slope[0, 3].abs()) > 0  # the hole's x
 
 
 def test_bad_input_is_refused(model: Model, joints: np.ndarray) -> None:
@@ -158,5 +166,5 @@ def test_bad_input_is_refused(model: Model, joints: np.ndarray) -> None:
     other = Camera(Intrinsics(64, 64, 60.0, 60.0, 32.0, 32.0), TASK.start_camera())
     with pytest.raises(InputError, match="cell's"):
         model.render(values(), c, other, joints)
-    with pytest.raises(InputError, match="end in 3"):
-        model.forward(torch.zeros(2), torch.zeros(3), values())
+    with pytest.raises(InputError, match="one per state"):
+        model.forward(model.dynamics.start(np.array(VALUES), np.zeros(3)), torch.zeros(3))

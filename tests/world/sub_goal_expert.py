@@ -32,6 +32,22 @@ class Pace:
     noise: float = 0.0  # standard deviation of an action's error, relative to its length, per axis [-]
 
 
+Choice = Callable[[np.ndarray, np.ndarray], np.ndarray | None]  # values (P,), tip (3,) -> action (3,) [m]
+
+
+def straight(task: Task) -> Choice:
+    """Straight to the first sub-goal; None when done."""
+
+    def choose(values: np.ndarray, tip: np.ndarray) -> np.ndarray | None:
+        goals = task.sub_goals(values, tip)
+        if not goals:
+            return None
+        step = goals[0].tip_position - tip
+        return step * min(1.0, goals[0].max_step / max(float(np.linalg.norm(step)), 1e-9))
+
+    return choose
+
+
 def follow(
     world: SimulatedWorld,
     task: Task,
@@ -40,9 +56,14 @@ def follow(
     seed: int,
     pace: Pace | None = None,
     watch: Callable[[int], None] = lambda action: None,
+    choose: Choice | None = None,
 ) -> Episode:
-    """One episode; `values_of` makes the task's parameters of the truth, `watch` is called at each action."""
+    """One episode; `values_of` makes the task's parameters of the truth, `watch` is called at each action.
+
+    `choose` makes the action; without it, straight to the first sub-goal.
+    """
     pace = pace or Pace()
+    choose = choose or straight(task)
     tool = task.scene(cell).tool
     model = ArmModel(
         cell.tool_arm, cell.tool_base_in_world, Payload(tool.mass, tool.center_of_mass, tool.inertia)
@@ -54,14 +75,12 @@ def follow(
     done, actions = False, 0
     while actions < task.max_actions:
         tip = (model.flange_in_base(world.read_arm("tool_arm").position) @ tool.tip_in_flange).position
-        goals = task.sub_goals(values_of(world.truth()), tip)
-        if not goals:
+        step = choose(values_of(world.truth()), tip)
+        if step is None:
             done = True
             break
         watch(actions)
         actions += 1
-        step = goals[0].tip_position - tip
-        step = step * min(1.0, goals[0].max_step / max(float(np.linalg.norm(step)), 1e-9))
         step = step + pace.noise * np.linalg.norm(step) * rng.standard_normal(3)
         target = tip + np.clip(target + step - tip, -LEASH, LEASH)
         flange = Pose.from_rotation(target, DOWN) @ tool.tip_in_flange.inverse()
@@ -82,9 +101,10 @@ def episodes(
     values_of: Callable[[Truth], np.ndarray],
     seeds: Sequence[int],
     pace: Pace,
+    choose: Choice | None = None,
 ) -> list[Episode]:
     """One per seed, all in the same PyBullet world."""
     world = PyBulletWorld(task, cell)
-    found = [follow(world, task, cell, values_of, seed, pace) for seed in seeds]
+    found = [follow(world, task, cell, values_of, seed, pace, choose=choose) for seed in seeds]
     world.close()
     return found

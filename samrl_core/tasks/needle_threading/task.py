@@ -12,9 +12,9 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import CellSpec
-from samrl_core.tasks.chain import chain_points, link_poses
+from samrl_core.tasks.chain import points_of_angles
 from samrl_core.tasks.needle_threading.eye import needle_body
-from samrl_core.tasks.needle_threading.thread import crossing_distance, length_below, point_at
+from samrl_core.tasks.needle_threading.thread import crossing_distance, length_below, points_at
 from samrl_core.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
 from samrl_core.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
 from samrl_core.tasks.task import Draw, Ending, ParameterSpec, SubGoal, Task, ViewRegion
@@ -146,9 +146,12 @@ class NeedleThreading(Task):
 
     def thread_points(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
         """Joints and end of the thread (links + 1, 3) [m], hanging from a tip that points down."""
-        chain = self._chain()
         tip = Pose.from_rotation(checked_tip(tip_position), DOWN)
-        return chain_points(chain, link_poses(chain, tip, self.chain_angles(values)))
+        return points_of_angles([self.link_length] * self.links, tip, self.chain_angles(values))
+
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """The angles themselves."""
+        return self.chain_angles(chain_angles)
 
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """A straight thread would end above the eye; camera in the middle of its region."""
@@ -180,12 +183,13 @@ class NeedleThreading(Task):
         points = self.thread_points(values, tip)
         end = points[-1]
         below = length_below(points, self.eye_z)
-        goals = []
-        for k in range(1, math.ceil(self._goal_length(points) / self.thread_step) + 1):
-            length = k * self.thread_step
-            if length > below + 0.5 * self.thread_step:
-                place = tip + self.eye - point_at(points, length)
-                goals.append(SubGoal(f"thread_{k}", place, 0.0015, self.fine_step))
+        numbers = np.arange(1, math.ceil(self._goal_length(points) / self.thread_step) + 1)
+        ahead = numbers[numbers * self.thread_step > below + 0.5 * self.thread_step]
+        places = tip + self.eye - points_at(points, ahead * self.thread_step)
+        goals = [
+            SubGoal(f"thread_{k}", place, 0.0015, self.fine_step)
+            for k, place in zip(ahead, places, strict=True)
+        ]
         if below > 0.0:
             if crossing_distance(points, self.eye) < self.eye_radius:
                 return tuple(goals)
@@ -228,10 +232,9 @@ class NeedleThreading(Task):
         """Length of thread below the eye at which its end hangs deep enough, by its present shape [m]."""
         whole = self.links * self.link_length
         depth = self.success_depth + 2 * self.done_margin
-        for length in np.arange(self.thread_step, whole, self.thread_step):
-            if point_at(points, float(length))[2] - points[-1, 2] >= depth:
-                return float(length)
-        return whole
+        lengths = np.arange(self.thread_step, whole, self.thread_step)
+        deep = points_at(points, lengths)[:, 2] - points[-1, 2] >= depth
+        return float(lengths[deep][0]) if deep.any() else whole
 
     def _tool(self) -> Tool:
         return hand_with_thread(self._chain(), self.thread_radius, self.thread_friction, self.tool_label)

@@ -12,25 +12,29 @@ def length_below(points: np.ndarray, height: float) -> float:
         points: (K + 1, 3) [m].
         height: of the plane [m].
     """
-    length = 0.0
-    for lower, upper in zip(points[:0:-1], points[-2::-1], strict=True):
-        if lower[2] > height:
-            return length
-        piece = float(np.linalg.norm(upper - lower))
-        if upper[2] > height:
-            return length + piece * float((height - lower[2]) / (upper[2] - lower[2]))
-        length += piece
+    upwards = points[::-1]
+    above = np.flatnonzero(upwards[:, 2] > height)
+    crossing = int(above[0]) if len(above) else len(points)
+    if crossing == 0:
+        return 0.0
+    length = float(np.linalg.norm(np.diff(upwards[:crossing], axis=0), axis=1).sum())
+    if crossing < len(points):
+        lower, upper = upwards[crossing - 1], upwards[crossing]
+        length += float(np.linalg.norm(upper - lower) * (height - lower[2]) / (upper[2] - lower[2]))
     return length
+
+
+def points_at(points: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Points (N, 3) of the thread at lengths (N,) from its loose end [m]; its gripped end when too long."""
+    upwards = points[::-1]
+    pieces = np.linalg.norm(np.diff(upwards, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(pieces)])
+    return np.stack([np.interp(lengths, along, upwards[:, i]) for i in range(3)], axis=1)
 
 
 def point_at(points: np.ndarray, length: float) -> np.ndarray:
     """Point (3,) of the thread at a length from its loose end [m]; its gripped end when that is too long."""
-    for lower, upper in zip(points[:0:-1], points[-2::-1], strict=True):
-        piece = float(np.linalg.norm(upper - lower))
-        if length <= piece:
-            return lower + (upper - lower) * (length / piece)
-        length -= piece
-    return points[0]
+    return points_at(points, np.array([length]))[0]
 
 
 def crossing_distance(points: np.ndarray, eye: np.ndarray) -> float:

@@ -104,6 +104,10 @@ class PegInsertion(Task):
         self._hole(values)
         return np.zeros(0)
 
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """See `Task`."""
+        return np.array(body_in_world[BODY].position[:2])
+
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Tip above the middle of the range, peg straight down; camera in the middle of its region."""
         tool = hand_with_peg(self.peg_radius, self.peg_length, self.friction, self.tool_label)

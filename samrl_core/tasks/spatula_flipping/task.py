@@ -152,6 +152,10 @@ class SpatulaFlipping(Task):
         self._values(values)
         return np.zeros(0)
 
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """See `Task`."""
+        return self.values_of(body_in_world[PANCAKE])
+
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Edge behind the pancake, low; camera in the middle of its region."""
         edge = np.array([self.center_x - self.start_behind, self.center_y, self.start_height])

@@ -50,7 +50,8 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"excitation"}),
     frozenset({"model", "world", "dynamics", "recordings"}),
     frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
-    frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}),
+    frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"})
+    | frozenset({"attributes"}),
     frozenset({"report"}),
     frozenset({"scoring", "experiments"}),
 )

@@ -20,6 +20,9 @@ from samrl_core.attributes.sensitivity import sensitivity, trajectory
 from samrl_core.errors import InputError
 from samrl_core.inverse.least_squares import LeastSquaresSettings, least_squares
 
+# Above it residuals are more than twice the noise: what acted is not this model.
+MISFIT_LIMIT = 4.0
+
 
 @dataclass(frozen=True)
 class Priors:
@@ -66,6 +69,11 @@ class Identified:
     mass_path: np.ndarray  # (K + 1,) mass after each iteration, the guess first [kg]
     misfit: float  # mean squared residual in units of the noise, 1 when the model explains the data [-]
     why_stopped: str  # converged | iteration_limit | no_descent | diverged | no_motion
+
+    @property
+    def explained(self) -> bool:
+        """Whether the model explains the data; otherwise no value here means anything."""
+        return self.why_stopped != "diverged" and self.misfit <= MISFIT_LIMIT
 
     def attribute(self, name: str) -> Attribute:
         """One of them."""

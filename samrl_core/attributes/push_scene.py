@@ -45,12 +45,13 @@ class ContactSettings:
     blade_half_thickness: float = 0.001  # the tip is in the middle of the edge [m]
     blade_half_width: float = 0.040  # [m]
     blade_half_height: float = 0.025  # [m]
-    # With more of it, first touch would matter to the step in which it falls: the trajectory would follow the
-    # disc's start in steps too, and the fit would stop in one of them.
-    blade_dissipation: float = 1.0  # [s/m]
+    # First touch must be smooth over about the way of one step: otherwise it would matter where in a step it
+    # falls, the trajectory would follow the disc's start in steps too, and the fit would stop in one of them.
+    touch_softness: float = 2.0e-4  # depth over which first touch is smooth [m]
+    blade_dissipation: float = 20.0  # dough hardly bounces [s/m]
     table_stiffness: float = 1.0e4  # per point of the rim [N/m]
     table_dissipation: float = 10.0  # [s/m]
-    substeps: int = 2  # of the model in each of the arm's periods
+    substeps: int = 3  # of the model in each of the arm's periods
 
 
 class PushScene:
@@ -150,7 +151,9 @@ def _scene(disc: Disc, arm_mass: float, step_s: float, contact: ContactSettings)
             dissipation=contact.blade_dissipation,
         ),
     )
-    return PhysicsScene((blade, body), (plane(),), pairs, step_s=step_s)
+    return PhysicsScene(
+        (blade, body), (plane(),), pairs, step_s=step_s, touch_softness=contact.touch_softness
+    )
 
 
 def _at(x: float, y: float, z: float) -> Pose:

@@ -37,7 +37,7 @@ class PushSettings:
     """
 
     push_s: float = 0.15  # the force acts so long (the paper's T1) [s]
-    total_s: float = 0.5  # and the thing is watched so long (the paper's T2) [s]
+    total_s: float = 0.45  # and the thing is watched so long (the paper's T2) [s]
     ramp_s: float = 0.01  # the force grows so long: drives limit the rate of torque [s]
     brake_force: float = 12.0  # against the motion afterwards [N]
     stop_speed: float = 0.02  # below it the arm holds its place [m/s]

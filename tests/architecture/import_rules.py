@@ -59,7 +59,8 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
     frozenset(
         {"real2sim", "prediction", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}
-    ),
+    )
+    | frozenset({"attributes"}),
     frozenset({"report"}),
     frozenset({"scoring", "experiments", "benchmarks"}),
 )

@@ -14,6 +14,7 @@ MAY_CALL_TRUTH = {
     "samrl_core/world/evaluation.py",
     "samrl_core/experiments/model_updating.py",
     "samrl_core/experiments/view_score.py",
+    "samrl_core/world/pose_sensor.py",
 }
 # Who may read what the log wrote.
 MAY_READ_TRUTH = {"samrl_core/world/evaluation.py", "samrl_ros/summary.py"}

@@ -1,0 +1,90 @@
+"""Which attributes the data determine, and which only in combination, from the Fisher information."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.errors import InputError
+
+NORMAL_95 = 1.959964  # two-sided 95 % point of the normal distribution
+DETERMINED = 0.5  # the data must leave less than this share of the prior's standard deviation
+PAIR = ("mass", "table_friction")
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """One number with its 95 % interval; all of them are positive, so intervals are those of logarithms."""
+
+    name: str
+    value: float  # mass [kg], stiffness [N/m], the rest [-]
+    lower: float
+    upper: float
+    shrink: float  # standard deviation that is left, as a share of the prior's
+
+    @property
+    def determined(self) -> bool:
+        """Whether the number comes from the data; otherwise it is the prior's."""
+        return self.shrink < DETERMINED
+
+    @property
+    def half_width(self) -> float:
+        """Half the interval, as a share of the value."""
+        return 0.5 * (self.upper - self.lower) / self.value
+
+
+@dataclass(frozen=True)
+class Combination:
+    """mass^a x table_friction^b, the exponents of length 1: one axis of what is left open."""
+
+    mass_power: float
+    friction_power: float
+    std: float  # of its logarithm, about its relative error
+
+
+def attributes_of(
+    names: Sequence[str], theta: np.ndarray, covariance: np.ndarray, prior_std: np.ndarray
+) -> tuple[Attribute, ...]:
+    """Values and intervals of the first parameters, which are logarithms.
+
+    Args:
+        names: of the first P' parameters.
+        theta: parameters (P,), P at least P'.
+        covariance: (P, P).
+        prior_std: (P,).
+
+    Raises:
+        InputError: the covariance has a variance that is not positive.
+    """
+    variance = np.diag(covariance)
+    if not (np.isfinite(variance).all() and np.all(variance > 0)):
+        raise InputError(
+            f"covariance has variances {variance}, must be positive; give every parameter a prior"
+        )
+    std = np.sqrt(variance)
+    return tuple(
+        Attribute(
+            name,
+            float(np.exp(theta[i])),
+            float(np.exp(theta[i] - NORMAL_95 * std[i])),
+            float(np.exp(theta[i] + NORMAL_95 * std[i])),
+            float(std[i] / prior_std[i]),
+        )
+        for i, name in enumerate(names)
+    )
+
+
+def combinations_of(covariance: np.ndarray, names: Sequence[str]) -> tuple[Combination, Combination]:
+    """Axes of the joint uncertainty of mass and friction, the best determined first.
+
+    Exponents (0.7, 0.7) mean that the product is known, (0.7, -0.7) the ratio, (1, 0) the mass itself.
+    """
+    places = [list(names).index(name) for name in PAIR]
+    variances, axes = np.linalg.eigh(covariance[np.ix_(places, places)])
+    best, worst = (
+        Combination(*(float(a) for a in axis * np.sign(axis[np.argmax(np.abs(axis))])), float(np.sqrt(v)))
+        for v, axis in zip(variances, axes.T, strict=True)
+    )
+    return best, worst

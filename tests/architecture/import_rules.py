@@ -50,7 +50,9 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"excitation"}),
     frozenset({"model", "world", "dynamics", "recordings"}),
     frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
-    frozenset({"real2sim", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}),
+    frozenset(
+        {"real2sim", "fusion", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}
+    ),
     frozenset({"report"}),
     frozenset({"scoring", "experiments"}),
 )

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from samrl_core.errors import InputError
 
-_CANDIDATES = 20  # triangles with the nearest centres that a point is measured against
+_CANDIDATES = 24  # triangles with the nearest centres that a point is measured against
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Chamfer:
 
 
 class Surface:
-    """Triangles that points are measured against, within some 0.01 mm."""
+    """Triangles that points are measured against."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, longest_edge: float = 0.004) -> None:
         """Cuts triangles until no edge is longer than `longest_edge` [m]: near centres are then near faces.
@@ -39,18 +39,18 @@ class Surface:
         """
         if len(faces) == 0 or not longest_edge > 0:
             raise InputError(f"{len(faces)} faces and longest edge {longest_edge} m must both be positive")
-        fine, fine_faces = trimesh.remesh.subdivide_to_size(vertices, faces, longest_edge, max_iter=20)
-        self._triangles = np.asarray(fine)[np.asarray(fine_faces)]
+        cut = trimesh.remesh.subdivide_to_size(vertices, faces, longest_edge, max_iter=20)
+        self._triangles = np.asarray(cut[0])[np.asarray(cut[1])]
         self._centers = KDTree(self._triangles.mean(axis=1))
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """From points (N, 3) to the surface (N,) [m]."""
         k = min(_CANDIDATES, len(self._triangles))
         near = self._centers.query(points, k=k)[1].reshape(len(points), k)
-        closest = trimesh.triangles.closest_point(
-            self._triangles[near.reshape(-1)], np.repeat(points, k, axis=0)
-        )
-        return np.linalg.norm(closest.reshape(len(points), k, 3) - points[:, None], axis=2).min(axis=1)
+        # In millimetres: trimesh compares products of four lengths with a fixed 1e-13.
+        triangles, place = 1e3 * self._triangles[near.reshape(-1)], 1e3 * np.repeat(points, k, axis=0)
+        closest = trimesh.triangles.closest_point(triangles, place)
+        return 1e-3 * np.linalg.norm(closest - place, axis=1).reshape(len(points), k).min(axis=1)
 
 
 def surface_samples(

@@ -150,7 +150,8 @@ def integrate(views: Sequence[MaskedView], grid: Grid, truncation: float, floor_
 
 
 def _without_hollows(distance: np.ndarray, truncation: float) -> np.ndarray:
-    free, _ = ndimage.label(np.pad(distance > 0, 1, constant_values=True))
+    free = np.empty(np.add(distance.shape, 2), dtype=np.int32)
+    ndimage.label(np.pad(distance > 0, 1, constant_values=True), output=free)
     outside = free[0, 0, 0]  # of the added border
     hollow = ((free > 0) & (free != outside))[1:-1, 1:-1, 1:-1]
     return np.where(hollow, -truncation, distance)

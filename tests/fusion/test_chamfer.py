@@ -19,12 +19,12 @@ def test_distance_to_a_box_is_exact() -> None:
     beyond = np.abs(points) - [0.02, 0.03, 0.05]
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     expected = np.where(outside > 0, outside, -beyond.max(axis=1))
-    assert np.abs(Surface(BOX.vertices, BOX.faces).distance(points) - expected).max() < 1e-5
+    assert np.abs(Surface(BOX.vertices, BOX.faces).distance(points) - expected).max() < 1e-9
 
 
 def test_samples_lie_on_their_faces_and_spread_by_area() -> None:
     points, face = surface_samples(BOX.vertices, BOX.faces, 4000, np.random.default_rng(1))
-    assert Surface(BOX.vertices, BOX.faces).distance(points).max() < 1e-5
+    assert Surface(BOX.vertices, BOX.faces).distance(points).max() < 1e-9
     area = np.array([0.04 * 0.06, 0.04 * 0.10, 0.06 * 0.10])  # sides with a normal along z, y, x
     on_x = np.abs(np.abs(points[:, 0]) - 0.02) < 1e-9
     assert on_x.mean() == pytest.approx(area[2] / area.sum(), abs=0.01)

@@ -57,10 +57,8 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"excitation"}),
     frozenset({"model", "world", "dynamics", "recordings"}),
     frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
-    frozenset(
-        {"real2sim", "prediction", "view_planning", "view_reach", "trajectory", "rl", "diagnosis", "residual"}
-    )
-    | frozenset({"attributes"}),
+    frozenset({"real2sim", "prediction", "attributes", "fusion", "view_planning", "view_reach", "trajectory"})
+    | frozenset({"rl", "diagnosis", "residual"}),
     frozenset({"report"}),
     frozenset({"scoring", "experiments", "benchmarks"}),
 )

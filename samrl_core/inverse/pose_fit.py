@@ -23,7 +23,8 @@ from samrl_core.inverse.information import (
     view_information,
     widened_belief,
 )
-from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
+from samrl_core.inverse.misfit import Misfit, RealTarget
+from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.tasks.task import Task
 
 _NEAR = 5e-4  # points nearer than this pull no harder [m]

@@ -12,8 +12,9 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.cell_driver import CellDriver
 from samrl_core.inverse.damped import Local
 from samrl_core.inverse.group_colors import fit_colors
-from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
+from samrl_core.inverse.misfit import Misfit, RealTarget
 from samrl_core.inverse.pose_fit import PoseObjective
+from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Real2Sim, Real2SimSettings, initial_estimate
 from samrl_core.robots.cell import default_cell

@@ -50,6 +50,7 @@ class Real2SimSettings:
     initial_color_deviation: float = 0.3  # of the colours that the model starts with, 0..1
     color_floor: float = 0.02  # error of a colour that no number of pixels removes (shading), 0..1
     drift: float = 1e-4  # the target may move by this between images, standard deviation [unit of value]
+    worse: float = 1.3  # a fit whose points and colours both end this many times farther off has diverged
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
@@ -131,7 +132,7 @@ class Real2Sim:
 
         Returns:
             A new estimate. `why_stopped` "no_target": too few target pixels, values and colours unchanged;
-            "diverged": nothing finite came out, or colours and points both fit worse than before; belief
+            "diverged": nothing finite came out, or colours and points both fit clearly worse; belief
             and colours unchanged.
         """
         s = self._settings
@@ -214,7 +215,8 @@ class Real2Sim:
             (before, after),
             fit.why_stopped,
         )
-        if why == "diverged" or (after.emd > before.emd and after.color > before.color):
+        worse = min(after.emd / before.emd, after.color / before.color) > s.worse
+        if why == "diverged" or worse:
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
             losses, why = (before, before), "diverged"
         return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)

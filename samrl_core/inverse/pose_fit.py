@@ -34,6 +34,9 @@ _NEAR = 5e-4  # points nearer than this pull no harder [m]
 class PoseFitSettings:
     """Losses, step control and noise."""
 
+    # What a step of the descent counts in: what moves the target's fastest point so far, within limits.
+    step_pixels: float = 8.0  # [px]
+    step_limits: tuple[float, float] = (1.0, 6.0)  # [parameter's scale]
     coarse_above: float = 0.004  # distance of the clouds above which EMD alone is reduced first [m]
     coarse: DampedSettings = DampedSettings(max_evaluations=10, patience=2)
     fine: DampedSettings = DampedSettings(max_evaluations=10)
@@ -157,14 +160,16 @@ def fit_pose(
     scale, lower, upper = (np.array([getattr(p, n) for p in specs]) for n in ("scale", "lower", "upper"))
     deviation = np.sqrt(np.diag(belief))
     objective = PoseObjective(renderer, real, misfit, (start, deviation), s.belief_weight)
+    low, high = s.step_limits
+    unit = np.clip(renderer.pixel_steps(start, s.step_pixels), low * scale, high * scale)
     values, evaluations = start, 0
     if misfit.losses(start, colors).emd > s.coarse_above:
         coarse = minimize_damped(
-            lambda v: objective.coarse(v, colors), start, scale, lower, upper, s.coarse, watch
+            lambda v: objective.coarse(v, colors), start, unit, lower, upper, s.coarse, watch
         )
         values, evaluations = coarse.parameters, coarse.evaluations
     colors = fit_colors(renderer, real, values, colors)
-    fit = minimize_damped(lambda v: objective.fine(v, colors), values, scale, lower, upper, s.fine, watch)
+    fit = minimize_damped(lambda v: objective.fine(v, colors), values, unit, lower, upper, s.fine, watch)
     evaluations += fit.evaluations
     if fit.why_stopped == "diverged":
         return PoseFit(start, belief, colors, evaluations, "diverged")

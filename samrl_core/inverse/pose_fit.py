@@ -25,7 +25,7 @@ from samrl_core.inverse.information import (
 )
 from samrl_core.inverse.misfit import Misfit, RealTarget
 from samrl_core.inverse.target_renderer import TargetRenderer
-from samrl_core.tasks.task import Task
+from samrl_core.tasks.task import ParameterSpec, Task
 
 _NEAR = 5e-4  # points nearer than this pull no harder [m]
 
@@ -38,6 +38,10 @@ class PoseFitSettings:
     step_pixels: float = 8.0  # [px]
     step_limits: tuple[float, float] = (1.0, 6.0)  # [parameter's scale]
     coarse_above: float = 0.004  # distance of the clouds above which EMD alone is reduced first [m]
+    # A rigid target whose clouds stay this far apart is looked for again, turned either way about each axis:
+    # past its edge a disc shows its other face, and no slope leads there.
+    lost_above: float = 0.012  # [m]
+    turn: float = 0.7  # [rad]
     coarse: DampedSettings = DampedSettings(max_evaluations=10, patience=2)
     fine: DampedSettings = DampedSettings(max_evaluations=10)
     belief_weight: float = 2e-5  # of the distance to what was believed, per parameter and deviation [m]
@@ -168,6 +172,14 @@ def fit_pose(
             lambda v: objective.coarse(v, colors), start, unit, lower, upper, s.coarse, watch
         )
         values, evaluations = coarse.parameters, coarse.evaluations
+        turns = _turns(specs, s.turn) if coarse.value > s.lost_above and not renderer.thin else ()
+        for turn in turns:
+            other = minimize_damped(
+                lambda v: objective.coarse(v, colors), start + turn, unit, lower, upper, s.coarse
+            )
+            evaluations += other.evaluations
+            if other.value < coarse.value:
+                coarse, values = other, other.parameters
     colors = fit_colors(renderer, real, values, colors)
     fit = minimize_damped(lambda v: objective.fine(v, colors), values, unit, lower, upper, s.fine, watch)
     evaluations += fit.evaluations
@@ -207,3 +219,9 @@ def fit_pose(
         if small:
             break
     return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)
+
+
+def _turns(specs: tuple[ParameterSpec, ...], angle: float) -> list[np.ndarray]:
+    """Changes of the parameters (P,): each angle by `angle` [rad] up and down."""
+    which = [k for k, spec in enumerate(specs) if spec.unit == "rad"]
+    return [sign * angle * np.eye(len(specs))[k] for k in which for sign in (1.0, -1.0)]

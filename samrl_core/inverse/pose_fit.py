@@ -24,6 +24,7 @@ from samrl_core.inverse.information import (
     widened_belief,
 )
 from samrl_core.inverse.misfit import Misfit, RealTarget
+from samrl_core.inverse.target_cloud import eroded
 from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.tasks.task import ParameterSpec, Task
 
@@ -49,6 +50,8 @@ class PoseFitSettings:
     polish_enough: float = 0.4  # converged when one of them is below, in root mean square [std. deviation]
     polish_limit: float = 2.0  # longest of them, in pixels of the target's fastest point [px]
     jacobian_pixels: float = 0.5  # half span of the differences, of the target's fastest point [px]
+    # Share of either mask that must lie on the other, give or take a pixel, to call a fit converged.
+    least_overlap: float = 0.7
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
 
 
@@ -208,17 +211,26 @@ def fit_pose(
             view = view_at(values)
         covariance = np.linalg.inv(precision + view.matrix)
         change = newton_step(view, real.image, belief=(start - values, precision))
+        squared = float(change @ np.linalg.solve(covariance, change)) / change.size  # of the whole step
         limit = np.minimum(renderer.pixel_steps(values, s.polish_limit), scale)
         change = change / max(1.0, float(np.abs(change / limit).max()))
         values = np.clip(values + change, lower, upper)
         if watch is not None:
             watch(values)
-        squared = float(change @ np.linalg.solve(covariance, change)) / change.size
         small = squared < s.polish_enough**2
         why = "converged" if small else "iteration_limit"
         if small:
             break
+    if _overlap(renderer.image(values, colors).mask, real.image.mask) < s.least_overlap:
+        why = "iteration_limit"  # it stands still, but elsewhere
     return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)
+
+
+def _overlap(a: np.ndarray, b: np.ndarray) -> float:
+    """Share of the mask (H, W) that lies within a pixel of the other, the smaller one of the two ways."""
+    if not (a.any() and b.any()):
+        return 0.0
+    return min(float((~eroded(~one))[other].mean()) for one, other in ((a, b), (b, a)))
 
 
 def _turns(specs: tuple[ParameterSpec, ...], angle: float) -> list[np.ndarray]:

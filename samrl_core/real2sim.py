@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.inverse.group_colors import fused_colors
 from samrl_core.inverse.information import ImageNoise, ViewInformation, fused, newton_step, view_information
 from samrl_core.inverse.minimize import MinimizeSettings, Minimum, minimize
-from samrl_core.inverse.misfit import Losses, Misfit, RealTarget, TargetRenderer
+from samrl_core.inverse.misfit import Losses, Misfit, RealTarget
 from samrl_core.inverse.pose_fit import PoseFitSettings, acts_together, fit_pose
+from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.model.model import Model
 from samrl_core.types.observation import Observation
 
@@ -48,6 +50,7 @@ class Real2SimSettings:
     initial_color_deviation: float = 0.3  # of the colours that the model starts with, 0..1
     color_floor: float = 0.02  # error of a colour that no number of pixels removes (shading), 0..1
     drift: float = 1e-4  # the target may move by this between images, standard deviation [unit of value]
+    worse: float = 1.3  # a fit whose points and colours both end this many times farther off has diverged
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
@@ -129,7 +132,7 @@ class Real2Sim:
 
         Returns:
             A new estimate. `why_stopped` "no_target": too few target pixels, values and colours unchanged;
-            "diverged": nothing finite came out, or colours and points both fit worse than before; belief
+            "diverged": nothing finite came out, or colours and points both fit clearly worse; belief
             and colours unchanged.
         """
         s = self._settings
@@ -177,7 +180,10 @@ class Real2Sim:
         belief = estimate.covariance + s.drift**2 * np.eye(count)
         values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
         values = np.clip(values, self._lower, self._upper)
-        color_variance, colors = self._fused_colors(estimate, colors, renderer.group_pixels(values, colors))
+        known = (estimate.colors, estimate.color_variance)
+        colors, color_variance = fused_colors(
+            *known, colors, renderer.group_pixels(values, colors), s.noise, s.color_floor
+        )
         if fit.why_stopped == "diverged":
             covariance = estimate.covariance
         after = misfit.losses(values, colors)
@@ -201,14 +207,16 @@ class Real2Sim:
             renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )
         pixels = renderer.group_pixels(fit.values, fit.colors)
-        color_variance, colors = self._fused_colors(estimate, fit.colors, pixels)
+        known = (estimate.colors, estimate.color_variance)
+        colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
         after = misfit.losses(fit.values, colors)
         found, losses, why = (
             (fit.values, fit.covariance, colors, color_variance),
             (before, after),
             fit.why_stopped,
         )
-        if why == "diverged" or (after.emd > before.emd and after.color > before.color):
+        worse = min(after.emd / before.emd, after.color / before.color) > s.worse
+        if why == "diverged" or worse:
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
             losses, why = (before, before), "diverged"
         return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)
@@ -221,19 +229,6 @@ class Real2Sim:
         upper = np.concatenate([self._upper, np.ones(colors.size)])
         return minimize(misfit.fine, np.concatenate([values, colors.ravel()]), scale, lower, upper, steps)
 
-    def _fused_colors(
-        self, estimate: Estimate, fitted: np.ndarray, pixels: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Per group and channel, by the number of pixels that showed the group (G,)."""
-        s = self._settings
-        seen = (pixels > 0)[:, None]
-        spread = s.noise.color**2 * s.noise.shared_by / np.maximum(pixels, 1.0)[:, None] + s.color_floor**2
-        gain = np.where(seen, estimate.color_variance / (estimate.color_variance + spread), 0.0)
-        colors = estimate.colors + gain * (fitted - estimate.colors)
-        # Shading changes with the next view, so a colour is never believed better than the floor.
-        variance = np.maximum((1.0 - gain) * estimate.color_variance, s.color_floor**2)
-        return variance, colors
-
 
 def _estimate(
     last: Estimate,
@@ -245,11 +240,10 @@ def _estimate(
 ) -> Estimate:
     values, covariance, colors, color_variance = belief
     before, after = losses
-    return Estimate(
-        names=last.names,
+    return replace(
+        last,
         values=values,
         covariance=covariance,
-        color_names=last.color_names,
         colors=colors,
         color_variance=color_variance,
         stamp_ns=stamp_ns,

@@ -12,8 +12,8 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.inverse.information import ImageNoise, TargetImage, ViewInformation, view_information
-from samrl_core.inverse.misfit import TargetRenderer
 from samrl_core.inverse.pose_fit import PoseFitSettings, acts_together
+from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.model.model import Model, ModelSettings
 from samrl_core.real2sim import Estimate
 from samrl_core.robots.geometry import Capsules

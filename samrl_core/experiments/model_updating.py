@@ -287,7 +287,12 @@ def main(arguments: list[str] | None = None) -> int:
             with path.open("a") as file:
                 file.write(json.dumps(asdict(case)) + "\n")
             if seed == options.first_seed:
-                np.savez_compressed(options.out / f"{study.name}.npz", **pictures)
+                np.savez_compressed(
+                    options.out / f"{study.name}.npz",
+                    before=pictures["before"],
+                    after=pictures["after"],
+                    real=pictures["real"],
+                )
             print(f"{study.name} {seed - options.first_seed + 1}/{options.cases}: {_line(case)}", flush=True)
         bench.world.close()
 

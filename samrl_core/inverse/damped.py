@@ -37,8 +37,8 @@ class DampedSettings:
     """Step control. Steps count in the caller's `scale`."""
 
     max_evaluations: int = 20
-    largest_step: float = 1.5  # longest change of a parameter in a step [scale]
-    smallest_step: float = 0.02  # converged when a step is below [scale]
+    largest_step: float = 1.0  # longest change of a parameter in a step [scale]
+    smallest_step: float = 0.01  # converged when a step is below [scale]
     smallest_gain: float = 1e-3  # converged when two steps in a row gain less than this share of the value
     patience: int = 4  # converged when so many steps in a row do not help
     first_damping: float = 0.05  # added to the curvature, as a share of its diagonal (Marquardt 1963)

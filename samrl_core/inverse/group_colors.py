@@ -1,10 +1,12 @@
-"""Colours of the target's surface groups for a given pose: the least of eq. 4 by them."""
+"""Colours of the target's surface groups: the least of eq. 4 for a pose, and the belief after it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.inverse.misfit import RealTarget, TargetRenderer
+from samrl_core.inverse.information import ImageNoise
+from samrl_core.inverse.misfit import RealTarget
+from samrl_core.inverse.target_renderer import TargetRenderer
 
 _ROUNDS = 4  # of reweighting
 _FLOOR = 0.02  # residual below which a pixel weighs no more, 0..1
@@ -38,3 +40,31 @@ def fit_colors(
             x = np.linalg.solve(normal, (a.T * weight) @ wanted[:, channel] + tie * start)
         found[groups, channel] = np.clip(x, 0.0, 1.0)
     return found
+
+
+def fused_colors(
+    colors: np.ndarray,
+    variance: np.ndarray,
+    fitted: np.ndarray,
+    pixels: np.ndarray,
+    noise: ImageNoise,
+    floor: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """A belief in colours updated by a fit, per group and channel.
+
+    Args:
+        colors: believed before (G, 3), 0..1.
+        variance: of them (G, 3).
+        fitted: (G, 3).
+        pixels: how many of them showed each group (G,).
+        noise: of the image.
+        floor: error that no number of pixels removes (shading), 0..1.
+
+    Returns:
+        Colours (G, 3) and their variance (G, 3).
+    """
+    seen = (pixels > 0)[:, None]
+    spread = noise.color**2 * noise.shared_by / np.maximum(pixels, 1.0)[:, None] + floor**2
+    gain = np.where(seen, variance / (variance + spread), 0.0)
+    # Shading changes with the next view, so a colour is never believed better than the floor.
+    return colors + gain * (fitted - colors), np.maximum((1.0 - gain) * variance, floor**2)

@@ -23,8 +23,10 @@ from samrl_core.inverse.information import (
     view_information,
     widened_belief,
 )
-from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
-from samrl_core.tasks.task import Task
+from samrl_core.inverse.misfit import Misfit, RealTarget
+from samrl_core.inverse.target_cloud import eroded
+from samrl_core.inverse.target_renderer import TargetRenderer
+from samrl_core.tasks.task import ParameterSpec, Task
 
 _NEAR = 5e-4  # points nearer than this pull no harder [m]
 
@@ -33,7 +35,14 @@ _NEAR = 5e-4  # points nearer than this pull no harder [m]
 class PoseFitSettings:
     """Losses, step control and noise."""
 
+    # What a step of the descent counts in: what moves the target's fastest point so far, within limits.
+    step_pixels: float = 8.0  # [px]
+    step_limits: tuple[float, float] = (1.0, 6.0)  # [parameter's scale]
     coarse_above: float = 0.004  # distance of the clouds above which EMD alone is reduced first [m]
+    # A rigid target whose clouds stay this far apart is looked for again, turned either way about each axis:
+    # past its edge a disc shows its other face, and no slope leads there.
+    lost_above: float = 0.012  # [m]
+    turn: float = 0.7  # [rad]
     coarse: DampedSettings = DampedSettings(max_evaluations=10, patience=2)
     fine: DampedSettings = DampedSettings(max_evaluations=10)
     belief_weight: float = 2e-5  # of the distance to what was believed, per parameter and deviation [m]
@@ -41,6 +50,8 @@ class PoseFitSettings:
     polish_enough: float = 0.4  # converged when one of them is below, in root mean square [std. deviation]
     polish_limit: float = 2.0  # longest of them, in pixels of the target's fastest point [px]
     jacobian_pixels: float = 0.5  # half span of the differences, of the target's fastest point [px]
+    # Share of either mask that must lie on the other, give or take a pixel, to call a fit converged.
+    least_overlap: float = 0.7
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
 
 
@@ -156,14 +167,24 @@ def fit_pose(
     scale, lower, upper = (np.array([getattr(p, n) for p in specs]) for n in ("scale", "lower", "upper"))
     deviation = np.sqrt(np.diag(belief))
     objective = PoseObjective(renderer, real, misfit, (start, deviation), s.belief_weight)
+    low, high = s.step_limits
+    unit = np.clip(renderer.pixel_steps(start, s.step_pixels), low * scale, high * scale)
     values, evaluations = start, 0
     if misfit.losses(start, colors).emd > s.coarse_above:
         coarse = minimize_damped(
-            lambda v: objective.coarse(v, colors), start, scale, lower, upper, s.coarse, watch
+            lambda v: objective.coarse(v, colors), start, unit, lower, upper, s.coarse, watch
         )
         values, evaluations = coarse.parameters, coarse.evaluations
+        turns = _turns(specs, s.turn) if coarse.value > s.lost_above and not renderer.thin else ()
+        for turn in turns:
+            other = minimize_damped(
+                lambda v: objective.coarse(v, colors), start + turn, unit, lower, upper, s.coarse
+            )
+            evaluations += other.evaluations
+            if other.value < coarse.value:
+                coarse, values = other, other.parameters
     colors = fit_colors(renderer, real, values, colors)
-    fit = minimize_damped(lambda v: objective.fine(v, colors), values, scale, lower, upper, s.fine, watch)
+    fit = minimize_damped(lambda v: objective.fine(v, colors), values, unit, lower, upper, s.fine, watch)
     evaluations += fit.evaluations
     if fit.why_stopped == "diverged":
         return PoseFit(start, belief, colors, evaluations, "diverged")
@@ -190,14 +211,29 @@ def fit_pose(
             view = view_at(values)
         covariance = np.linalg.inv(precision + view.matrix)
         change = newton_step(view, real.image, belief=(start - values, precision))
+        squared = float(change @ np.linalg.solve(covariance, change)) / change.size  # of the whole step
         limit = np.minimum(renderer.pixel_steps(values, s.polish_limit), scale)
         change = change / max(1.0, float(np.abs(change / limit).max()))
         values = np.clip(values + change, lower, upper)
         if watch is not None:
             watch(values)
-        squared = float(change @ np.linalg.solve(covariance, change)) / change.size
         small = squared < s.polish_enough**2
         why = "converged" if small else "iteration_limit"
         if small:
             break
+    if _overlap(renderer.image(values, colors).mask, real.image.mask) < s.least_overlap:
+        why = "iteration_limit"  # it stands still, but elsewhere
     return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)
+
+
+def _overlap(a: np.ndarray, b: np.ndarray) -> float:
+    """Share of the mask (H, W) that lies within a pixel of the other, the smaller one of the two ways."""
+    if not (a.any() and b.any()):
+        return 0.0
+    return min(float((~eroded(~one))[other].mean()) for one, other in ((a, b), (b, a)))
+
+
+def _turns(specs: tuple[ParameterSpec, ...], angle: float) -> list[np.ndarray]:
+    """Changes of the parameters (P,): each angle by `angle` [rad] up and down."""
+    which = [k for k, spec in enumerate(specs) if spec.unit == "rad"]
+    return [sign * angle * np.eye(len(specs))[k] for k in which for sign in (1.0, -1.0)]

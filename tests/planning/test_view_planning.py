@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from samrl_core.errors import InputError
-from samrl_core.inverse.misfit import TargetRenderer
+from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate, initial_estimate
 from samrl_core.robots.geometry import Capsules

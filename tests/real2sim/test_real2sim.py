@@ -9,7 +9,8 @@ import pytest
 
 from samrl_core.errors import InputError
 from samrl_core.experiments.cell_driver import CellDriver
-from samrl_core.inverse.misfit import Misfit, RealTarget, TargetRenderer
+from samrl_core.inverse.misfit import Misfit, RealTarget
+from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.types.observation import Observation

@@ -19,6 +19,9 @@ from samrl_core.trajectory import Plan, TrajectorySettings, optimise
 class TipOnly(TaskDynamics):
     """The state is the tip, then values that nothing moves."""
 
+    def prepare(self) -> None:
+        """Nothing to compile."""
+
     def start(self, values: np.ndarray, tip_position: np.ndarray) -> TaskState:
         """Tip and values."""
         q = torch.from_numpy(np.concatenate([tip_position, values])[None])

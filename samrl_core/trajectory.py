@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
 from samrl_core.tasks.task import SubGoal
 
@@ -53,7 +53,7 @@ class Plan:
     values: np.ndarray  # (T + 1, P) the task's parameters, the start first
     sub_goals: tuple[str, ...]  # which one each action heads for, T names
     reached: bool  # no sub-goal is left
-    why_stopped: str  # done | out_of_reach: the last sub-goal | limit: of actions or sub-goals
+    why_stopped: str  # done | out_of_reach: the last sub-goal | not_solved: the one after it | limit
     iterations: int  # Gauss-Newton steps in all
 
 
@@ -81,7 +81,7 @@ def optimise(
 
     Raises:
         InputError: a goal is not finite, a `max_step` is not positive, or the model's gradient is not finite.
-        SolveError: the model cannot follow the straight line to a sub-goal.
+        SolveError: the model cannot follow the straight line to the first sub-goal.
     """
     s = settings or TrajectorySettings()
     actions: list[np.ndarray] = []
@@ -95,7 +95,13 @@ def optimise(
         left = s.max_actions - len(names)
         if left < 1:
             break
-        leg = _Search(dynamics, task, goal, s).leg(states[-1], left)
+        try:
+            leg = _Search(dynamics, task, goal, s).leg(states[-1], left)
+        except SolveError:
+            if not actions:
+                raise
+            why = "not_solved"
+            break
         actions.append(leg.actions.numpy())
         states += leg.states[1:]
         names += [goal.name] * len(leg.actions)
@@ -171,7 +177,10 @@ class _Search:
             cost = float(missing @ missing) + w * float(flat @ flat)
             for halving in range(4):
                 trial = _bounded(actions + 0.5**halving * torch.from_numpy(step), goal.max_step)
-                trial_states = self._rollout(start, trial)
+                try:
+                    trial_states = self._rollout(start, trial)
+                except SolveError:
+                    continue  # no better than what is known
                 trial_missing, passed = self._missing(trial_states[-1])
                 value = float(trial_missing @ trial_missing) + w * float(trial.square().sum())
                 if passed or value < cost * (1.0 - 1e-6):

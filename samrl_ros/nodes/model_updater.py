@@ -56,6 +56,10 @@ class ModelUpdater(Behaviour):
         self._bad_frames = 0
         self._updates = 0
 
+    def start(self) -> None:
+        """See `Behaviour`: the physics is compiled before the first request."""
+        self._model.dynamics.prepare()
+
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
         if topic == READY:

@@ -68,8 +68,9 @@ class ViewPlannerNode(Behaviour):
         self._moves = 0
 
     def start(self) -> None:
-        """See `Behaviour`: the set of reachable views is worked out before the first request."""
+        """See `Behaviour`: reachable views and compiled physics are there before the first request."""
         self._planner.prepare()
+        self._model.dynamics.prepare()
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""

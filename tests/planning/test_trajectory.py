@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.model.model import Model
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
 from samrl_core.tasks.task import SubGoal
@@ -18,6 +18,9 @@ from samrl_core.trajectory import Plan, TrajectorySettings, optimise
 
 class TipOnly(TaskDynamics):
     """The state is the tip, then values that nothing moves."""
+
+    def prepare(self) -> None:
+        """Nothing to compile."""
 
     def start(self, values: np.ndarray, tip_position: np.ndarray) -> TaskState:
         """Tip and values."""
@@ -69,6 +72,16 @@ class Floor(TipOnly):
         """Stops at the floor."""
         after = tip + action
         return torch.stack([after[:, 0], after[:, 1], torch.maximum(after[:, 2], values[:, 0])], dim=1)
+
+
+class Unsolved(TipOnly):
+    """Below a height of `values[0]` the equations have no solution."""
+
+    def tip_after(self, tip: torch.Tensor, action: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+        """Free above, an error below."""
+        if float((tip + action)[0, 2]) < float(values[0, 0]):
+            raise SolveError("too low")
+        return tip + action
 
 
 class Sequence:
@@ -157,6 +170,14 @@ def test_reports_a_goal_out_of_reach_and_stops_there() -> None:
     assert set(plan.sub_goals) == {"down"}
     assert plan.tips[:, 2].min() == pytest.approx(0.04)
     assert np.linalg.norm(plan.tips[-1, :2] - DOWN.tip_position[:2]) < 2e-3
+
+
+def test_what_cannot_be_solved_ends_the_plan_or_is_said() -> None:
+    """What comes first stands; where nothing comes first, the error is the answer."""
+    plan = plan_of(Unsolved(), Sequence(ABOVE, DOWN), np.array([0.03]))
+    assert set(plan.sub_goals) == {"above"} and plan.why_stopped == "not_solved" and not plan.reached
+    with pytest.raises(SolveError, match="too low"):
+        plan_of(Unsolved(), Sequence(DOWN), np.array([0.03]))
 
 
 def test_nothing_to_do() -> None:

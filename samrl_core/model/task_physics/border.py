@@ -22,6 +22,10 @@ class TaskDynamics(ABC):
     """Eq. 3 of one task. Float64, on the CPU; final implementations differ in what they take into account."""
 
     @abstractmethod
+    def prepare(self) -> None:
+        """Compiles what `forward` and its gradient need, or the first action would wait for it."""
+
+    @abstractmethod
     def start(self, values: np.ndarray, tip_position: np.ndarray) -> TaskState:
         """States at rest as an estimate says.
 

@@ -43,6 +43,9 @@ class PegDynamics(TaskDynamics):
         self._slope = torch.from_numpy(np.stack(columns, axis=1))
         self._offset = torch.from_numpy(origin) - self._slope @ torch.from_numpy(nominal)
 
+    def prepare(self) -> None:
+        """Nothing is compiled."""
+
     def start(self, values: np.ndarray, tip_position: np.ndarray) -> TaskState:
         """See `TaskDynamics`."""
         tip = checked_tip(tip_position)

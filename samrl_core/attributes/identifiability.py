@@ -83,8 +83,10 @@ def combinations_of(covariance: np.ndarray, names: Sequence[str]) -> tuple[Combi
     """
     places = [list(names).index(name) for name in PAIR]
     variances, axes = np.linalg.eigh(covariance[np.ix_(places, places)])
-    best, worst = (
-        Combination(*(float(a) for a in axis * np.sign(axis[np.argmax(np.abs(axis))])), float(np.sqrt(v)))
-        for v, axis in zip(variances, axes.T, strict=True)
-    )
+    best, worst = (_combination(axis, v) for v, axis in zip(variances, axes.T, strict=True))
     return best, worst
+
+
+def _combination(axis: np.ndarray, variance: float) -> Combination:
+    mass_power, friction_power = (float(a) for a in axis * np.sign(axis[np.argmax(np.abs(axis))]))
+    return Combination(mass_power, friction_power, float(np.sqrt(variance)))

@@ -50,12 +50,13 @@ def test_the_drive_explains_the_free_tip_and_not_the_touching_one(world: PyBulle
     assert push.effective_mass.min() > 0.3 and push.effective_mass.max() < 0.8
 
 
-def test_a_second_push_from_the_same_seed_is_the_first(world: PyBulletWorld) -> None:
-    settings = PushSettings(push_s=0.05, total_s=0.06)
-    world.reset(4)
-    first = pushed(world, settings)
-    world.reset(4)
-    again = pushed(world, settings)
+def test_a_push_in_a_new_world_is_the_same(world: PyBulletWorld) -> None:
+    """Bit for bit. In one world it is not so after contact: Bullet keeps some of that over a reset."""
+    settings = PushSettings(push_s=0.07, total_s=0.08)
+    other = PyBulletWorld(TASK, CELL)
+    first, again = pushed(world, settings), pushed(other, settings)
+    assert other.truth().first_contact_ns > 0
+    other.close()
     np.testing.assert_array_equal(first.tip, again.tip)
     np.testing.assert_array_equal(first.seen, again.seen)
 

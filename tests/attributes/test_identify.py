@@ -8,7 +8,7 @@ import numpy as np
 import pushes
 import pytest
 
-from samrl_core.attributes.identifiability import attributes_of, combinations_of
+from samrl_core.attributes.identifiability import attributes_of, combinations_of, said
 from samrl_core.attributes.identify import IdentifySettings, identify
 from samrl_core.attributes.push_record import Disc, PushRecord
 from samrl_core.attributes.push_scene import NAMES
@@ -129,5 +129,10 @@ def test_intervals_and_combinations_are_those_of_the_covariance() -> None:
     mass = attributes_of(NAMES, np.zeros(len(NAMES)), covariance, np.full(len(NAMES), 0.4))[0]
     assert (mass.lower, mass.upper) == pytest.approx((np.exp(-0.196), np.exp(0.196)), rel=1e-4)
     assert mass.determined and mass.shrink == pytest.approx(0.25)
+    spread = np.full(len(NAMES), 0.4)
+    spread[2] = 0.1  # the prior of the inertia is all that is known of it
+    text = " / ".join(said(attributes_of(NAMES, np.zeros(len(NAMES)), covariance, spread), (best, worst)))
+    assert "mass is 1, 95 % interval" in text and "mass and friction are not separated" in text
+    assert "not determined, the values are the priors': inertia_ratio /" in text
     with pytest.raises(InputError, match="prior"):
         attributes_of(NAMES, np.zeros(len(NAMES)), 0 * covariance, np.ones(len(NAMES)))

@@ -11,6 +11,7 @@ from samrl_core.errors import InputError
 
 NORMAL_95 = 1.959964  # two-sided 95 % point of the normal distribution
 DETERMINED = 0.5  # the data must leave less than this share of the prior's standard deviation
+NOT_SEPARATED = 5.0  # the worst combination of mass and friction is that much less known than the best
 PAIR = ("mass", "table_friction")
 
 
@@ -83,8 +84,29 @@ def combinations_of(covariance: np.ndarray, names: Sequence[str]) -> tuple[Combi
     """
     places = [list(names).index(name) for name in PAIR]
     variances, axes = np.linalg.eigh(covariance[np.ix_(places, places)])
-    best, worst = (
-        Combination(*(float(a) for a in axis * np.sign(axis[np.argmax(np.abs(axis))])), float(np.sqrt(v)))
-        for v, axis in zip(variances, axes.T, strict=True)
-    )
+    best, worst = (_combination(axis, v) for v, axis in zip(variances, axes.T, strict=True))
     return best, worst
+
+
+def _combination(axis: np.ndarray, variance: float) -> Combination:
+    mass_power, friction_power = (float(a) for a in axis * np.sign(axis[np.argmax(np.abs(axis))]))
+    return Combination(mass_power, friction_power, float(np.sqrt(variance)))
+
+
+def said(attributes: Sequence[Attribute], combinations: Sequence[Combination]) -> tuple[str, ...]:
+    """What is known and what is not, in sentences."""
+    lines = [
+        f"{a.name} is {a.value:.3g}, 95 % interval {a.lower:.3g} to {a.upper:.3g}"
+        for a in attributes
+        if a.determined
+    ]
+    open_names = [a.name for a in attributes if not a.determined]
+    if open_names:
+        lines.append(f"not determined, the values are the priors': {', '.join(open_names)}")
+    best, worst = combinations
+    lines.append(
+        f"mass^{best.mass_power:.2f} x friction^{best.friction_power:.2f} is known to {100 * best.std:.1f} %"
+        f", mass^{worst.mass_power:.2f} x friction^{worst.friction_power:.2f} to {100 * worst.std:.1f} %"
+        + (": mass and friction are not separated" if worst.std > NOT_SEPARATED * best.std else "")
+    )
+    return tuple(lines)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from samrl_core.attributes.identifiability import Attribute, Combination, said
 from samrl_core.attributes.identify import Identified, IdentifySettings, identify
 from samrl_core.attributes.push_record import Disc, PushRecord
 from samrl_core.errors import InputError
@@ -122,6 +123,12 @@ def summary(found: Identified, case: Case) -> dict[str, Any]:
     }
 
 
+def told(fit: dict[str, Any]) -> tuple[str, ...]:
+    """The sentences of a stored fit."""
+    fields = [{k: v for k, v in a.items() if k != "determined"} for a in fit["attributes"]]
+    return said([Attribute(**f) for f in fields], [Combination(**c) for c in fit["combinations"]])
+
+
 def aggregate(results: list[dict[str, Any]]) -> dict[str, Any]:
     """Per group and fit: errors, coverage, and what was determined how often."""
     table: dict[str, Any] = {}
@@ -199,7 +206,15 @@ def main(arguments: list[str] | None = None) -> int:
             f"{row['friction_covered']:2}/{row['cases']:2}      {row['converged']:2}/{row['cases']:2}"
         )
         print(f"{'':24} determined: " + ", ".join(f"{n} {c}" for n, c in row["determined"].items()))
-    record = {"schema": SCHEMA, "seed": options.seed, "forces_N": FORCES, "table": table, "cases": results}
+    sentences = {r["case"]["name"]: {n: told(f) for n, f in r["fits"].items()} for r in results}
+    record = {
+        "schema": SCHEMA,
+        "seed": options.seed,
+        "forces_N": FORCES,
+        "table": table,
+        "said": sentences,
+        "cases": results,
+    }
     (options.out / "mass_from_pushes.json").write_text(json.dumps(record, indent=1))
     write_picture(results, options.out / "mass_from_pushes.png")
     return 0

@@ -17,8 +17,8 @@ FITS = {"one_push": ("one push", "tab:orange"), "two_pushes": ("two pushes", "ta
 
 
 def write_picture(results: list[dict[str, Any]], path: Path) -> None:
-    """Left: size of the mass's relative error over the iterations of the fit to two pushes. Right: mass
-    and friction of each case, less the truth, with 95 % intervals.
+    """Left: relative error of the mass over the iterations of the fit to two pushes, without sign. Right:
+    mass and friction of each case, less the truth, with 95 % intervals.
     """
     figure, axes = plt.subplots(1, 3, figsize=(14, 4.5), width_ratios=(1, 1.3, 1.3), layout="constrained")
     for result in results:

@@ -113,7 +113,8 @@ class PushDriver:
             rows[k] = place, self._tip.free_acceleration(q, dq, torque), self._tip.effective_mass(q)
         if seen_step[-1] == steps:
             seen.append(float(sensor.read() @ ALONG))
-        return PushRecord(period, push_steps, *rows.T, seen_step, np.array(seen))
+        tip, free, mass = rows.T
+        return PushRecord(period, push_steps, tip, free, mass, seen_step, np.array(seen))
 
     def _joint_path(self, start: np.ndarray) -> CubicSpline:
         """Joints (J,) [rad] over the place along the line [m], the tool's orientation kept."""

@@ -43,7 +43,8 @@ def least_squares(
     """Minimise the squared residual.
 
     A trial point where the model cannot be solved, or gives no number, counts as worse. When that is so at
-    the start itself, the answer is "diverged" with an empty residual: there is nothing to improve on.
+    the start itself, the answer is "diverged" with an empty residual: there is nothing to improve on. So is
+    it where the squares of residual or slopes are no numbers.
 
     Args:
         residual: whitened, priors included as rows, so that J^T J is the information.
@@ -63,7 +64,7 @@ def least_squares(
         r, jacobian = slopes(x)
     except SolveError:
         return _nothing(x)
-    if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
+    if not _usable(r, jacobian):
         return _nothing(x)
     damping, why = s.first_damping, "iteration_limit"
     for _ in range(s.max_iterations):
@@ -86,7 +87,16 @@ def least_squares(
         x = accepted
         path.append(x)
         r, jacobian = slopes(x)
+        if not _usable(r, jacobian):
+            why = "diverged"
+            break
     return LeastSquaresResult(x, r, jacobian, np.array(path), why)
+
+
+def _usable(r: np.ndarray, jacobian: np.ndarray) -> bool:
+    """Whether the squares, too, are numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(r @ r) and np.isfinite((jacobian**2).sum()))
 
 
 def _tried(residual: Residual, x: np.ndarray) -> np.ndarray | None:
@@ -95,7 +105,8 @@ def _tried(residual: Residual, x: np.ndarray) -> np.ndarray | None:
         value = residual(x)
     except SolveError:
         return None
-    return value if np.isfinite(value).all() else None
+    with np.errstate(over="ignore", invalid="ignore"):
+        return value if np.isfinite(value @ value) else None
 
 
 def _nothing(x: np.ndarray) -> LeastSquaresResult:

@@ -20,8 +20,8 @@ def test_blade_and_disc_obey_newton() -> None:
     speed = states[:, scene.model.start_state(1).q.shape[1] + 1]  # of the disc, after the blade's
 
     def pace(first: float, last: float) -> float:
-        a, b = round(first / pushes.PERIOD), round(last / pushes.PERIOD)
-        return (speed[b] - speed[a]) / (last - first)
+        a, b = (round(t / scene.model.scene.step_s) for t in (first, last))
+        return (speed[b] - speed[a]) / ((b - a) * scene.model.scene.step_s)
 
     together = (force - friction * mass * 9.81) / (pushes.ARM_MASS + mass)
     assert pace(0.16, 0.23) == pytest.approx(together, rel=0.02)

@@ -128,8 +128,8 @@ class Judge:
         for view, drawn, share in zip(self.held_out, color, coverage, strict=True):
             cut = np.abs(drawn - view.color * view.mask[..., None]).mean(axis=-1)
             image_error.append(cut.sum() / view.mask.sum())
-            both = view.mask & (share > 0.99)
-            color_error.append(np.abs(drawn - view.color)[both].mean())
+            apart_there = np.abs(drawn - view.color).mean(axis=-1)
+            color_error.append(float(np.mean(apart_there, where=view.mask & (share > 0.99))))
             overlap.append((view.mask & (share > 0.5)).sum() / (view.mask | (share > 0.5)).sum())
         return Stage(
             apart.mean,

@@ -46,12 +46,12 @@ class PoseFitSettings:
     coarse: DampedSettings = DampedSettings(max_evaluations=10, patience=2)
     fine: DampedSettings = DampedSettings(max_evaluations=10)
     belief_weight: float = 2e-5  # of the distance to what was believed, per parameter and deviation [m]
-    polish: int = 4  # noise-weighted Newton steps at the end, at most
+    polish: int = 6  # noise-weighted Newton steps at the end, at most
     polish_enough: float = 0.4  # converged when one of them is below, in root mean square [std. deviation]
     polish_limit: float = 2.0  # longest of them, in pixels of the target's fastest point [px]
     jacobian_pixels: float = 0.5  # half span of the differences, of the target's fastest point [px]
     # Share of either mask that must lie on the other, give or take a pixel, to call a fit converged.
-    least_overlap: float = 0.7
+    least_overlap: float = 0.9
     surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
 
 
@@ -222,7 +222,7 @@ def fit_pose(
         if small:
             break
     if _overlap(renderer.image(values, colors).mask, real.image.mask) < s.least_overlap:
-        why = "iteration_limit"  # it stands still, but elsewhere
+        why, covariance = "iteration_limit", belief  # it may stand still, but elsewhere: nothing is learnt
     return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)
 
 

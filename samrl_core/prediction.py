@@ -8,6 +8,7 @@ moves and with what contact holds.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,17 +29,23 @@ class PredictionSettings:
     model_error: float = 0.3  # standard deviation, of the predicted change [-]
     largest_spread: float = 1.0  # differences reach at most so far, in scales of the parameters [-]
     held_error: float = 0.05  # standard deviation of what contact holds, in scales of the parameters [-]
+    jump: float = 6.0  # farther from each other, in scales, two ends are different things that may happen [-]
+    most: int = 3  # predictions at most
+    other_spread: float = 2.0  # standard deviation of the less likely ones, in scales [-]
 
 
-def predicted(
+def predictions(
     dynamics: TaskDynamics,
     specs: tuple[ParameterSpec, ...],
     estimate: Estimate,
     tip_before: np.ndarray,
     tip_after: np.ndarray,
     settings: PredictionSettings | None = None,
-) -> Estimate:
-    """The estimate after the tool's tip has moved straight from one place to another.
+) -> tuple[Estimate, ...]:
+    """What the estimate may be after the tool's tip has moved straight from one place to another.
+
+    What stands on edge falls or stands: where a deviation within the belief ends far from the mean's end, or
+    the mean went far, that end and "it stayed" are given too. An image decides (`likeliest`).
 
     Args:
         dynamics: of the estimate's task.
@@ -49,7 +56,7 @@ def predicted(
         settings: how far the prediction is trusted.
 
     Returns:
-        The estimate with other values and covariance; itself where nothing moved.
+        Estimates with other values and covariance, that of the mean first; the given one where nothing moved.
 
     Raises:
         InputError: a tip is not three finite numbers.
@@ -59,7 +66,7 @@ def predicted(
     way = checked_tip(tip_after) - checked_tip(tip_before)
     distance = float(np.linalg.norm(way))
     if distance < s.still:
-        return estimate
+        return (estimate,)
     scale = np.array([p.scale for p in specs])
     spread = np.minimum(np.sqrt(np.diag(estimate.covariance)), s.largest_spread * scale)
     spread = np.maximum(spread, 1e-6 * scale)
@@ -82,4 +89,16 @@ def predicted(
     # A disc that turns over jumps from one end of its range to the other: no deviation exceeds half of it.
     shrink = np.minimum(1.0, 0.5 * (upper - lower) / np.sqrt(np.diag(covariance)))
     covariance = shrink[:, None] * 0.5 * (covariance + covariance.T) * shrink
-    return replace(estimate, values=np.clip(ends[0], lower, upper), covariance=covariance)
+    found = [replace(estimate, values=np.clip(ends[0], lower, upper), covariance=covariance)]
+    for other in (estimate.values, *ends[1:]):
+        far = all(np.abs((other - one.values) / scale).max() > s.jump for one in found)
+        if far and len(found) < s.most:
+            loose = np.diag((s.other_spread * scale) ** 2)
+            found.append(replace(estimate, values=np.clip(other, lower, upper), covariance=loose))
+    return tuple(found)
+
+
+def likeliest(updates: Sequence[Estimate]) -> Estimate:
+    """Of the updates from several predictions by one image, that which explains it best (eq. 6)."""
+    losses = [one.loss_after for one in updates]
+    return updates[int(np.argmin([loss if math.isfinite(loss) else math.inf for loss in losses]))]

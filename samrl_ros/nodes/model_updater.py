@@ -10,7 +10,7 @@ import torch
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.model.model import Model
-from samrl_core.prediction import predicted
+from samrl_core.prediction import likeliest, predictions
 from samrl_core.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
@@ -99,22 +99,23 @@ class ModelUpdater(Behaviour):
     def _wanted(self, stamp_ns: int) -> bool:
         return self._request is not None and stamp_ns >= from_message.stamp_ns(self._request)
 
-    def _predicted(self, observation: Observation) -> Estimate:
-        """The estimate moved on by what the tool did since the last image."""
+    def _predictions(self, observation: Observation) -> tuple[Estimate, ...]:
+        """The estimate after what the tool did since the last image, in each way that it may have gone."""
         tip = self._model.tip_in_base(observation.tool_arm.position).position
         before, self._tip = self._tip, tip
         if before is None:
-            return self._estimate
+            return (self._estimate,)
         try:
-            return predicted(self._model.dynamics, self._task.parameters(), self._estimate, before, tip)
+            return predictions(self._model.dynamics, self._task.parameters(), self._estimate, before, tip)
         except SolveError as error:
             self._outbox.log("error", f"the last estimate stands in for a prediction: {error}")
-            return self._estimate
+            return (self._estimate,)
 
     def _update(self, observation: Observation) -> None:
         request, self._request = self._request, None
         if self._settings.enabled:
-            self._estimate = self._real2sim.update(self._predicted(observation), observation)
+            updates = [self._real2sim.update(one, observation) for one in self._predictions(observation)]
+            self._estimate = likeliest(updates)
         else:
             self._estimate = replace(self._estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")
         self._updates += 1

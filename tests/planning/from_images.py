@@ -15,7 +15,7 @@ import torch
 
 from samrl_core.experiments.cell_driver import CellDriver
 from samrl_core.model.model import Model
-from samrl_core.prediction import predicted
+from samrl_core.prediction import likeliest, predictions
 from samrl_core.real2sim import Real2Sim, initial_estimate
 from samrl_core.robots.arm_model import ArmModel, Payload
 from samrl_core.robots.cell import default_cell
@@ -68,9 +68,10 @@ def solve(name: str, seed: int) -> Outcome:
         observation = driver.observe()
         tip = model.tip_in_base(observation.tool_arm.position).position
         start = time.process_time()
+        priors = (estimate,)
         if before is not None:
-            estimate = predicted(dynamics, task.parameters(), estimate, before, tip)
-        estimate, before = real2sim.update(estimate, observation), tip
+            priors = predictions(dynamics, task.parameters(), estimate, before, tip)
+        estimate, before = likeliest([real2sim.update(prior, observation) for prior in priors]), tip
         spent["update"] += time.process_time() - start
         detected = task.is_done(estimate.values, tip)
         if detected or actions == task.max_actions:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from samrl_core.errors import InputError
 from samrl_core.model.task_physics.choose import dynamics_of
-from samrl_core.prediction import PredictionSettings, predicted
+from samrl_core.prediction import PredictionSettings, likeliest, predictions
 from samrl_core.real2sim import Estimate
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.needle_threading.task import NeedleThreading
@@ -47,7 +49,7 @@ def test_a_pushed_pancake_is_expected_where_the_blade_left_it() -> None:
     task = SpatulaFlipping()
     before = estimate(task, np.array([0.512, 0.003, 0.006, 0.0, 0.0]), 0.1)
     start = np.array([0.456, 0.003, task.low])
-    after = predicted(
+    (after,) = predictions(
         dynamics_of(task, CELL), task.parameters(), before, start, start + np.array([0.012, 0.0, 0.0])
     )
     way = after.values[0] - before.values[0]
@@ -69,7 +71,7 @@ def test_a_thread_in_free_air_keeps_its_shape_and_its_errors() -> None:
     values = np.random.default_rng(0).uniform(-0.1, 0.1, 20)
     before = estimate(task, values, 0.3)
     start = task.eye + [0.0, 0.0, 0.15]
-    after = predicted(
+    (after,) = predictions(
         dynamics_of(task, CELL), task.parameters(), before, start, start + np.array([0.004, 0.0, 0.0])
     )
     np.testing.assert_allclose(after.values, values, atol=2e-3)
@@ -77,13 +79,33 @@ def test_a_thread_in_free_air_keeps_its_shape_and_its_errors() -> None:
     assert (grown > 0.95).all() and (grown < 1.1).all()
 
 
+def test_what_stands_on_edge_may_fall_or_not() -> None:
+    """Pushed a little past upright on its rim, a pancake may lie on its other face or stand still; the image
+    decides between the two.
+    """
+    task = SpatulaFlipping()
+    before = estimate(task, np.array([0.577, 0.0, 0.0500, 0.0, 1.64]), 0.2)
+    start = np.array([0.5760, 0.0, 0.0565])
+    found = predictions(
+        dynamics_of(task, CELL), task.parameters(), before, start, start + np.array([0.0055, 0.0, 0.0])
+    )
+    standing = [one for one in found if 1.2 < abs(one.values[4]) < 2.0 and one.values[2] > 0.045]
+    lying = [one for one in found if one.values[2] < 0.03]
+    assert standing and lying and len(found) <= 3
+    assert all(np.linalg.eigvalsh(one.covariance).min() > 0 for one in found)
+    losses = (0.4, float("nan"), 0.2)
+    updates = [replace(before, loss_after=loss) for loss in losses]
+    assert likeliest(updates) is updates[2]
+    assert likeliest(updates[1:2]) is updates[1]
+
+
 def test_where_nothing_moves_nothing_changes() -> None:
     """A tool at rest, or a block that is screwed to the table."""
     task = PegInsertion()
     before = estimate(task, np.array([0.51, -0.02]), 0.1)
     dynamics, tip = dynamics_of(task, CELL), np.array([0.5, 0.0, 0.1])
-    assert predicted(dynamics, task.parameters(), before, tip, tip + 5e-5) is before
-    after = predicted(dynamics, task.parameters(), before, tip, tip - np.array([0.0, 0.0, 0.03]))
+    assert predictions(dynamics, task.parameters(), before, tip, tip + 5e-5) == (before,)
+    (after,) = predictions(dynamics, task.parameters(), before, tip, tip - np.array([0.0, 0.0, 0.03]))
     np.testing.assert_array_equal(after.values, before.values)
     np.testing.assert_allclose(np.diag(after.covariance), np.diag(before.covariance), rtol=1e-9)
 
@@ -94,4 +116,4 @@ def test_refuses_tips_that_are_none() -> None:
     before = estimate(task, np.array([0.51, -0.02]), 0.1)
     for tip in (np.full(3, np.nan), np.zeros(2)):
         with pytest.raises(InputError, match="finite"):
-            predicted(dynamics_of(task, CELL), task.parameters(), before, np.array([0.5, 0.0, 0.1]), tip)
+            predictions(dynamics_of(task, CELL), task.parameters(), before, np.array([0.5, 0.0, 0.1]), tip)

@@ -20,7 +20,7 @@ class ContactSettings:
     slip_speed: float = 1.0e-3  # below it friction fades [m/s]
     margin: float = 0.004  # balls farther from a solid are left out of a step [m]
     edge: float = 0.0005  # rounding of edges where the body states none [m]
-    rim_balls: int = 32  # on a rim of a cylinder or a hole
+    rim_balls: int = 64  # on a rim of a cylinder or a hole
     edge_balls: int = 9  # along an edge of a box
     link_balls: int = 4  # along a link of a chain
 

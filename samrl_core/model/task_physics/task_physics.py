@@ -158,9 +158,14 @@ class TaskPhysics(TaskDynamics):
         stiffness = self._parameters.joint_stiffness[0, self._chain].detach().numpy()
         return angles + torque / stiffness
 
-    @staticmethod
-    def _coordinates(pose: Pose) -> np.ndarray:
-        return np.concatenate([pose.position, pose.quat_xyzw])
+    def _coordinates(self, pose: Pose) -> np.ndarray:
+        """Of a body that rests on the balls of its rim, turned about its own axis: its lowest point lies
+        between two balls. On one it would roll off; where a rim's balls are does not show.
+        """
+        down = pose.rotation[2, :2]  # how fast its x and y axes rise
+        spin = np.arctan2(-down[1], -down[0]) - np.pi / self.settings.contact.rim_balls
+        turned = pose @ Pose.from_rpy(np.zeros(3), (0.0, 0.0, float(spin)))
+        return np.concatenate([turned.position, turned.quat_xyzw])
 
 
 def _speeds(steps: int, rest: int) -> torch.Tensor:

@@ -100,13 +100,13 @@ class Judge:
         ]
         self.held_out = [_perfect(photos, camera, body.label) for camera in elsewhere]
         samples, _ = surface_samples(vertices, body.mesh.faces, SAMPLES, np.random.default_rng(0))
-        shown = np.zeros(len(samples), dtype=bool)
+        shown: np.ndarray = np.zeros(len(samples), dtype=bool)
         for view in (_perfect(photos, camera, body.label) for camera in views):
             u, v, z = view.camera.project(samples).T
             k = view.camera.intrinsics
             framed = (z > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
             row, column = np.where(framed, v, 0).astype(int), np.where(framed, u, 0).astype(int)
-            shown |= framed & (np.abs(view.depth[row, column] - z) < _NEAR_SURFACE)
+            shown = shown | (framed & (np.abs(view.depth[row, column] - z) < _NEAR_SURFACE))
         self.shown_share = float(shown.mean())
         self._cad = (samples[shown], Surface(vertices, body.mesh.faces))
 
@@ -122,7 +122,7 @@ class Judge:
         """All figures of a mesh."""
         samples, face = surface_samples(mesh.vertices, mesh.faces, SAMPLES, np.random.default_rng(1))
         apart: Chamfer = chamfer((samples, Surface(mesh.vertices, mesh.faces)), self._cad)
-        seen = mesh.seen[mesh.faces].all(axis=1)[face]
+        seen = np.all(mesh.seen[mesh.faces[face]], axis=1)
         color, coverage = self.images(mesh)
         image_error, color_error, overlap = [], [], []
         for view, drawn, share in zip(self.held_out, color, coverage, strict=True):

@@ -27,6 +27,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "newton": ("samrl_core/benchmarks/peers/",),
     "pinocchio": ("samrl_core/robots/", "samrl_core/dynamics/"),
     "plotly": ("samrl_core/report/",),
+    "skimage": ("samrl_core/fusion/",),
     "rclpy": ("samrl_ros/",),
     "rcl_interfaces": ("samrl_ros/",),
     "lifecycle_msgs": ("samrl_ros/",),

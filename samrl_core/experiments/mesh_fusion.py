@@ -26,7 +26,7 @@ import numpy as np
 import torch
 
 from samrl_core.errors import InputError
-from samrl_core.experiments.fusion_picture import Row, draw
+from samrl_core.experiments.fusion_picture import Row, save_picture
 from samrl_core.fusion.chamfer import Chamfer, Surface, chamfer, surface_samples
 from samrl_core.fusion.fuse import FusedMesh, FusionSettings, fuse
 from samrl_core.fusion.masked_view import MaskedView
@@ -240,7 +240,7 @@ def main(arguments: list[str] | None = None) -> int:
         "results": [asdict(r) for r in results],
     }
     (options.out / "mesh_fusion.json").write_text(json.dumps(record, indent=1))
-    draw(rows, options.out / "mesh_fusion.png")
+    save_picture(rows, options.out / "mesh_fusion.png")
     return 0 if worst <= TARGET_M else 1
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from samrl_core.tasks import TASKS
 from tests.planning.from_images import solve
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("name", ["peg_insertion"])
+@pytest.mark.parametrize("name", sorted(TASKS))
 def test_solves_from_images(name: str) -> None:
     """One start, to the end; the model says done when it is."""
-    outcome = solve(name, 0)
+    outcome = solve(name, 1)
     print(name, outcome)
     assert outcome.success and outcome.detected

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -177,9 +178,15 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
 
 def _line(episode: dict[str, Any]) -> str:
     success = {True: "success", False: "failure", None: "not judged"}[episode["success"]]
+    estimate, end = episode["estimate_error_before_contact_m"], episode["final_error_m"]
+    # Only a target that stands still has one error of its estimate; all tasks have one of their end.
+    how_near = (
+        f"hole estimate off by {1e3 * estimate:.2f} mm before contact"
+        if math.isfinite(estimate)
+        else f"ended {1e3 * end:.1f} mm from the goal"
+    )
     return (
-        f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, "
-        f"hole estimate off by {1e3 * episode['estimate_error_before_contact_m']:.2f} mm before contact, "
+        f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, {how_near}, "
         f"{len(episode['views'])} views considered, {episode['wall_time_s']:.0f} s"
     )
 

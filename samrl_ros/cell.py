@@ -186,8 +186,8 @@ def _line(episode: dict[str, Any]) -> str:
         else f"ended {1e3 * end:.1f} mm from the goal"
     )
     return (
-        f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, {how_near}, "
-        f"{len(episode['views'])} views considered, {episode['wall_time_s']:.0f} s"
+        f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, "
+        f"{how_near}, {len(episode['views'])} views considered, {episode['wall_time_s']:.0f} s"
     )
 
 

@@ -53,7 +53,9 @@ def measure(name: str, parts: Mapping[str, Part], out: Path) -> int:
         if part in report:
             console.print(_table(part, report[part]))
     for part, why in missing.items():
-        console.print(f"{part}: not measured: {why}", style="yellow", highlight=False)
+        console.print(
+            f"{part}: not measured: {why}", style="yellow", highlight=False, markup=False, soft_wrap=True
+        )
     console.print(f"bench:   {path}\npicture: {picture}", highlight=False)
     return FAILED if missing else OK
 

@@ -55,6 +55,7 @@ def launch_seconds(device: str, count: int = 240) -> float:
     with wp.ScopedCapture(device=where) as capture:
         launches()
     graph = capture.graph
+    assert graph is not None  # the capture has ended
     job = Job("launch", lambda: wp.capture_launch(graph), count, wait(device))
     return in_turn([job], 9)["launch"].seconds
 

@@ -96,7 +96,7 @@ def against_mitsuba(
         g = peers[kind].gradient(reference.weights[name].numpy()[..., channels], MITSUBA_SAMPLES)
         return vertex_to_pose(scene, g.by_place, g.by_value if kind == "xyz" else None)
 
-    weights = sum(reference.weights[name] for name in _TIMED)
+    weights = torch.stack([reference.weights[name] for name in _TIMED]).sum(dim=0)
     renderer = Renderer(scene.topology, LENS, supersample=2)
     jobs = [
         Job("samrl", both_ways(renderer, scene, weights, light)),

@@ -3,6 +3,8 @@
 Newton keeps matrices on the solver object that its backward pass reads, so every step needs a solver of its
 own; with one for all, gradients over several steps are wrong without any warning.
 """
+# The library's stubs lack or misstate these.
+# pyright: basic, reportAttributeAccessIssue=false, reportArgumentType=false
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,41 @@ class TensorPose:
     position: torch.Tensor  # (3,) [m]
 
 
+def checked_values(values: torch.Tensor, count: int) -> np.ndarray:
+    """The values of a tensor (P,), float64.
+
+    Raises:
+        InputError: wrong shape or a non-finite value.
+    """
+    if tuple(values.shape) != (count,):
+        raise InputError(f"values have shape {tuple(values.shape)}, the task declares {(count,)}")
+    here = values.detach().cpu().numpy().astype(np.float64)
+    if not np.isfinite(here).all():
+        raise InputError(f"values {here} must be finite; check the estimate's last update")
+    return here
+
+
+def first_order(rows: np.ndarray, slopes: Callable[[], np.ndarray], values: torch.Tensor) -> torch.Tensor:
+    """Rows (..., 12) as a tensor whose gradient by `values` (P,) is `slopes` (..., 12, P), if one is wanted."""
+    tensor = torch.from_numpy(rows)
+    if not (values.requires_grad and torch.is_grad_enabled()):
+        return tensor
+    moved = (values - values.detach()).to("cpu", torch.float64)
+    return tensor + torch.from_numpy(slopes()) @ moved
+
+
+def central_slopes(
+    function: Callable[[np.ndarray], np.ndarray], values: np.ndarray, scale: np.ndarray
+) -> np.ndarray:
+    """Slope (..., P) of a function of parameters (P,), which have these scales, by central differences."""
+    columns = []
+    for k, step in enumerate(_STEP * scale):
+        h = np.zeros_like(values)
+        h[k] = step
+        columns.append((function(values + h) - function(values - h)) / (2 * step))
+    return np.stack(columns, axis=-1)
+
+
 class BodyMotion:
     """Poses and their Jacobians by central differences of `Task.body_poses`, which knows no tensors."""
 
@@ -37,20 +73,12 @@ class BodyMotion:
         Raises:
             InputError: wrong shape or a non-finite value.
         """
-        if tuple(values.shape) != self._scale.shape:
-            raise InputError(
-                f"values have shape {tuple(values.shape)}, the task declares {self._scale.shape}"
-            )
-        here = values.detach().cpu().numpy().astype(np.float64)
-        if not np.isfinite(here).all():
-            raise InputError(f"values {here} must be finite; check the estimate's last update")
-        poses = self.rows(here)
-        flat = {name: torch.from_numpy(rows) for name, rows in poses.items()}
-        if values.requires_grad and torch.is_grad_enabled():
-            slopes = self.slopes(here)
-            moved = (values - values.detach()).to("cpu", torch.float64)
-            flat = {name: rows + torch.from_numpy(slopes[name]) @ moved for name, rows in flat.items()}
-        return {name: TensorPose(rows[:9].reshape(3, 3), rows[9:]) for name, rows in flat.items()}
+        here = checked_values(values, len(self._scale))
+        return {
+            name: TensorPose(flat[:9].reshape(3, 3), flat[9:])
+            for name, rows in self.rows(here).items()
+            for flat in [first_order(rows, lambda name=name: self.slopes(here)[name], values)]
+        }
 
     def rows(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Rotation by rows and position (12,) of each body at `values` (P,)."""
@@ -64,15 +92,10 @@ class BodyMotion:
         key = values.tobytes()
         if self._slopes_at is None or self._slopes_at[0] != key:
             names = list(self.rows(values))
-            columns = []
-            for k, scale in enumerate(self._scale if names else ()):
-                h = np.zeros_like(values)
-                h[k] = _STEP * scale
-                up, down = self._rows(values + h), self._rows(values - h)
-                columns.append({n: (up[n] - down[n]) / (2 * h[k]) for n in names})
-            slopes = {
-                n: np.stack([c[n] for c in columns], axis=1) if columns else np.zeros((12, 0)) for n in names
-            }
+            slopes = {}
+            if names:
+                every = central_slopes(lambda v: np.array(list(self._rows(v).values())), values, self._scale)
+                slopes = dict(zip(names, every, strict=True))
             self._slopes_at = (key, slopes)
         return self._slopes_at[1]
 

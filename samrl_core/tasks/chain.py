@@ -11,6 +11,28 @@ from samrl_core.types.pose import Pose
 from samrl_core.types.scene import ChainLink
 
 
+def link_frames(lengths: Sequence[float], tip: Pose, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frames of the links as plain arrays, for what asks for them many times.
+
+    Args:
+        lengths: of the K links [m].
+        tip: of the tool, where the first link's joints are.
+        angles: (2 K,) about x and y of each link in turn [rad], not checked.
+
+    Returns:
+        Rotations (K, 3, 3), and joints of the links and the end of the last (K + 1, 3) [m].
+    """
+    cosines, sines = np.cos(angles).reshape(-1, 2), np.sin(angles).reshape(-1, 2)
+    turn, point = tip.rotation, tip.position
+    turns, points = [], [point]
+    for length, (cx, cy), (sx, sy) in zip(lengths, cosines, sines, strict=True):
+        turn = turn @ np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])  # Rx Ry
+        point = point + length * turn[:, 2]
+        turns.append(turn)
+        points.append(point)
+    return np.array(turns).reshape(-1, 3, 3), np.array(points)
+
+
 def link_poses(chain: Sequence[ChainLink], tip: Pose, angles: np.ndarray) -> tuple[Pose, ...]:
     """Poses of the links in the frame that `tip` is given in.
 
@@ -22,16 +44,17 @@ def link_poses(chain: Sequence[ChainLink], tip: Pose, angles: np.ndarray) -> tup
     Raises:
         InputError: not two finite angles per link.
     """
-    angles = checked_angles(chain, angles)
-    poses = []
-    joint = tip
-    for link, (about_x, about_y) in zip(chain, angles.reshape(-1, 2), strict=True):
-        (cx, sx), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (about_x, about_y))
-        turn = np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])  # Rx Ry
-        pose = joint @ Pose.from_rotation(np.zeros(3), turn)
-        poses.append(pose)
-        joint = Pose(pose.apply(np.array([0.0, 0.0, link.length])), pose.quat_xyzw)
-    return tuple(poses)
+    turns, points = link_frames([link.length for link in chain], tip, checked_angles(chain, angles))
+    return tuple(Pose.from_rotation(point, turn) for point, turn in zip(points[:-1], turns, strict=True))
+
+
+def joint_axes(tip: Pose, turns: np.ndarray) -> np.ndarray:
+    """Axes (2 K, 3) of the joints about x and y of links turned by `turns` (K, 3, 3).
+
+    About x a link turns against the one before, about y with its own axis.
+    """
+    before = np.concatenate([tip.rotation[None], turns[:-1]])[: len(turns)]
+    return np.stack([before[:, :, 0], turns[:, :, 1]], axis=1).reshape(-1, 3)
 
 
 def chain_points(chain: Sequence[ChainLink], poses: Sequence[Pose]) -> np.ndarray:
@@ -40,25 +63,6 @@ def chain_points(chain: Sequence[ChainLink], poses: Sequence[Pose]) -> np.ndarra
         return np.zeros((0, 3))
     end = poses[-1].apply(np.array([0.0, 0.0, chain[-1].length]))
     return np.array([*(pose.position for pose in poses), end])
-
-
-def points_of_angles(lengths: Sequence[float], tip: Pose, angles: np.ndarray) -> np.ndarray:
-    """As `chain_points` of `link_poses`, many times faster: (K + 1, 3) [m].
-
-    Args:
-        lengths: of the K links [m].
-        tip: of the tool.
-        angles: (2 K,) [rad].
-    """
-    cosines, sines = np.cos(angles), np.sin(angles)
-    turn, point = tip.rotation, tip.position
-    points = [point]
-    for i, length in enumerate(lengths):
-        (cx, cy), (sx, sy) = cosines[2 * i : 2 * i + 2], sines[2 * i : 2 * i + 2]
-        turn = turn @ np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])  # Rx Ry
-        point = point + length * turn[:, 2]
-        points.append(point)
-    return np.array(points)
 
 
 def holding_torque(
@@ -75,17 +79,16 @@ def holding_torque(
     Raises:
         InputError: not two finite angles per link.
     """
-    poses = link_poses(chain, tip, angles)
+    turns, points = link_frames([link.length for link in chain], tip, checked_angles(chain, angles))
+    axes = joint_axes(tip, turns)
     torque = np.zeros(2 * len(chain))
     force, moment = np.zeros(3), np.zeros(3)  # of what hangs below; its moment is about world's origin
     for i in reversed(range(len(chain))):
         weight = chain[i].mass * gravity
         force = force + weight
-        moment = moment + np.cross(poses[i].apply(chain[i].center_of_mass), weight)
-        about_joint = moment - np.cross(poses[i].position, force)
-        x_axis = (poses[i - 1] if i else tip).rotation[:, 0]  # of the link before, which it turns against
-        y_axis = poses[i].rotation[:, 1]
-        torque[2 * i : 2 * i + 2] = -x_axis @ about_joint, -y_axis @ about_joint
+        moment = moment + np.cross(points[i] + turns[i] @ chain[i].center_of_mass, weight)
+        about_joint = moment - np.cross(points[i], force)
+        torque[2 * i : 2 * i + 2] = -axes[2 * i : 2 * i + 2] @ about_joint
     return torque
 
 

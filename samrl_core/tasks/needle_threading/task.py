@@ -12,7 +12,7 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import CellSpec
-from samrl_core.tasks.chain import points_of_angles
+from samrl_core.tasks.chain import link_frames
 from samrl_core.tasks.needle_threading.eye import needle_body
 from samrl_core.tasks.needle_threading.thread import crossing_distance, length_below, points_at
 from samrl_core.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
@@ -147,7 +147,7 @@ class NeedleThreading(Task):
     def thread_points(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
         """Joints and end of the thread (links + 1, 3) [m], hanging from a tip that points down."""
         tip = Pose.from_rotation(checked_tip(tip_position), DOWN)
-        return points_of_angles([self.link_length] * self.links, tip, self.chain_angles(values))
+        return link_frames([self.link_length] * self.links, tip, self.chain_angles(values))[1]
 
     def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
         """The angles themselves."""

@@ -73,9 +73,7 @@ def image_bytes(scene: ThreadScene, backward: bool) -> float:
     return forward + gradients + 2 * keys + 2.0 * samples + pixels * (28 + 36 + 84)
 
 
-def image_rates(
-    device: str, batches: Sequence[int], rounds: int, done: Callable[[], None] = lambda: None
-) -> list[dict[str, Any]]:
+def image_rates(device: str, batches: Sequence[int], rounds: int) -> list[dict[str, Any]]:
     """RGB, XYZ and mask at 128 x 128 with 2 x 2 samples; gradients to vertices and camera."""
     scene = thread_scene(*SCENES["2k"])
     renderer = Renderer(scene.topology, LENS, supersample=SUPERSAMPLE, device=device)
@@ -87,7 +85,7 @@ def image_rates(
             for name in ("forward", "both")
         ]
         row: dict[str, Any] = {"batch": batch}
-        for name, timing in in_turn(jobs, rounds, done).items():
+        for name, timing in in_turn(jobs, rounds).items():
             moved = image_bytes(scene, name == "both") * timing.per_second
             row[f"{name}_per_second"] = timing.per_second
             row[f"{name}_bandwidth_share"] = moved / bandwidth
@@ -123,9 +121,7 @@ def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[Job]:
     return [Job(n, w, batch * STEPS, wait(device)) for n, w in (("forward", forward), ("both", both))]
 
 
-def step_rates(
-    device: str, batches: Sequence[int], rounds: int, done: Callable[[], None] = lambda: None
-) -> dict[str, list[dict[str, Any]]]:
+def step_rates(device: str, batches: Sequence[int], rounds: int) -> dict[str, list[dict[str, Any]]]:
     """Steps of 1/240 s per second of the free chain (20 DoF) and of the disc in contact."""
     launch = launch_seconds(device)
     result: dict[str, list[dict[str, Any]]] = {}
@@ -133,7 +129,7 @@ def step_rates(
         rows = []
         for batch in batches:
             row: dict[str, Any] = {"batch": batch}
-            for kind, timing in in_turn(rollout_jobs(scene, batch, device), rounds, done).items():
+            for kind, timing in in_turn(rollout_jobs(scene, batch, device), rounds).items():
                 row[f"{kind}_per_second"] = timing.per_second
                 if kind == "forward":  # one launch a step
                     row["launch_limit_share"] = launch / (timing.seconds * batch)

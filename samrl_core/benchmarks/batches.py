@@ -8,7 +8,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from samrl_core.benchmarks.physics_scenes import chain_start, disc_on_plane, free_chain
+from samrl_core.benchmarks.physics_scenes import disc_on_plane, free_chain, moving_start
 from samrl_core.benchmarks.renderer_peers import SCENES, batched
 from samrl_core.benchmarks.thread_scene import LENS, SIZE, ThreadScene, thread_scene
 from samrl_core.benchmarks.timing import Job, in_turn
@@ -96,14 +96,8 @@ def image_rates(device: str, batches: Sequence[int], rounds: int) -> list[dict[s
 def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[Job]:
     """Rollouts of `STEPS` steps through the public border, forward and with the backward pass."""
     model = PhysicsModel(scene, torch.float32, device)
-    state = model.start_state(batch)
-    if scene.contacts:
-        state.q[:, 2] = 0.01
-        state.v[:, 0] = 0.5
-    else:
-        q, v = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in chain_start())
-        state.q[:], state.v[:] = q, v
-    actions, parameters = model.no_action(batch, STEPS), model.parameters(batch)
+    state, actions = moving_start(model, batch), model.no_action(batch, STEPS)
+    parameters = model.parameters(batch)
     inputs = [state.q, state.v, parameters.mass, parameters.inertia, parameters.friction]
 
     def forward() -> None:

@@ -25,25 +25,20 @@ _NIMBLE = Path(__file__).with_name("peers") / "nimble_chain.py"
 
 def chain_end() -> np.ndarray:
     """Angles (20,) of our chain after `STEPS` steps, float64, for the peers to be held against."""
-    model = PhysicsModel(scenes.free_chain(), torch.float64)
-    q, v = (torch.as_tensor(x)[None] for x in scenes.chain_start())
-    with torch.no_grad():
-        states = model.rollout(PhysicsState(q, v), model.no_action(1, STEPS), model.parameters(1))
-    return states.q[-1, 0].numpy()
+    return _chain_rollout(PhysicsModel(scenes.free_chain(), torch.float64), 1).q[-1, 0].numpy()
 
 
 def graph_job(environments: int) -> Job:
     """Our chain's recorded forward pass alone, without the border to torch."""
     model = PhysicsModel(scenes.free_chain())
+    _chain_rollout(model, environments)  # writes start and parameters into the workspace
+    return Job("samrl graph", model.workspace(environments, STEPS).forward, environments * STEPS)
+
+
+def _chain_rollout(model: PhysicsModel, environments: int) -> PhysicsState:
+    start = scenes.moving_start(model, environments)
     with torch.no_grad():
-        work = model.workspace(environments, STEPS)
-    q, v = (torch.as_tensor(x, dtype=torch.float32) for x in scenes.chain_start())
-    parameters = model.parameters(environments)
-    names = ("mass", "com", "inertia", "joint_stiffness", "joint_damping", "joint_rest")
-    for ours, name in zip(("mass", "com", "inertia", "stiffness", "damping", "rest"), names, strict=True):
-        work.tensors[ours].copy_(getattr(parameters, name))
-    work.tensors["q"][0], work.tensors["v"][0] = q, v
-    return Job("samrl graph", work.forward, environments * STEPS)
+        return model.rollout(start, model.no_action(environments, STEPS), model.parameters(environments))
 
 
 def chain_alone(rounds: int) -> dict[str, Any]:
@@ -104,7 +99,7 @@ def disc_beside_newton(rounds: int, device: str = "cpu", environments: int = ENV
     result = _beside_newton(ours, peer, lambda s: s.body_q, environments * FRAMES, rounds)
     place = peer.last.body_q.numpy()[0, :3]
     seconds = FRAMES * scenes.STEP_S
-    closed = 0.5 * seconds - 0.5 * scenes.DISC_FRICTION * 9.81 * seconds**2
+    closed = scenes.DISC_SPEED * seconds - 0.5 * scenes.DISC_FRICTION * 9.81 * seconds**2
     return {
         "environments": environments,
         **result,

@@ -19,6 +19,7 @@ from samrl_core.warp_runtime import start
 
 STEPS = 24  # of a physics rollout: one action of 0.1 s
 SUPERSAMPLE = 2
+STEPPED = {"chain": free_chain, "disc": disc_on_plane}  # 20 DoF without contact, 6 DoF in contact
 
 
 @wp.kernel(enable_backward=False)
@@ -115,18 +116,15 @@ def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[Job]:
     return [Job(n, w, batch * STEPS, wait(device)) for n, w in (("forward", forward), ("both", both))]
 
 
-def step_rates(device: str, batches: Sequence[int], rounds: int) -> dict[str, list[dict[str, Any]]]:
-    """Steps of 1/240 s per second of the free chain (20 DoF) and of the disc in contact."""
+def step_rates(name: str, device: str, batches: Sequence[int], rounds: int) -> list[dict[str, Any]]:
+    """Steps of 1/240 s per second of one of `STEPPED`."""
     launch = launch_seconds(device)
-    result: dict[str, list[dict[str, Any]]] = {}
-    for name, scene in (("chain", free_chain()), ("disc", disc_on_plane())):
-        rows = []
-        for batch in batches:
-            row: dict[str, Any] = {"batch": batch}
-            for kind, timing in in_turn(rollout_jobs(scene, batch, device), rounds).items():
-                row[f"{kind}_per_second"] = timing.per_second
-                if kind == "forward":  # one launch a step
-                    row["launch_limit_share"] = launch / (timing.seconds * batch)
-            rows.append(row)
-        result[name] = rows
-    return result
+    rows = []
+    for batch in batches:
+        row: dict[str, Any] = {"batch": batch}
+        for kind, timing in in_turn(rollout_jobs(STEPPED[name](), batch, device), rounds).items():
+            row[f"{kind}_per_second"] = timing.per_second
+            if kind == "forward":  # one launch a step
+                row["launch_limit_share"] = launch / (timing.seconds * batch)
+        rows.append(row)
+    return rows

@@ -46,7 +46,9 @@ def main(arguments: list[str] | None = None) -> None:
         "launch_seconds": batches.launch_seconds(given.device),
         "gradient_differences": agreement.differences(agreement.all_gradients(given.device), beside),
         "images": batches.image_rates(given.device, given.batches, ROUNDS),
-        "steps": batches.step_rates(given.device, given.batches, ROUNDS),
+        "steps": {
+            name: batches.step_rates(name, given.device, given.batches, ROUNDS) for name in batches.STEPPED
+        },
     }
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "on_device.json").write_text(json.dumps(result, indent=1))

@@ -31,6 +31,7 @@ from samrl_core.fusion.chamfer import Chamfer, Surface, chamfer, surface_samples
 from samrl_core.fusion.fuse import FusedMesh, FusionSettings, fuse
 from samrl_core.fusion.masked_view import MaskedView
 from samrl_core.fusion.refine import MeshRenderer, RefineSettings, refine
+from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.types.camera import Camera, Intrinsics
@@ -239,7 +240,7 @@ def main(arguments: list[str] | None = None) -> int:
         "refine": asdict(settings),
         "results": [asdict(r) for r in results],
     }
-    (options.out / "mesh_fusion.json").write_text(json.dumps(record, indent=1))
+    write_whole(options.out / "mesh_fusion.json", json.dumps(record, indent=1))
     save_picture(rows, options.out / "mesh_fusion.png")
     return 0 if worst <= TARGET_M else 1
 

@@ -28,11 +28,12 @@ from samrl_core.experiments.model_updating_picture import write_picture
 from samrl_core.inverse.pose_fit import PoseFitSettings
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
+from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.needle_threading.task import NeedleThreading
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.types.observation import Observation
-from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import true_values
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.world import Truth
 
@@ -122,7 +123,7 @@ class Bench:
         truth = self.world.truth()  # after the fits: nothing above has seen it
         scores = [self._score(v, image, truth) for v in (*way, found.values)]
         loop = self._score(looped.values, again, truth)
-        error = found.values - self._true_values(truth)
+        error = found.values - true_values(self.study.task, truth)
         surprise = float(error @ np.linalg.solve(found.covariance, error)) / error.size
         case = Case(
             self.study.name,
@@ -177,7 +178,7 @@ class Bench:
         if isinstance(task, SpatulaFlipping):
             pose = task.body_poses(values)[PANCAKE]
             offset = (pose.position - truth.body_position[PANCAKE])[None]
-            wanted = task.body_poses(self._true_values(truth))[PANCAKE]
+            wanted = task.body_poses(true_values(task, truth))[PANCAKE]
             cosine = float(np.clip(pose.rotation[:, 2] @ wanted.rotation[:, 2], -1.0, 1.0))
             angle = float(np.degrees(np.arccos(cosine)))
         else:
@@ -185,12 +186,6 @@ class Bench:
             offset, angle = _middles(points) - _middles(truth.chain_points), 0.0
         straight = float(np.linalg.norm(offset, axis=1).mean())
         return float(np.abs(offset).sum(axis=1).mean()), straight, angle
-
-    def _true_values(self, truth: Truth) -> np.ndarray:
-        task = self.study.task
-        if isinstance(task, SpatulaFlipping):
-            return task.values_of(Pose(truth.body_position[PANCAKE], truth.body_quat_xyzw[PANCAKE]))
-        return task.values_of(truth.chain_points)
 
 
 def _middles(points: np.ndarray) -> np.ndarray:
@@ -273,7 +268,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     path = options.out / "cases.jsonl"
     cases = read_cases(path)
-    path.write_text("".join(json.dumps(asdict(c)) + "\n" for c in cases))  # without a line that was cut off
+    write_whole(path, "".join(json.dumps(asdict(c)) + "\n" for c in cases))  # without a line that was cut off
     seeds = range(options.first_seed, options.first_seed + options.cases)
     studies = [s for s in STUDIES if options.only in (None, s.name)]
     for study in studies:
@@ -303,7 +298,7 @@ def main(arguments: list[str] | None = None) -> int:
         for key, value in figures.items():
             print(f"  {key:22} {value:.3g}")
     record = {"schema": 1, "summary": result, "cases": [asdict(c) for some in chosen.values() for c in some]}
-    (options.out / "model_updating.json").write_text(json.dumps(record, indent=1))
+    write_whole(options.out / "model_updating.json", json.dumps(record, indent=1))
     write_picture(
         {name: [c.distance for c in some] for name, some in chosen.items()},
         {s.name: s.iterations for s in studies},

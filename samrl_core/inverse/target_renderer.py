@@ -143,7 +143,7 @@ class TargetRenderer:
             return 0.0
         u, v, depth = self.camera.project(centre).T
         k = self.camera.intrinsics
-        framed = (depth > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+        framed = k.frames(u, v, depth)
         with torch.no_grad():
             seen = self.render(torch.as_tensor(values), torch.as_tensor(colors)).depth.numpy()
         column = np.clip(u, 0, k.width - 1).astype(int)

@@ -10,13 +10,13 @@ from typing import Any
 import torch
 import warp as wp
 
-from samrl_core.model import cut_kernels, edge_kernels, light_kernels, raster_kernels
+from samrl_core.model import cut_kernels, edge_kernels, light_kernels, raster_kernels, shade_kernels
 from samrl_core.model.kernel_types import CHANNELS, EdgeUse, LightRow, Pixel
 from samrl_core.model.threads import in_threads, shares
 from samrl_core.model.topology import Topology
 from samrl_core.warp_runtime import start
 
-_MODULES = (raster_kernels, edge_kernels, cut_kernels, light_kernels)
+_MODULES = (raster_kernels, shade_kernels, edge_kernels, cut_kernels, light_kernels)
 _GATHERED = 16  # pixels of a row that one GPU thread sums up before it adds to a triangle
 _STRIPS = 32  # GPU threads that share a triangle of a single image: a table fills half of one
 
@@ -192,7 +192,7 @@ def _draw(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, image
         t.depth,
         t.label,
     ]
-    _launch_rows(setup, raster_kernels.shade, (batch, setup.height, setup.width), 1, inputs)
+    _launch_rows(setup, shade_kernels.shade, (batch, setup.height, setup.width), 1, inputs)
 
 
 def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bool, images: slice) -> None:
@@ -202,7 +202,7 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
     shading = [t.planes, setup.faces, t.attributes, t.brightness]
     pixels = (batch, setup.height, setup.width)
     inputs = [*shading, setup.samples, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
-    _launch_rows(setup, raster_kernels.shade_adjoint, pixels, _GATHERED, inputs)
+    _launch_rows(setup, shade_kernels.shade_adjoint, pixels, _GATHERED, inputs)
     inputs = [
         t.points,
         t.planes,
@@ -253,7 +253,7 @@ def _differentiate(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: bo
         t.brightness_grad,
     ]
     faces = (batch, n_faces)
-    _launch(setup, raster_kernels.triangles_adjoint, faces, inputs)
+    _launch(setup, shade_kernels.triangles_adjoint, faces, inputs)
     if lit:
         shared = [setup.faces, setup.corner_normal]
         inputs = [t.points, *shared, t.normals, t.light, t.brightness_grad, t.normals_grad, t.light_shares]

@@ -30,7 +30,8 @@ from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.world.pose_sensor import PoseSensor
-from samrl_core.world.pybullet_world import TABLE_FRICTION, PyBulletWorld
+from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.table import TABLE_FRICTION
 
 SCHEMA = 1
 FORCES = (6.0, 8.0)  # of the first and the second push [N]

@@ -104,8 +104,7 @@ class Judge:
         shown: np.ndarray = np.zeros(len(samples), dtype=bool)
         for view in (_perfect(photos, camera, body.label) for camera in views):
             u, v, z = view.camera.project(samples).T
-            k = view.camera.intrinsics
-            framed = (z > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+            framed = view.camera.intrinsics.frames(u, v, z)
             row, column = np.where(framed, v, 0).astype(int), np.where(framed, u, 0).astype(int)
             shown = shown | (framed & (np.abs(view.depth[row, column] - z) < _NEAR_SURFACE))
         self.shown_share = float(shown.mean())

@@ -55,7 +55,7 @@ class Real2SimSettings:
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
     least_thin_pixels: int = 12  # the same of a thread
-    other_face: float = 0.7  # a look-alike is taken when eq. 6, colours as they were, is this much smaller [-]
+    other_face: float = 0.7  # a look-alike whose eq. 6, with colours as they were, is this share is taken
     coarse_above: float = 0.012  # distance of the clouds above which EMD alone is reduced first [m]
     polish: int = 2  # noise-weighted Newton steps after the descent
     polish_limit: float = 0.1  # longest of them [parameter's scale]

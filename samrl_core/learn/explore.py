@@ -25,7 +25,7 @@ from samrl_core.tasks.task import Task
 class ExploreSettings:
     """How widely states are spread. Ranges are drawn from evenly, those of lengths in their logarithm."""
 
-    slots: int = 8  # copies of the model side by side
+    slots: int = 4  # copies of the model side by side
     longest: int = 40  # actions of an episode
     follow: tuple[int, int] = (2, 12)  # actions that follow the optimiser before something else is drawn
     wander: tuple[int, int] = (1, 5)  # actions of a random walk
@@ -35,7 +35,7 @@ class ExploreSettings:
     exact_share: float = 0.30  # of what follows the optimiser, without noise
     noise: tuple[float, float] = (0.02, 1.0)  # per axis of an action, standard deviation [action limits]
     longest_action: float = 2.0  # with its noise [action limits]
-    offset: tuple[float, float] = (0.0005, 0.03)  # of visited places from a sub-goal [m]
+    offset: tuple[float, float] = (0.0005, 0.02)  # of visited places from a sub-goal [m]
     sub_goals: int = 3  # of those ahead that are visited
     exact_values: float = 0.5  # share of states that are labelled without an error of the estimate
     place_error: float = 0.0005  # of an estimate's lengths, standard deviation [m]

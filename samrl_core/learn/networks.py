@@ -65,7 +65,7 @@ def key_points(xyz: torch.Tensor, logits: torch.Tensor) -> torch.Tensor:
         logits: (B, K, h, w) of the weights; h and w divide H and W, or nearly.
     """
     with torch.autocast(xyz.device.type, enabled=False):
-        xyz, size = xyz.float(), logits.shape[-2:]
+        xyz, size = xyz.float(), (logits.shape[2], logits.shape[3])
         known = (xyz != 0).any(dim=1, keepdim=True).float()
         share = functional.adaptive_avg_pool2d(known, size)  # of known pixels in each cell
         mean = functional.adaptive_avg_pool2d(xyz, size) / share.clamp(min=1e-6)
@@ -191,19 +191,20 @@ def _head(inputs: int, outputs: int, generator: torch.Generator, normalised: boo
     return nn.Sequential(*layers, _linear(FEATURES, outputs, generator, gain=0.1))
 
 
-def _convolution(inputs: int, outputs: int, size: int, stride: int, generator: torch.Generator) -> nn.Conv2d:
+def _convolution(inputs: int, outputs: int, size: int, stride: int, generator: torch.Generator) -> nn.Module:
     layer = nn.utils.skip_init(nn.Conv2d, inputs, outputs, size, stride=stride, padding=size // 2)
     return _drawn(layer, generator, 1.0)
 
 
-def _linear(inputs: int, outputs: int, generator: torch.Generator, gain: float = 1.0) -> nn.Linear:
+def _linear(inputs: int, outputs: int, generator: torch.Generator, gain: float = 1.0) -> nn.Module:
     return _drawn(nn.utils.skip_init(nn.Linear, inputs, outputs), generator, gain)
 
 
-def _drawn(layer, generator: torch.Generator, gain: float):
+def _drawn(layer: nn.Module, generator: torch.Generator, gain: float) -> nn.Module:
     """First weights after He et al. 2015 for layers with ReLU, times a gain; biases 0."""
     with torch.no_grad():
-        nn.init.kaiming_normal_(layer.weight, nonlinearity="relu", generator=generator)
-        layer.weight.mul_(gain)
-        layer.bias.zero_()
+        weight, bias = layer.get_parameter("weight"), layer.get_parameter("bias")
+        nn.init.kaiming_normal_(weight, nonlinearity="relu", generator=generator)
+        weight.mul_(gain)
+        bias.zero_()
     return layer

@@ -16,6 +16,7 @@ from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings, noisy
 from samrl_core.learn.looks import Looks, fixed_colors, own_looks
 from samrl_core.learn.network_image import network_image
+from samrl_core.learn.views import cameras_of
 from samrl_core.model.body_motion import TensorPose
 from samrl_core.model.chain_skin import CHAIN
 from samrl_core.model.model import CameraPose, Model
@@ -122,7 +123,7 @@ class BatchRenderer:
         self,
         frames: torch.Tensor | np.ndarray,
         tip_in_base: torch.Tensor | np.ndarray,
-        camera: CameraPose,
+        views: np.ndarray,
         looks: Looks | None = None,
         noise: ImageNoiseSettings | None = None,
         generator: torch.Generator | None = None,
@@ -132,7 +133,7 @@ class BatchRenderer:
         Args:
             frames: (B, F, 12).
             tip_in_base: (B, 3) tool tip in the tool arm's base frame [m].
-            camera: world-to-camera rotations (B, 3, 3) and translations (B, 3) [m].
+            views: (B, 6) as `draw_views` gives them.
             looks: of B images; None takes the model's own.
             noise: of the camera; None leaves it out.
             generator: of the noise, on the renderer's device.
@@ -149,8 +150,8 @@ class BatchRenderer:
         parts = []
         for start in range(0, len(rows), self.chunk):
             few = slice(start, start + self.chunk)
-            chosen = None if looks is None else Looks(*(part[few] for part in vars(looks).values()))
-            rotation, translation = (part[few].to(self.device, torch.float64) for part in camera)
+            chosen = None if looks is None else looks.rows(few)
+            rotation, translation = cameras_of(torch.as_tensor(views[few]).to(self.device, torch.float64))
             with torch.no_grad():
                 r = self.render(rows[few], (rotation, translation), chosen)
                 color, xyz, seen = r.color, r.xyz, torch.isfinite(r.depth)

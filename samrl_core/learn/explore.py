@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import torch
 
-from samrl_core.errors import InputError, SolveError
+from samrl_core.errors import InputError
 from samrl_core.learn.expert import Label, label_of
+from samrl_core.learn.state_batch import joined, moved, rows
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
 from samrl_core.tasks.task import Task
 
@@ -152,7 +152,10 @@ class Explorer:
                     yield Visited(seen, tip, label)
                 actions.append(self._action(slots[i], label, values, tip))
                 slots[i].age += 1
-            states = self._moved(states, slots, np.array(actions))
+            after, solved = moved(self._dynamics, joined(states), np.array(actions))
+            states = [rows(after, [i]) for i in range(len(slots))]
+            for i in np.flatnonzero(~solved):
+                slots[i].age = self._settings.longest  # the episode ends
 
     def _begin(self) -> tuple[TaskState, _Slot]:
         """An episode's first state, which is usable."""
@@ -246,25 +249,3 @@ class Explorer:
 
     def _length(self, between: tuple[float, float]) -> float:
         return float(np.exp(self._rng.uniform(*np.log(between))))
-
-    def _moved(self, states: list[TaskState], slots: list[_Slot], actions: np.ndarray) -> list[TaskState]:
-        """All states after their actions; an episode whose motion cannot be solved ends."""
-        together = TaskState(*(torch.cat([getattr(one, n) for one in states]) for n in ("q", "v", "rest")))
-        with torch.no_grad():
-            try:
-                after = self._dynamics.forward(together, torch.from_numpy(actions))
-                return [_row(after, i) for i in range(len(states))]
-            except SolveError:
-                moved = []
-                for state, slot, action in zip(states, slots, actions, strict=True):
-                    try:
-                        moved.append(self._dynamics.forward(state, torch.from_numpy(action[None])))
-                    except SolveError:
-                        slot.age = self._settings.longest
-                        moved.append(state)
-                return moved
-
-
-def _row(states: TaskState, i: int) -> TaskState:
-    """A state of its own, so that the others can be forgotten."""
-    return TaskState(*(part[i : i + 1].clone() for part in (states.q, states.v, states.rest)))

@@ -41,6 +41,10 @@ class Looks:
     towards_light: torch.Tensor  # (B, 3) unit, in world
     ambient: torch.Tensor  # (B,) share of light without direction, 0..1
 
+    def rows(self, which: np.ndarray | slice) -> Looks:
+        """Those of some of the images."""
+        return Looks(*(part[which] for part in vars(self).values()))
+
     def to(self, device: torch.device) -> Looks:
         """The same on a device."""
         return Looks(*(part.to(device) for part in vars(self).values()))

@@ -76,7 +76,7 @@ def test_images_are_what_the_networks_are_given() -> None:
     """In chunks, and one by one through `rendered_image`."""
     model, _, renderer = scene("peg_insertion")
     values, tips, joints, rows, views = states("peg_insertion")
-    images = renderer.images(rows, tips, cameras_of(views))
+    images = renderer.images(rows, tips, views)
     assert images.shape == (COUNT, 6, 128, 128) and images.dtype == torch.float32
     for k in range(COUNT):
         rendered = model.render(
@@ -122,12 +122,12 @@ def test_noise_has_the_stated_size() -> None:
     _, _, renderer = scene("peg_insertion")
     _, tips, _, rows, views = states("peg_insertion")
     many = [np.repeat(a[:1], 60, axis=0) for a in (rows, tips, views)]
-    clean = renderer.images(rows[:1], tips[:1], cameras_of(views[:1]))
+    clean = renderer.images(rows[:1], tips[:1], views[:1])
     settings = ImageNoiseSettings(lost=0.0, jump_lost=0.0)
 
     def draw(seed: int, s: ImageNoiseSettings = settings) -> torch.Tensor:
         generator = torch.Generator().manual_seed(seed)
-        return renderer.images(many[0], many[1], cameras_of(many[2]), None, s, generator)
+        return renderer.images(many[0], many[1], many[2], None, s, generator)
 
     images = draw(0)
     assert torch.equal(images, draw(0)) and not torch.equal(images, draw(1))
@@ -152,7 +152,7 @@ def test_wrong_input_is_refused() -> None:
     with pytest.raises(InputError, match="must be"):
         renderer.render(rows, cameras_of(views[:1]))
     with pytest.raises(InputError, match="generator"):
-        renderer.images(rows, tips, cameras_of(views), noise=ImageNoiseSettings())
+        renderer.images(rows, tips, views, noise=ImageNoiseSettings())
     with pytest.raises(InputError, match="chunk"):
         BatchRenderer(renderer.model, chunk=0)
     with pytest.raises(InputError, match="at least 0"):

@@ -21,6 +21,7 @@ import torch
 
 from samrl_core.errors import SamrlError
 from samrl_core.learn.draw_states import draw_states
+from samrl_core.learn.expert import Label, label_of
 from samrl_core.learn.explore import ExploreSettings, Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.shards import DataInfo, ShardFolder
@@ -29,6 +30,7 @@ from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 
+_CHUNK = 40  # states that one process labels in one go
 SHARD_SIZE = 500  # states: half a minute to a minute of one core
 
 Progress = Callable[[int, int], None]  # states made, states wanted
@@ -96,6 +98,39 @@ def load_states(folder: Path, task: str) -> StateSamples:
     return StateSamples.joined([StateSamples.from_arrays(arrays) for arrays in data.read_all()])
 
 
+def label_all(
+    task: str,
+    values: np.ndarray,
+    tips: np.ndarray,
+    workers: int = 0,
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[Label]:
+    """The optimiser's first action in states that something else came to, e.g. the actor.
+
+    Args:
+        task: name of the task.
+        values: (N, P).
+        tips: (N, 3) in the tool arm's base frame [m].
+        workers: processes; 0 takes as many as there are free cores.
+        progress: called with the number of labels so far.
+    """
+    chunks = [slice(k, k + _CHUNK) for k in range(0, len(values), _CHUNK)]
+    workers = min(workers or free_cores(), max(1, len(chunks)))
+    found: list[Label] = []
+    if workers <= 1:
+        for chunk in chunks:
+            found += _labels(task, values[chunk], tips[chunk])
+            progress(len(found))
+        return found
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_one_thread) as pool:
+        for few in pool.map(
+            _labels, [task] * len(chunks), [values[c] for c in chunks], [tips[c] for c in chunks]
+        ):
+            found += few
+            progress(len(found))
+    return found
+
+
 def free_cores() -> int:
     """Cores that this process may use and that nobody else keeps busy, at least 1."""
     return max(1, len(os.sched_getaffinity(0)) - round(os.getloadavg()[0]))
@@ -115,6 +150,11 @@ def _model(task: str) -> Model:
 
 def _one_thread() -> None:
     torch.set_num_threads(1)
+
+
+def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> list[Label]:
+    model = _model(task)
+    return [label_of(model.dynamics, model.task, v, t) for v, t in zip(values, tips, strict=True)]
 
 
 def _shard(

@@ -46,4 +46,4 @@ def _curves(axis: Any, log: Path, names: tuple[str, ...], prefix: str) -> None:
     for name in names:
         points = [(float(row["epoch"]), float(row[name])) for row in rows if row.get(name)]
         if points:
-            axis.plot(*zip(*points, strict=True), label=prefix + COLUMNS[name])
+            axis.plot(*zip(*points, strict=True), ".-", label=prefix + COLUMNS[name])

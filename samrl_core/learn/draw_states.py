@@ -42,12 +42,11 @@ def draw_states(
             joints = frames.joints(one.tip)
         except ReachError:
             continue  # the real arm could not be there either
-        drawn = frames.rows(one.values, joints).astype(np.float32)
-        rows.append((one.values, one.tip, joints, drawn, one.label.action))
+        placed = frames.rows(one.values, joints).astype(np.float32)
+        rows.append((one.values, one.tip, joints, placed, one.label.action))
         goals.append(one.label.sub_goal)
         solved.append(one.label.solved)
         if len(rows) == count:
             break
-    return StateSamples(
-        *(np.array(column) for column in zip(*rows, strict=True)), np.array(goals), np.array(solved)
-    )
+    values, tips, joints, drawn, actions = (np.array(column) for column in zip(*rows, strict=True))
+    return StateSamples(values, tips, joints, drawn, actions, np.array(goals), np.array(solved))

@@ -165,8 +165,8 @@ class _Fit:
 
     def _write_log(self) -> None:
         text = io.StringIO()
-        names = list(dict.fromkeys(name for row in self.rows for name in row))
-        writer = csv.DictWriter(text, names, lineterminator="\n")
+        figures = sorted({name for row in self.rows for name in row} - set(_TRAINING))
+        writer = csv.DictWriter(text, [*_TRAINING, *figures], lineterminator="\n")
         writer.writeheader()
         writer.writerows(self.rows)
         write_whole(self.folder / LOG, text.getvalue().encode())

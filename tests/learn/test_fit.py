@@ -23,6 +23,8 @@ from samrl_core.learn.imitation import Imitation, fit_actor
 from samrl_core.learn.networks import SimActor
 from samrl_core.learn.value import fit_q, value_regression
 
+pytestmark = pytest.mark.timeout(400)  # seconds on a free core, but cores may be shared
+
 TOLERANCE = 0.0  # of a resumed training's weights on a CPU: bit by bit the same
 
 
@@ -79,7 +81,6 @@ def test_a_q_learns_which_actions_succeed(tmp_path: Path) -> None:
     assert float((right == (batch["return_"] > 0.5)).float().mean()) > 0.9
 
 
-@pytest.mark.timeout(300)
 def test_killed_in_the_middle_it_ends_the_same(tmp_path: Path, whole: Path) -> None:
     command = [sys.executable, tiny.__file__, str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}

@@ -58,6 +58,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     assert {k: v for k, v in killed.items() if not k.endswith(".half")} == whole
 
 
+@pytest.mark.slow
 def test_processes_make_the_same_data_set(tmp_path: Path) -> None:
     one = prepare_states(TASK, 12, tmp_path / "one", 7, 1, SMALL, shard_size=4)
     prepare_states(TASK, 12, tmp_path / "two", 7, 2, SMALL, shard_size=4)

@@ -145,6 +145,32 @@ def diagnose(
 
 
 @app.command()
+def train(
+    task: Annotated[str, typer.Argument(help="Task to learn.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of this training; out/train-TASK by default. Goes on from it.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of everything that is random.", min=0)] = 0,
+    device: Annotated[str, typer.Option(help="cpu, or cuda:0.")] = "cpu",
+    states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = 12_000,
+    rounds: Annotated[int, typer.Option(help="Of labelling the actor's own states.", min=0)] = 1,
+    episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=2)] = 512,
+    actor_epochs: Annotated[int, typer.Option(min=1)] = 40,
+    q_epochs: Annotated[int, typer.Option(min=1)] = 15,
+    batch_size: Annotated[int, typer.Option(min=1)] = 128,
+    workers: Annotated[int, typer.Option(help="Processes for states; 0: free cores.", min=0)] = 0,
+) -> None:
+    """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
+    from samrl_ros.train_command import TrainOptions, train_task
+
+    folder = out or Path("out") / f"train-{task}"
+    options = TrainOptions(
+        task, folder, seed, device, states, rounds, episodes, actor_epochs, q_epochs, batch_size, workers
+    )
+    raise typer.Exit(train_task(options))
+
+
+@app.command()
 def effects(
     family: Annotated[str | None, typer.Argument(help="One family in full; without it, the table.")] = None,
 ) -> None:

@@ -38,10 +38,11 @@ class ChainSkin:
     label: int
 
     def posed(self, links: TensorPose) -> torch.Tensor:
-        """Vertices (V, 3) in world [m] for link rotations (K, 3, 3) and positions (K, 3)."""
-        carriers = torch.from_numpy(self.link)
-        turned = (links.rotation[carriers] @ self.local[..., None])[..., 0] + links.position[carriers]
-        return turned.mean(dim=1)
+        """Vertices (..., V, 3) in world [m] for link rotations (..., K, 3, 3) and positions (..., K, 3)."""
+        carriers = torch.from_numpy(self.link).to(links.position.device)
+        local = self.local.to(links.position.device)[..., None]
+        turned = (links.rotation[..., carriers, :, :] @ local)[..., 0] + links.position[..., carriers, :]
+        return turned.mean(dim=-2)
 
 
 def chain_skin(chain: Sequence[ChainLink], ambient: float) -> ChainSkin:

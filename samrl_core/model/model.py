@@ -17,7 +17,7 @@ from samrl_core.model.chain_motion import ChainMotion
 from samrl_core.model.chain_skin import CHAIN
 from samrl_core.model.color_groups import lambert
 from samrl_core.model.renderer import Rendered, Renderer
-from samrl_core.model.scene_mesh import build_scene_mesh
+from samrl_core.model.scene_mesh import SceneMesh, build_scene_mesh
 from samrl_core.model.target import ALONG, Reach, TargetFrames
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
 from samrl_core.model.task_physics.choose import dynamics_of
@@ -102,6 +102,16 @@ class Model:
         self._target_faces = faces[self._target.numpy()[faces[:, 0]] > 0]
         self._posed: _Occluders | None = None
         self._dynamics: TaskDynamics | None = None
+
+    @property
+    def mesh(self) -> SceneMesh:
+        """All that is drawn, piece by piece, and the frames that carry the pieces."""
+        return self._mesh
+
+    @property
+    def target(self) -> torch.Tensor:
+        """1 on the vertices that the parameters move, else 0, (V,) float32."""
+        return self._target
 
     @property
     def color_names(self) -> tuple[str, ...]:

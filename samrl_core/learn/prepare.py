@@ -1,0 +1,193 @@
+"""Makes the labelled states of a task, in as many processes as there are free cores; resumable.
+
+`python -m samrl_core.learn.prepare TASK --count N --out DIR --seed S --workers W`
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from samrl_core.errors import SamrlError
+from samrl_core.learn.draw_states import draw_states
+from samrl_core.learn.expert import Label, label_of
+from samrl_core.learn.explore import ExploreSettings, Starts
+from samrl_core.learn.frames import SceneFrames
+from samrl_core.learn.shards import DataInfo, ShardFolder
+from samrl_core.learn.states import StateSamples
+from samrl_core.model.model import Model
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+
+_CHUNK = 40  # states that one process labels in one go
+SHARD_SIZE = 500  # states: half a minute to a minute of one core
+
+Progress = Callable[[int, int], None]  # states made, states wanted
+
+
+def prepare_states(
+    task: str,
+    count: int,
+    folder: Path,
+    seed: int,
+    workers: int = 0,
+    settings: ExploreSettings | None = None,
+    given: Starts | None = None,
+    shard_size: int = SHARD_SIZE,
+    progress: Progress = lambda done, wanted: None,
+) -> StateSamples:
+    """All labelled states of a data set, made or resumed.
+
+    Args:
+        task: name of the task.
+        count: states in all.
+        folder: of the data set.
+        seed: of the data set.
+        workers: processes; 0 takes as many as there are free cores.
+        settings: how widely the states are spread.
+        given: other states to begin in, e.g. estimates of Real2Sim.
+        shard_size: states that one process makes in one go.
+        progress: called after each shard.
+
+    Raises:
+        InputError: the folder holds another data set, or a setting is outside its meaning.
+    """
+    s = settings or ExploreSettings()
+    info = DataInfo(
+        "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given)
+    )
+    data = ShardFolder(folder, info)
+    missing = data.missing()
+    done = count - sum(info.size(k) for k in missing)
+    progress(done, count)
+    jobs = [(task, info, shard, s, given) for shard in missing]
+    workers = min(workers or free_cores(), len(missing))
+    if workers <= 1:
+        for job in jobs:
+            data.write(job[2], _shard(*job))
+            done += info.size(job[2])
+            progress(done, count)
+    else:
+        with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_one_thread) as pool:
+            running = {pool.submit(_shard, *job): job[2] for job in jobs}
+            for future in as_completed(running):
+                data.write(running[future], future.result())
+                done += info.size(running[future])
+                progress(done, count)
+    return load_states(folder, task)
+
+
+def load_states(folder: Path, task: str) -> StateSamples:
+    """All states of a finished data set.
+
+    Raises:
+        InputError: there is none, or it is unfinished, damaged, or of another task or cell.
+    """
+    data = ShardFolder.open(folder, "states", task)
+    return StateSamples.joined([StateSamples.from_arrays(arrays) for arrays in data.read_all()])
+
+
+def label_all(
+    task: str,
+    values: np.ndarray,
+    tips: np.ndarray,
+    workers: int = 0,
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[Label]:
+    """The optimiser's first action in states that something else came to, e.g. the actor.
+
+    Args:
+        task: name of the task.
+        values: (N, P).
+        tips: (N, 3) in the tool arm's base frame [m].
+        workers: processes; 0 takes as many as there are free cores.
+        progress: called with the number of labels so far.
+    """
+    chunks = [slice(k, k + _CHUNK) for k in range(0, len(values), _CHUNK)]
+    workers = min(workers or free_cores(), max(1, len(chunks)))
+    found: list[Label] = []
+    if workers <= 1:
+        for chunk in chunks:
+            found += _labels(task, values[chunk], tips[chunk])
+            progress(len(found))
+        return found
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_one_thread) as pool:
+        for few in pool.map(
+            _labels, [task] * len(chunks), [values[c] for c in chunks], [tips[c] for c in chunks]
+        ):
+            found += few
+            progress(len(found))
+    return found
+
+
+def free_cores() -> int:
+    """Cores that this process may use and that nobody else keeps busy, at least 1."""
+    return max(1, len(os.sched_getaffinity(0)) - round(os.getloadavg()[0]))
+
+
+def _recorded(task: str, settings: ExploreSettings, given: Starts | None) -> dict[str, object]:
+    """What a shard depends on besides seed and task, and what its frames are."""
+    starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
+    return {"frames": SceneFrames(_model(task)).names, "explore": asdict(settings), "given": starts}
+
+
+@cache
+def _model(task: str) -> Model:
+    """One per process: kernels are compiled once."""
+    return Model(task_named(task), default_cell())
+
+
+def _one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> list[Label]:
+    model = _model(task)
+    return [label_of(model.dynamics, model.task, v, t) for v, t in zip(values, tips, strict=True)]
+
+
+def _shard(
+    task: str, info: DataInfo, shard: int, settings: ExploreSettings, given: Starts | None
+) -> dict[str, np.ndarray]:
+    return draw_states(_model(task), info.rng(shard), info.size(shard), settings, given).arrays()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m samrl_core.learn.prepare", description=__doc__)
+    parser.add_argument("task", help="name of the task")
+    parser.add_argument("--count", type=int, default=12_000, help="states in all")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the data set")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--workers", type=int, default=0, help="processes; 0: as many as there are free cores"
+    )
+    a = parser.parse_args(arguments)
+    _one_thread()
+    begun = time.monotonic()
+
+    def tell(done: int, wanted: int) -> None:
+        print(f"{a.task}: {done} of {wanted} states, {time.monotonic() - begun:.0f} s", flush=True)
+
+    try:
+        states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=tell)
+    except SamrlError as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(f"{a.task}: {100 * states.solved.mean():.1f} % reach their sub-goal in the model", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,202 @@
+"""Data sets on disk: a manifest and shards of arrays, written shard by shard, resumed where one is missing.
+
+A shard is a pure function of the manifest's seed and its own number, so a data set that was interrupted and
+resumed has the same bytes as one that was not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError
+from samrl_core.learn.whole_file import write_whole
+from samrl_core.types.camera import Intrinsics
+
+FORMAT = 1
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True, eq=False)
+class DataInfo:
+    """What a data set is; all of it is in the manifest.
+
+    Raises:
+        InputError: counts below 1, or settings that JSON cannot hold.
+    """
+
+    kind: str  # of its shards: "states", "images", "rollouts"
+    task: str
+    intrinsics: Intrinsics  # of the cell's camera; image size included
+    seed: int
+    count: int  # samples in all
+    shard_size: int  # samples per shard; the last one may hold fewer
+    settings: Mapping[str, Any]  # plain values that the samples depend on
+
+    def __post_init__(self) -> None:
+        if self.count < 1 or self.shard_size < 1:
+            raise InputError(f"{self.count} samples in shards of {self.shard_size}; both must be at least 1")
+        try:
+            json.dumps(self.settings, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"settings of data set {self.kind} cannot be written as JSON: {error}"
+            ) from error
+
+    @property
+    def shards(self) -> int:
+        """Number of shards."""
+        return -(-self.count // self.shard_size)
+
+    def size(self, shard: int) -> int:
+        """Samples in a shard."""
+        return min(self.shard_size, self.count - shard * self.shard_size)
+
+    def rng(self, shard: int) -> np.random.Generator:
+        """The source of everything random in a shard."""
+        return np.random.default_rng([self.seed, shard])
+
+    def header(self) -> dict[str, Any]:
+        """The manifest without its list of shards, as JSON reads it back."""
+        return json.loads(json.dumps({"format": FORMAT, **asdict(self)}))
+
+
+class ShardFolder:
+    """A data set in a folder: new, or resumed.
+
+    Args:
+        folder: made if it is missing.
+        info: of the data set; a folder that holds another one is refused.
+
+    Raises:
+        InputError: the folder holds another data set, or its manifest cannot be read.
+    """
+
+    def __init__(self, folder: Path, info: DataInfo) -> None:
+        self.folder, self.info = folder, info
+        self._listed: dict[int, dict[str, Any]] = {}
+        path = folder / MANIFEST
+        if path.exists():
+            manifest = _manifest(path)
+            listed = manifest.pop("shards")
+            wanted = info.header()
+            different = sorted(k for k in wanted.keys() | manifest.keys() if wanted.get(k) != manifest.get(k))
+            if different:
+                k = different[0]
+                raise InputError(
+                    f"{folder} holds another data set: its {k} is {manifest.get(k)!r}, must be "
+                    f"{wanted.get(k)!r}; take another folder or delete this one"
+                )
+            self._listed = {int(one["shard"]): one for one in listed}
+        else:
+            self._write_manifest()
+
+    @staticmethod
+    def open(folder: Path, kind: str, task: str) -> ShardFolder:
+        """A data set that is there, for reading.
+
+        Raises:
+            InputError: there is none, or it is of another kind or task.
+        """
+        path = folder / MANIFEST
+        if not path.exists():
+            raise InputError(f"{folder} has no {MANIFEST}; it holds no data set")
+        manifest = _manifest(path)
+        if (manifest["kind"], manifest["task"]) != (kind, task):
+            raise InputError(
+                f"{folder} holds {manifest['kind']} of task {manifest['task']}, not {kind} of task {task}"
+            )
+        fields = {k: v for k, v in manifest.items() if k not in ("format", "shards", "intrinsics")}
+        return ShardFolder(folder, DataInfo(intrinsics=Intrinsics(**manifest["intrinsics"]), **fields))
+
+    def missing(self) -> tuple[int, ...]:
+        """Shards that are still to be made, in order."""
+        return tuple(k for k in range(self.info.shards) if k not in self._listed)
+
+    def write(self, shard: int, arrays: Mapping[str, np.ndarray]) -> None:
+        """Store a shard whole, then list it.
+
+        Raises:
+            InputError: no such shard, or arrays that do not all have its number of samples.
+        """
+        if not 0 <= shard < self.info.shards:
+            raise InputError(f"shard {shard} of {self.info.shards} does not exist")
+        size = self.info.size(shard)
+        wrong = {name: array.shape for name, array in arrays.items() if array.shape[:1] != (size,)}
+        if wrong or not arrays:
+            raise InputError(f"shard {shard} must hold {size} samples in every array; these differ: {wrong}")
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **arrays)  # pyright: ignore[reportArgumentType]
+        content = buffer.getvalue()
+        name = f"{self.info.kind}-{shard:05d}.npz"
+        write_whole(self.folder / name, content)
+        digest = hashlib.sha256(content).hexdigest()
+        self._listed[shard] = {"shard": shard, "file": name, "count": size, "sha256": digest}
+        self._write_manifest()
+
+    def read(self, shard: int) -> dict[str, np.ndarray]:
+        """A shard's arrays.
+
+        Raises:
+            InputError: it is not listed, not there, or not what was written.
+        """
+        if shard not in self._listed:
+            raise InputError(f"shard {shard} of {self.folder} was not made yet; resume the data set first")
+        entry = self._listed[shard]
+        path = self.folder / entry["file"]
+        if not path.exists():
+            raise InputError(
+                f"{path} is listed in the manifest and missing; delete the folder and make it anew"
+            )
+        content = path.read_bytes()
+        if hashlib.sha256(content).hexdigest() != entry["sha256"]:
+            raise InputError(
+                f"{path} is not the file that the manifest lists; delete the folder and make it anew"
+            )
+        try:
+            with np.load(io.BytesIO(content), allow_pickle=False) as file:
+                return {name: file[name] for name in file.files}
+        except (ValueError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path} cannot be read as arrays: {error}") from error
+
+    def read_all(self) -> Iterator[dict[str, np.ndarray]]:
+        """All shards in order.
+
+        Raises:
+            InputError: one is missing; otherwise as `read`.
+        """
+        if self.missing():
+            raise InputError(
+                f"{self.folder} lacks {len(self.missing())} of {self.info.shards} shards; resume it first"
+            )
+        for shard in range(self.info.shards):
+            yield self.read(shard)
+
+    def _write_manifest(self) -> None:
+        listed = [self._listed[k] for k in sorted(self._listed)]
+        content = json.dumps({**self.info.header(), "shards": listed}, indent=1)
+        write_whole(self.folder / MANIFEST, content.encode())
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    """Checked as far as reading it needs."""
+    try:
+        manifest = json.loads(path.read_text())
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is no manifest: {error}") from error
+    wanted = {"format", "kind", "task", "intrinsics", "seed", "count", "shard_size", "settings", "shards"}
+    if not isinstance(manifest, dict) or set(manifest) != wanted:
+        raise InputError(f"{path} is no manifest of a data set; delete it or take another folder")
+    if manifest["format"] != FORMAT:
+        raise InputError(
+            f"{path} is a manifest of format {manifest['format']}, this version reads {FORMAT}; make it anew"
+        )
+    return manifest

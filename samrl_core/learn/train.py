@@ -1,0 +1,294 @@
+"""Learn@Sim from nothing to weights: states, actor, its own states, episodes, sensing-aware Q.
+
+Each stage leaves files in the training's folder; a stage whose files are there is not run again, so a
+training that was killed goes on where it was.
+
+    train.json        what is trained, and with which settings
+    states/           labelled states (eqs. 18-22)
+    actor-0/ ...      regression on them (eq. 23), one folder per round
+    round-0/ ...      states that the actor came to, labelled
+    episodes/         actions, views and returns of the last actor
+    q/                regression on the returns (eq. 24)
+    TASK_sim_actor.safetensors, TASK_sensing_q.safetensors, summary.json
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError
+from samrl_core.learn.batch_render import BatchRenderer
+from samrl_core.learn.explore import Starts
+from samrl_core.learn.fit import Progress
+from samrl_core.learn.frames import SceneFrames
+from samrl_core.learn.image_noise import ImageNoiseSettings
+from samrl_core.learn.imitation import fit_actor
+from samrl_core.learn.looks import LookSettings
+from samrl_core.learn.networks import SensingQ, SimActor
+from samrl_core.learn.prepare import label_all, prepare_states
+from samrl_core.learn.rendered_samples import RenderedSamples, Scenes
+from samrl_core.learn.rollouts import Rollouts, RolloutSettings, held, new_each_step, roll_out
+from samrl_core.learn.samples import ACTION, RETURN
+from samrl_core.learn.states import StateSamples
+from samrl_core.learn.train_settings import TrainSettings
+from samrl_core.learn.value import fit_q
+from samrl_core.learn.views import draw_views
+from samrl_core.learn.weights import WeightsInfo, save_weights
+from samrl_core.learn.whole_file import write_whole
+from samrl_core.model.model import Model
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+
+Tell = Callable[[str, dict[str, float]], None]  # stage, its figures so far
+CONFIG, SUMMARY = "train.json", "summary.json"
+_STREAMS = {"round": 1, "episodes": 2, "judged": 3}  # one source of randomness each, besides the states'
+
+
+def train(
+    task: str, folder: Path, settings: TrainSettings, tell: Tell = lambda stage, row: None
+) -> dict[str, Any]:
+    """All stages that are left; the summary, which is in the folder too.
+
+    Args:
+        task: name of the task.
+        folder: of this training alone; made if it is missing.
+        settings: sizes and seeds. Device and workers may differ when a training goes on.
+        tell: called as each stage gets on.
+
+    Raises:
+        InputError: the folder holds a training of another task or with other settings, or what is in it is
+            damaged.
+        SolveError: a loss or gradient is not finite; the state before it is in the folder.
+    """
+    return _Training(task, folder, settings, tell).run()
+
+
+class _Training:
+    def __init__(self, task: str, folder: Path, settings: TrainSettings, tell: Tell) -> None:
+        self.task, self.folder, self.settings, self.tell = task_named(task), folder, settings, tell
+        self._check_folder()
+        self.model = Model(self.task, default_cell())
+        self.renderer = BatchRenderer(self.model, settings.device)
+
+    def run(self) -> dict[str, Any]:
+        s = self.settings
+        states = prepare_states(
+            self.task.name,
+            s.states,
+            self.folder / "states",
+            s.seed,
+            s.workers,
+            s.explore,
+            progress=lambda done, wanted: self.tell("states", {"done": done, "of": wanted}),
+        )
+        known, looked_at = _split(states, s.validation)
+        parts = [Scenes.of_states(known)]
+        validation = self._samples(Scenes.of_states(looked_at), 1)
+        actor, figures = self._actor(0, parts, validation)
+        for k in range(s.rounds):
+            parts.append(self._round(k, actor))
+            actor, figures = self._actor(k + 1, parts, validation)
+        self._keep(actor, figures)
+        judged = self._judged(actor)
+        q, q_figures = self._q(self._episodes(actor))
+        self._keep(q, q_figures)
+        summary = {"schema": 1, "task": self.task.name, "actor": figures, "q": q_figures, "success": judged}
+        write_whole(self.folder / SUMMARY, (json.dumps(summary, indent=1) + "\n").encode())
+        return summary
+
+    def _check_folder(self) -> None:
+        config = asdict(replace(self.settings, device="", workers=0))
+        for part in ("actor", "q"):
+            config[part]["device"] = ""
+        wanted = json.loads(json.dumps({"schema": 1, "task": self.task.name, **config}))
+        path = self.folder / CONFIG
+        if not path.exists():
+            write_whole(path, (json.dumps(wanted, indent=1) + "\n").encode())
+            return
+        try:
+            found = json.loads(path.read_text())
+        except ValueError as error:
+            raise InputError(f"{path} cannot be read ({error}); take another folder") from error
+        different = sorted(k for k in wanted.keys() | found.keys() if wanted.get(k) != found.get(k))
+        if different:
+            k = different[0]
+            raise InputError(
+                f"{self.folder} holds another training: its {k} is {found.get(k)!r}, asked for is "
+                f"{wanted.get(k)!r}; take another folder, or ask for the same to go on"
+            )
+
+    def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:
+        return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream)
+
+    def _fit_progress(self, stage: str) -> Progress:
+        return lambda row: self.tell(stage, row)
+
+    def _actor(
+        self, k: int, parts: list[Scenes], validation: RenderedSamples
+    ) -> tuple[SimActor, dict[str, float]]:
+        s, stage = self.settings, f"actor-{k}"
+        fit = replace(s.actor, seed=s.seed, device=s.device)
+        scenes = self._samples(_joined(parts), 0)
+        limit = self.task.action_limit
+        actor, result = fit_actor(
+            scenes, validation, limit, fit, self.folder / stage, self._fit_progress(stage)
+        )
+        return actor, result.figures
+
+    def _round(self, k: int, actor: SimActor) -> Scenes:
+        """States that the actor comes to, with the optimiser's action there."""
+        path = self.folder / f"round-{k}" / "labelled.npz"
+        if not path.exists():
+            self._make_round(k, actor, path)
+        rows = _read(path)
+        return Scenes(rows["frames"], rows["tip_in_base"], {ACTION: rows["action"]})
+
+    def _make_round(self, k: int, actor: SimActor, path: Path) -> None:
+        s = self.settings
+        count = s.round_episodes // 2
+        seen = [
+            self._run(actor, (_STREAMS["round"], k, which), count, hold, 0.0, noisy=True)
+            for which, hold in enumerate((True, False))
+        ]
+        values, tips, frames = (
+            np.concatenate([getattr(one, name) for one in seen])
+            for name in ("values", "tip_in_base", "frames")
+        )
+        # The same places again and again teach little: where episodes end up stuck they are thinned out.
+        rng = np.random.default_rng([s.seed, _STREAMS["round"], k, 2])
+        most = min(len(values), s.states)
+        which = np.sort(rng.choice(len(values), most, replace=False))
+        self.tell(f"round-{k}", {"to_label": most})
+        labels = label_all(
+            self.task.name,
+            values[which],
+            tips[which],
+            s.workers,
+            lambda n: self.tell(f"round-{k}", {"labelled": n}),
+        )
+        left = np.array([label.sub_goal != "none" for label in labels])
+        actions = np.array([label.action for label in labels])
+        _write(
+            path,
+            {
+                "values": values[which][left],
+                "tip_in_base": tips[which][left],
+                "frames": frames[which][left],
+                "action": actions[left],
+            },
+        )
+
+    def _episodes(self, actor: SimActor) -> list[dict[str, np.ndarray]]:
+        """For Q: half of them with noise on the actions, so that it also sees bad ones; views are held."""
+        s, groups = self.settings, []
+        count = -(-s.episodes // s.group)
+        for k in range(count):
+            path = self.folder / "episodes" / f"{k:04d}.npz"
+            if not path.exists():
+                noise = s.action_noise if k % 2 else 0.0
+                size = min(s.group, s.episodes - k * s.group)
+                run = self._run(actor, (_STREAMS["episodes"], k), size, True, noise, noisy=True)
+                _write(path, {**run.per_action(), "success": run.success})
+            groups.append(_read(path))
+            share = float(np.concatenate([g["success"] for g in groups]).mean())
+            self.tell("episodes", {"group": k + 1, "of": count, "success": share})
+        return groups
+
+    def _q(self, groups: list[dict[str, np.ndarray]]) -> tuple[SensingQ, dict[str, float]]:
+        s = self.settings
+        kept = max(1, round((1 - s.validation) * len(groups))) if len(groups) > 1 else 1
+        parts = (groups[:kept], groups[kept:] or groups[-1:])
+        train, validation = (self._samples(_of_returns(part), 3 + i) for i, part in enumerate(parts))
+        fit = replace(s.q, seed=s.seed, device=s.device)
+        q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"))
+        return q, result.figures
+
+    def _judged(self, actor: SimActor) -> dict[str, dict[str, float]]:
+        """Success in the model, by its own judgement, of views held and of new ones for every action."""
+        s, found = self.settings, {}
+        for which, name in enumerate(("held", "new_each_step")):
+            path = self.folder / "judged" / f"{name}.npz"
+            if not path.exists():
+                run = self._run(
+                    actor, (_STREAMS["judged"], which), s.judged, name == "held", 0.0, noisy=False
+                )
+                _write(path, {"success": run.success, "actions": run.actions})
+            rows = _read(path)
+            found[name] = {
+                "episodes": len(rows["success"]),
+                "success": float(rows["success"].mean()),
+                "median_actions": float(np.median(rows["actions"])),
+            }
+            self.tell("judged", {f"success_{name}": found[name]["success"]})
+        return found
+
+    def _run(
+        self, actor: SimActor, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool
+    ) -> Rollouts:
+        """Episodes from the task's own starts, views held or new for every action."""
+        s = self.settings
+        rng = np.random.default_rng([s.seed, *stream])
+        tip = SceneFrames(self.model).start_tip
+        starts = Starts(
+            np.array([self.task.start_values(rng) for _ in range(count)]), np.tile(tip, (count, 1))
+        )
+        region = self.task.view_region()
+        viewer = held(draw_views(region, rng, count)) if hold else new_each_step(region)
+        settings = RolloutSettings(
+            action_noise=noise,
+            looks=LookSettings() if noisy else None,
+            noise=ImageNoiseSettings() if noisy else None,
+        )
+        actor.eval()
+        return roll_out(self.model, self.renderer, actor, starts, viewer, settings, rng)
+
+    def _keep(self, network: SimActor | SensingQ, figures: dict[str, float]) -> None:
+        kind = "sim_actor" if isinstance(network, SimActor) else "sensing_q"
+        lens, limit = self.model.cell.intrinsics, self.task.action_limit
+        info = WeightsInfo(kind, self.task.name, lens, limit, self.settings.seed, figures, _commit())
+        save_weights(self.folder / f"{self.task.name}_{kind}.safetensors", network, info)
+
+
+def _split(states: StateSamples, share: float) -> tuple[StateSamples, StateSamples]:
+    """By order: neighbours are of the same episodes, a random split would look at what it knows."""
+    kept = round((1.0 - share) * len(states))
+    return states.rows(slice(0, kept)), states.rows(slice(kept, None))
+
+
+def _joined(parts: list[Scenes]) -> Scenes:
+    frames, tips = (np.concatenate([getattr(p, name) for p in parts]) for name in ("frames", "tip_in_base"))
+    return Scenes(frames, tips, {ACTION: np.concatenate([p.targets[ACTION] for p in parts])})
+
+
+def _of_returns(groups: list[dict[str, np.ndarray]]) -> Scenes:
+    columns = {name: np.concatenate([g[name] for g in groups]) for name in groups[0]}
+    targets = {ACTION: columns["action"], RETURN: columns["returns"]}
+    return Scenes(columns["frames"], columns["tip_in_base"], targets, columns["view"])
+
+
+def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # pyright: ignore[reportArgumentType]
+    write_whole(path, buffer.getvalue())
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def _commit() -> str:
+    """Of the source tree that trains, empty outside one."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return ""

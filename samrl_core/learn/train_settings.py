@@ -1,0 +1,45 @@
+"""How a task is learnt in the model, from nothing to weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from samrl_core.errors import InputError
+from samrl_core.learn.explore import ExploreSettings
+from samrl_core.learn.fit_settings import FitSettings
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """Sizes of all stages. The defaults take about two hours on two cores, minutes on a GPU.
+
+    Raises:
+        InputError: a count below its least value.
+    """
+
+    states: int = 12_000  # labelled states that are drawn
+    explore: ExploreSettings = ExploreSettings()
+    validation: float = 0.05  # share of them that is only looked at
+    rounds: int = 1  # of DAgger: the actor's own states are labelled and added (Ross et al. 2011)
+    round_episodes: int = 128  # of each round, half of them with a view held
+    episodes: int = 512  # for Q (eq. 24), each with a view held
+    action_noise: float = 0.3  # of the noisy half of them, per axis, standard deviation [action limits]
+    judged: int = 200  # episodes that tell the actor's success, for each way to look
+    group: int = 64  # episodes side by side; what is lost when a training is killed
+    actor: FitSettings = field(default_factory=lambda: FitSettings(epochs=40))
+    q: FitSettings = field(default_factory=lambda: FitSettings(epochs=15))
+    seed: int = 0
+    device: str = "cpu"  # torch's name; draws and trains
+    workers: int = 0  # processes that draw and label states; 0 takes the free cores
+
+    def __post_init__(self) -> None:
+        least = {"states": 100, "rounds": 0, "round_episodes": 1, "episodes": 2, "judged": 1, "group": 1}
+        for name, value in least.items():
+            if getattr(self, name) < value:
+                raise InputError(f"{name} is {getattr(self, name)}, must be at least {value}")
+        if not 0.0 < self.validation < 0.5:
+            raise InputError(f"validation is {self.validation}, must be a share above 0 and below 0.5")
+        if self.workers < 0 or self.action_noise < 0.0:
+            raise InputError(
+                f"workers {self.workers} and action_noise {self.action_noise} must be at least 0"
+            )

@@ -1,0 +1,66 @@
+"""`samrl train`: Learn@Sim of one task, with progress on the terminal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from samrl_core.learn.fit_settings import FitSettings
+from samrl_core.learn.train import SUMMARY, train
+from samrl_core.learn.train_picture import write_picture
+from samrl_core.learn.train_settings import TrainSettings
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """What the command line asks for."""
+
+    task: str
+    out: Path
+    seed: int
+    device: str
+    states: int
+    rounds: int
+    episodes: int
+    actor_epochs: int
+    q_epochs: int
+    batch_size: int
+    workers: int
+
+
+def train_task(options: TrainOptions) -> int:
+    """Run what is left of a training; 130 when interrupted, and the same command goes on."""
+    console = Console()
+    bfloat16 = options.device.startswith("cuda")
+    common = {"batch_size": options.batch_size, "device": options.device, "bfloat16": bfloat16}
+    settings = TrainSettings(
+        states=options.states,
+        rounds=options.rounds,
+        episodes=options.episodes,
+        actor=FitSettings(epochs=options.actor_epochs, **common),
+        q=FitSettings(epochs=options.q_epochs, **common),
+        seed=options.seed,
+        device=options.device,
+        workers=options.workers,
+    )
+
+    def tell(stage: str, row: dict[str, float]) -> None:
+        text = "  ".join(f"{name} {value:.4g}" for name, value in row.items())
+        console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
+
+    try:
+        summary = train(options.task, options.out, settings, tell)
+    except KeyboardInterrupt:
+        console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
+        raise
+    picture = options.out / "summary.png"
+    write_picture(options.out, summary, picture)
+    for name, found in summary["success"].items():
+        console.print(
+            f"{name}: {100 * found['success']:.1f} % of {found['episodes']} episodes in the model",
+            highlight=False,
+        )
+    console.print(f"summary: {options.out / SUMMARY}\npicture: {picture}", highlight=False, soft_wrap=True)
+    return 0

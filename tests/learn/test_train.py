@@ -1,0 +1,76 @@
+"""A whole training, as small as can be: its stages, and going on where it was."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from samrl_core.errors import InputError
+from samrl_core.learn.fit_settings import FitSettings
+from samrl_core.learn.train import CONFIG, train
+from samrl_core.learn.train_picture import write_picture
+from samrl_core.learn.train_settings import TrainSettings
+from samrl_core.learn.weights import load_weights
+from samrl_core.robots.cell import default_cell
+
+SMALL = TrainSettings(
+    states=100,
+    rounds=1,
+    round_episodes=2,
+    episodes=4,
+    judged=1,
+    group=2,
+    actor=FitSettings(epochs=1, batch_size=16),
+    q=FitSettings(epochs=1, batch_size=16),
+    workers=1,
+)
+
+
+def test_a_folder_of_another_training_is_refused(tmp_path: Path) -> None:
+    (tmp_path / CONFIG).write_text(json.dumps({"schema": 1, "task": "peg_insertion", "seed": 5}))
+    with pytest.raises(InputError, match="another training"):
+        train("peg_insertion", tmp_path, SMALL)
+    (tmp_path / CONFIG).write_text("{")
+    with pytest.raises(InputError, match="cannot be read"):
+        train("peg_insertion", tmp_path, SMALL)
+
+
+@pytest.mark.parametrize("name", ["states", "rounds", "episodes", "judged", "group"])
+def test_sizes_below_their_least_are_refused(name: str) -> None:
+    with pytest.raises(InputError, match=name):
+        replace(SMALL, **{name: -1})
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_training_that_stopped_goes_on(tmp_path: Path) -> None:
+    """Stopped when the episodes begin; then the rest, to the same weights as one in one go."""
+
+    class Stop(Exception):
+        pass
+
+    def stop(stage: str, row: dict[str, float]) -> None:
+        if stage == "episodes":
+            raise Stop
+
+    with pytest.raises(Stop):
+        train("peg_insertion", tmp_path / "two", SMALL, stop)
+    stages: list[str] = []
+    summary = train("peg_insertion", tmp_path / "two", SMALL, lambda stage, row: stages.append(stage))
+    assert "round-0" not in stages  # what is there is not made again
+    train("peg_insertion", tmp_path / "one", SMALL)
+    for kind in ("sim_actor", "sensing_q"):
+        one, two = (
+            load_weights(
+                tmp_path / f / f"peg_insertion_{kind}.safetensors", kind, "peg_insertion", default_cell()
+            )
+            for f in ("one", "two")
+        )
+        for name, value in one[0].state_dict().items():
+            np.testing.assert_array_equal(value.numpy(), two[0].state_dict()[name].numpy(), err_msg=name)
+    write_picture(tmp_path / "two", summary, tmp_path / "two" / "summary.png")
+    assert (tmp_path / "two" / "summary.png").stat().st_size > 10_000

@@ -158,6 +158,7 @@ def train(
     actor_epochs: Annotated[int, typer.Option(min=1)] = 40,
     q_epochs: Annotated[int, typer.Option(min=1)] = 15,
     batch_size: Annotated[int, typer.Option(min=1)] = 128,
+    max_actions: Annotated[int, typer.Option(help="Of an episode in the model; 0: the task's.", min=0)] = 0,
     workers: Annotated[int, typer.Option(help="Processes for states; 0: free cores.", min=0)] = 0,
 ) -> None:
     """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
@@ -165,7 +166,18 @@ def train(
 
     folder = out or Path("out") / f"train-{task}"
     options = TrainOptions(
-        task, folder, seed, device, states, rounds, episodes, actor_epochs, q_epochs, batch_size, workers
+        task,
+        folder,
+        seed,
+        device,
+        states,
+        rounds,
+        episodes,
+        actor_epochs,
+        q_epochs,
+        batch_size,
+        max_actions,
+        workers,
     )
     raise typer.Exit(train_task(options))
 

@@ -27,6 +27,7 @@ class TrainOptions:
     actor_epochs: int
     q_epochs: int
     batch_size: int
+    max_actions: int
     workers: int
 
 
@@ -42,6 +43,7 @@ def train_task(options: TrainOptions) -> int:
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
         seed=options.seed,
+        max_actions=options.max_actions,
         device=options.device,
         workers=options.workers,
     )

@@ -79,7 +79,7 @@ def prepare_states(
             done += info.size(job[2])
             progress(done, count)
     else:
-        with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_one_thread) as pool:
+        with ProcessPoolExecutor(workers, get_context("spawn"), initializer=one_thread) as pool:
             running = {pool.submit(_shard, *job): job[2] for job in jobs}
             for future in as_completed(running):
                 data.write(running[future], future.result())
@@ -122,7 +122,7 @@ def label_all(
             found += _labels(task, values[chunk], tips[chunk])
             progress(len(found))
         return found
-    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_one_thread) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=one_thread) as pool:
         for few in pool.map(
             _labels, [task] * len(chunks), [values[c] for c in chunks], [tips[c] for c in chunks]
         ):
@@ -148,7 +148,8 @@ def _model(task: str) -> Model:
     return Model(task_named(task), default_cell())
 
 
-def _one_thread() -> None:
+def one_thread() -> None:
+    """What a process does first that shares the machine with others like it."""
     torch.set_num_threads(1)
 
 
@@ -174,7 +175,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--workers", type=int, default=0, help="processes; 0: as many as there are free cores"
     )
     a = parser.parse_args(arguments)
-    _one_thread()
+    one_thread()
     begun = time.monotonic()
 
     def tell(done: int, wanted: int) -> None:

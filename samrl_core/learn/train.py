@@ -26,21 +26,17 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.learn.batch_render import BatchRenderer
-from samrl_core.learn.explore import Starts
+from samrl_core.learn.episodes import Group, run_groups
 from samrl_core.learn.fit import Progress
-from samrl_core.learn.frames import SceneFrames
-from samrl_core.learn.image_noise import ImageNoiseSettings
 from samrl_core.learn.imitation import fit_actor
-from samrl_core.learn.looks import LookSettings
 from samrl_core.learn.networks import SensingQ, SimActor
-from samrl_core.learn.prepare import label_all, prepare_states
+from samrl_core.learn.prepare import free_cores, label_all, prepare_states
 from samrl_core.learn.rendered_samples import RenderedSamples, Scenes
-from samrl_core.learn.rollouts import Rollouts, RolloutSettings, held, new_each_step, roll_out
+from samrl_core.learn.rollouts import Rollouts
 from samrl_core.learn.samples import ACTION, RETURN
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
-from samrl_core.learn.views import draw_views
 from samrl_core.learn.weights import WeightsInfo, save_weights
 from samrl_core.learn.whole_file import write_whole
 from samrl_core.model.model import Model
@@ -152,55 +148,59 @@ class _Training:
         return Scenes(rows["frames"], rows["tip_in_base"], {ACTION: rows["action"]})
 
     def _make_round(self, k: int, actor: SimActor, path: Path) -> None:
-        s = self.settings
-        count = s.round_episodes // 2
-        seen = [
-            self._run(actor, (_STREAMS["round"], k, which), count, hold, 0.0, noisy=True)
-            for which, hold in enumerate((True, False))
+        s, stage = self.settings, f"round-{k}"
+        half = s.round_episodes // 2
+        groups = [
+            self._group((_STREAMS["round"], k, number, int(hold)), size, hold, 0.0, noisy=True)
+            for hold in (True, False)
+            for number, size in enumerate(self._sizes(max(1, half)))
         ]
+        seen = self._run(actor, groups, stage)
         values, tips, frames = (
             np.concatenate([getattr(one, name) for one in seen])
             for name in ("values", "tip_in_base", "frames")
         )
-        # The same places again and again teach little: where episodes end up stuck they are thinned out.
-        rng = np.random.default_rng([s.seed, _STREAMS["round"], k, 2])
-        most = min(len(values), s.states)
-        which = np.sort(rng.choice(len(values), most, replace=False))
-        self.tell(f"round-{k}", {"to_label": most})
+        # Episodes that got stuck fill it with the same places: no more of them than of the states before.
+        rng = np.random.default_rng([s.seed, _STREAMS["round"], k])
+        which = np.sort(rng.choice(len(values), min(len(values), s.states), replace=False))
         labels = label_all(
             self.task.name,
             values[which],
             tips[which],
             s.workers,
-            lambda n: self.tell(f"round-{k}", {"labelled": n}),
+            lambda n: self.tell(stage, {"labelled": n, "of": len(which)}),
         )
         left = np.array([label.sub_goal != "none" for label in labels])
-        actions = np.array([label.action for label in labels])
-        _write(
-            path,
-            {
-                "values": values[which][left],
-                "tip_in_base": tips[which][left],
-                "frames": frames[which][left],
-                "action": actions[left],
-            },
-        )
+        rows = {
+            "values": values[which],
+            "tip_in_base": tips[which],
+            "frames": frames[which],
+            "action": np.array([label.action for label in labels]),
+        }
+        _write(path, {name: array[left] for name, array in rows.items()})
 
     def _episodes(self, actor: SimActor) -> list[dict[str, np.ndarray]]:
         """For Q: half of them with noise on the actions, so that it also sees bad ones; views are held."""
-        s, groups = self.settings, []
-        count = -(-s.episodes // s.group)
-        for k in range(count):
-            path = self.folder / "episodes" / f"{k:04d}.npz"
-            if not path.exists():
-                noise = s.action_noise if k % 2 else 0.0
-                size = min(s.group, s.episodes - k * s.group)
-                run = self._run(actor, (_STREAMS["episodes"], k), size, True, noise, noisy=True)
-                _write(path, {**run.per_action(), "success": run.success})
-            groups.append(_read(path))
-            share = float(np.concatenate([g["success"] for g in groups]).mean())
-            self.tell("episodes", {"group": k + 1, "of": count, "success": share})
-        return groups
+        s = self.settings
+        paths = [self.folder / "episodes" / f"{k:04d}.npz" for k in range(len(self._sizes(s.episodes)))]
+        missing = [k for k, path in enumerate(paths) if not path.exists()]
+        groups = [
+            self._group(
+                (_STREAMS["episodes"], k),
+                self._sizes(s.episodes)[k],
+                True,
+                s.action_noise if k % 2 else 0.0,
+                noisy=True,
+            )
+            for k in missing
+        ]
+        done = len(paths) - len(missing)
+        self.tell("episodes", {"groups": done, "of": len(paths)})
+        for k, run in run_groups(self.task.name, actor, groups, s.device, s.workers or free_cores()):
+            _write(paths[missing[k]], {**run.per_action(), "success": run.success})
+            done += 1
+            self.tell("episodes", {"groups": done, "of": len(paths), "success": float(run.success.mean())})
+        return [_read(path) for path in paths]
 
     def _q(self, groups: list[dict[str, np.ndarray]]) -> tuple[SensingQ, dict[str, float]]:
         s = self.settings
@@ -217,10 +217,14 @@ class _Training:
         for which, name in enumerate(("held", "new_each_step")):
             path = self.folder / "judged" / f"{name}.npz"
             if not path.exists():
-                run = self._run(
-                    actor, (_STREAMS["judged"], which), s.judged, name == "held", 0.0, noisy=False
+                groups = [
+                    self._group((_STREAMS["judged"], which, k), size, name == "held", 0.0, noisy=False)
+                    for k, size in enumerate(self._sizes(s.judged))
+                ]
+                runs = self._run(actor, groups, "judged")
+                _write(
+                    path, {n: np.concatenate([getattr(r, n) for r in runs]) for n in ("success", "actions")}
                 )
-                _write(path, {"success": run.success, "actions": run.actions})
             rows = _read(path)
             found[name] = {
                 "episodes": len(rows["success"]),
@@ -230,25 +234,21 @@ class _Training:
             self.tell("judged", {f"success_{name}": found[name]["success"]})
         return found
 
-    def _run(
-        self, actor: SimActor, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool
-    ) -> Rollouts:
-        """Episodes from the task's own starts, views held or new for every action."""
+    def _sizes(self, count: int) -> list[int]:
+        """Of the groups of so many episodes."""
+        size = self.settings.group
+        return [min(size, count - first) for first in range(0, count, size)]
+
+    def _group(self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool) -> Group:
         s = self.settings
-        rng = np.random.default_rng([s.seed, *stream])
-        tip = SceneFrames(self.model).start_tip
-        starts = Starts(
-            np.array([self.task.start_values(rng) for _ in range(count)]), np.tile(tip, (count, 1))
-        )
-        region = self.task.view_region()
-        viewer = held(draw_views(region, rng, count)) if hold else new_each_step(region)
-        settings = RolloutSettings(
-            action_noise=noise,
-            looks=LookSettings() if noisy else None,
-            noise=ImageNoiseSettings() if noisy else None,
-        )
-        actor.eval()
-        return roll_out(self.model, self.renderer, actor, starts, viewer, settings, rng)
+        return Group((s.seed, *stream), count, hold, noise, noisy, s.max_actions)
+
+    def _run(self, actor: SimActor, groups: list[Group], stage: str) -> list[Rollouts]:
+        s, found = self.settings, {}
+        for k, run in run_groups(self.task.name, actor, groups, s.device, s.workers or free_cores()):
+            found[k] = run
+            self.tell(stage, {"groups": len(found), "of": len(groups), "success": float(run.success.mean())})
+        return [found[k] for k in sorted(found)]
 
     def _keep(self, network: SimActor | SensingQ, figures: dict[str, float]) -> None:
         kind = "sim_actor" if isinstance(network, SimActor) else "sensing_q"

@@ -25,15 +25,24 @@ class TrainSettings:
     episodes: int = 512  # for Q (eq. 24), each with a view held
     action_noise: float = 0.3  # of the noisy half of them, per axis, standard deviation [action limits]
     judged: int = 200  # episodes that tell the actor's success, for each way to look
-    group: int = 64  # episodes side by side; what is lost when a training is killed
+    group: int = 32  # episodes side by side in one process; what is lost when a training is killed
+    max_actions: int = 0  # of an episode; 0 takes the task's
     actor: FitSettings = field(default_factory=lambda: FitSettings(epochs=40))
     q: FitSettings = field(default_factory=lambda: FitSettings(epochs=15))
     seed: int = 0
     device: str = "cpu"  # torch's name; draws and trains
-    workers: int = 0  # processes that draw and label states; 0 takes the free cores
+    workers: int = 0  # processes that draw and label states and run episodes; 0 takes the free cores
 
     def __post_init__(self) -> None:
-        least = {"states": 100, "rounds": 0, "round_episodes": 1, "episodes": 2, "judged": 1, "group": 1}
+        least = {
+            "states": 100,
+            "rounds": 0,
+            "round_episodes": 1,
+            "episodes": 2,
+            "judged": 1,
+            "group": 1,
+            "max_actions": 0,
+        }
         for name, value in least.items():
             if getattr(self, name) < value:
                 raise InputError(f"{name} is {getattr(self, name)}, must be at least {value}")

@@ -1,0 +1,88 @@
+"""Groups of an actor's episodes in the model, run by several processes; each follows from its own seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+
+import numpy as np
+import torch
+
+from samrl_core.learn.batch_render import BatchRenderer
+from samrl_core.learn.explore import Starts
+from samrl_core.learn.frames import SceneFrames
+from samrl_core.learn.image_noise import ImageNoiseSettings
+from samrl_core.learn.looks import LookSettings
+from samrl_core.learn.networks import SimActor
+from samrl_core.learn.prepare import one_thread
+from samrl_core.learn.rollouts import Rollouts, RolloutSettings, held, new_each_step, roll_out
+from samrl_core.learn.views import draw_views
+from samrl_core.model.model import Model
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+
+Weights = dict[str, torch.Tensor]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Episodes from the task's own starts, side by side."""
+
+    seed: tuple[int, ...]  # of all that is random in it
+    count: int
+    hold: bool  # one random view for each episode; else a new one for every action
+    action_noise: float  # per axis, standard deviation [action limits]
+    noisy: bool  # colours, light and camera noise vary; else the model's own, clean
+    max_actions: int  # of an episode; 0 takes the task's
+
+
+def run_groups(
+    task: str, actor: SimActor, groups: Sequence[Group], device: str, workers: int
+) -> Iterator[tuple[int, Rollouts]]:
+    """Each group's number and episodes, in the order in which they end.
+
+    Args:
+        task: name of the task.
+        actor: acts.
+        groups: what is run; the result of each does not depend on the others.
+        device: of the images and the actor.
+        workers: processes; 1 runs them here, one after the other.
+    """
+    weights = {name: value.detach().cpu() for name, value in actor.state_dict().items()}
+    jobs = [(task, weights, group, device) for group in groups]
+    if min(workers, len(jobs)) <= 1:
+        for k, job in enumerate(jobs):
+            yield k, _run(*job)
+        return
+    with ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn"), initializer=one_thread) as pool:
+        running = {pool.submit(_run, *job): k for k, job in enumerate(jobs)}
+        for future in as_completed(running):
+            yield running[future], future.result()
+
+
+@cache
+def _renderer(task: str, device: str) -> BatchRenderer:
+    """One per process: meshes are copied and kernels loaded once."""
+    return BatchRenderer(Model(task_named(task), default_cell()), device)
+
+
+def _run(task: str, weights: Weights, group: Group, device: str) -> Rollouts:
+    renderer = _renderer(task, device)
+    model, rng = renderer.model, np.random.default_rng(group.seed)
+    actor = SimActor(model.task.action_limit)
+    actor.load_state_dict(weights)
+    actor.to(renderer.device).eval()
+    values = np.array([model.task.start_values(rng) for _ in range(group.count)])
+    starts = Starts(values, np.tile(SceneFrames(model).start_tip, (group.count, 1)))
+    region = model.task.view_region()
+    viewer = held(draw_views(region, rng, group.count)) if group.hold else new_each_step(region)
+    settings = RolloutSettings(
+        max_actions=group.max_actions,
+        action_noise=group.action_noise,
+        looks=LookSettings() if group.noisy else None,
+        noise=ImageNoiseSettings() if group.noisy else None,
+    )
+    return roll_out(model, renderer, actor, starts, viewer, settings, rng)

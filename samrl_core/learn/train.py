@@ -93,9 +93,9 @@ class _Training:
             parts.append(self._round(k, actor))
             actor, figures = self._actor(k + 1, parts, validation)
         self._keep(actor, figures)
-        judged = self._judged(actor)
         q, q_figures = self._q(self._episodes(actor))
         self._keep(q, q_figures)
+        judged = self._judged(actor)
         summary = {"schema": 1, "task": self.task.name, "actor": figures, "q": q_figures, "success": judged}
         write_whole(self.folder / SUMMARY, (json.dumps(summary, indent=1) + "\n").encode())
         return summary

@@ -4,6 +4,10 @@ The encoder has five convolutions and gives 128 features, the heads three layers
 to pooled features it takes key points: learned maps, each normalised over the image (spatial softmax, Finn
 et al. 2016, "Deep spatial autoencoders"), average the XYZ channels instead of the pixel coordinates. A key
 point is thus a place from the tip in metres, finer than a pixel, which the image's resolution does not round.
+
+Measured only briefly: 300 steps of 32 on 5000 peg images at 64 x 64, one seed, 200 validation images, action
+limit 10 mm. Loss of `imitation` 0.41, error 4.4 mm, near the goal 1.6 mm; with flattened features instead of
+key points 0.54, 5.1 mm and 1.3 mm (standing still: 1.0, 8 mm, 2.0 mm). Too short to tell near the goal.
 """
 
 from __future__ import annotations

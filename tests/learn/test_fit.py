@@ -82,18 +82,34 @@ def test_a_q_learns_which_actions_succeed(tmp_path: Path) -> None:
 
 
 def test_killed_in_the_middle_it_ends_the_same(tmp_path: Path, whole: Path) -> None:
-    command = [sys.executable, tiny.__file__, str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    process = subprocess.Popen([*command, "0.2"], env=environment)
-    checkpoint, until = tmp_path / CHECKPOINT, time.monotonic() + 200
+    process = subprocess.Popen([sys.executable, tiny.__file__, str(tmp_path), "0.3"], env=environment)
+    checkpoint, until = tmp_path / CHECKPOINT, time.monotonic() + 300
     while not checkpoint.exists() or load_checkpoint(checkpoint, "regression")[1]["step"] < 13:
         assert process.poll() is None and time.monotonic() < until, "no checkpoint came"
-        time.sleep(0.02)
+        time.sleep(0.1)
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
     step = load_checkpoint(checkpoint, "regression")[1]["step"]
-    assert 13 <= step < 40 and step % 10  # in the middle of an epoch
-    subprocess.run([*command, "0"], env=environment, check=True, timeout=200)
+    assert 13 <= step < 40
+    fit_actor(TRAIN, VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path)
+    same_end(tmp_path, whole)
+
+
+def test_stopped_within_an_epoch_it_ends_the_same(tmp_path: Path, whole: Path) -> None:
+    class Ending(tiny.Spots):
+        batches = 0
+
+        def batch(self, indices, device):
+            self.batches += 1
+            if self.batches == 14:
+                raise InterruptedError
+            return super().batch(indices, device)
+
+    with pytest.raises(InterruptedError):
+        fit_actor(Ending(160, 1), VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path)
+    assert load_checkpoint(tmp_path / CHECKPOINT, "regression")[1]["step"] == 12  # of 10 per epoch
+    fit_actor(TRAIN, VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path)
     same_end(tmp_path, whole)
 
 

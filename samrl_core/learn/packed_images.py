@@ -29,7 +29,7 @@ def packed_depth(depth: np.ndarray) -> np.ndarray:
     known = np.isfinite(depth) & (depth <= DEPTH_LIMIT)
     if bool((depth[known] < 0).any()):
         raise InputError(
-            f"depth of {depth[known].min():.4f} m; it must not be negative, NaN where unmeasured"
+            f"depth of {depth[known].min():.4f} m is negative; NaN means unmeasured"
         )
     return np.round(np.where(known, depth, 0.0) / DEPTH_UNIT).astype(np.uint16)
 

@@ -214,7 +214,7 @@ class Replay:
         body = np.zeros((), dtype=self._slots.dtype["body"])
         if step.color.shape != (k.height, k.width, 3) or step.depth.shape != (k.height, k.width):
             raise InputError(
-                f"images are {step.color.shape} and {step.depth.shape}, the replay holds {k.width}x{k.height} px"
+                f"images are {step.color.shape} and {step.depth.shape}, the replay's {k.width}x{k.height} px"
             )
         for name, value in (
             ("tip", step.tip_in_base),

@@ -32,7 +32,7 @@ def load_checkpoint(path: Path, kind: str) -> tuple[dict[str, torch.Tensor], dic
     try:
         with safetensors.safe_open(path, framework="pt") as file:
             text = (file.metadata() or {}).get(_ENTRY)
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            tensors = {name: file.get_tensor(name) for name in file.keys()}
         about = json.loads(text) if text is not None else {}
     except (OSError, SafetensorError, ValueError) as error:
         raise InputError(f"cannot read the checkpoint {path} ({error}); remove it to begin anew") from error

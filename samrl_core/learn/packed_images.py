@@ -28,9 +28,7 @@ def packed_depth(depth: np.ndarray) -> np.ndarray:
     depth = np.asarray(depth, dtype=np.float64)
     known = np.isfinite(depth) & (depth <= DEPTH_LIMIT)
     if bool((depth[known] < 0).any()):
-        raise InputError(
-            f"depth of {depth[known].min():.4f} m is negative; NaN means unmeasured"
-        )
+        raise InputError(f"depth of {depth[known].min():.4f} m is negative; NaN means unmeasured")
     return np.round(np.where(known, depth, 0.0) / DEPTH_UNIT).astype(np.uint16)
 
 

@@ -155,7 +155,7 @@ class ResidualLearner:
             return (batch.reward + batch.discount * torch.minimum(first, second)).clamp(0.0, 1.0)
 
     def _slopes(self, loss: torch.Tensor, module: nn.Module, name: str) -> tuple[torch.Tensor, ...]:
-        slopes = torch.autograd.grad(loss, list(module.parameters()), retain_graph=module is self.critic)
+        slopes = torch.autograd.grad(loss, list(module.parameters()))
         length = torch.stack([slope.norm() for slope in slopes]).norm()
         if not (bool(torch.isfinite(loss.detach())) and bool(torch.isfinite(length))):
             raise SolveError(
@@ -173,7 +173,8 @@ class ResidualLearner:
         height, width = images.shape[-2:]
         padded = functional.pad(images, (pad, pad, pad, pad))
         offsets = torch.randint(2 * pad + 1, (len(images), 2), generator=self.generator).tolist()
-        return torch.stack([p[:, v : v + height, u : u + width] for p, (v, u) in zip(padded, offsets, strict=True)])
+        moved = zip(padded, offsets, strict=True)
+        return torch.stack([p[:, v : v + height, u : u + width] for p, (v, u) in moved])
 
     def _follow(self, slow: nn.Module, fast: nn.Module) -> None:
         with torch.no_grad():

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass, field, fields
@@ -123,9 +122,9 @@ class ResidualTraining:
 
     def due(self) -> bool:
         """Whether the steps that came in allow another update."""
-        if self._replay.refresh() or self._transitions is None:
-            s = self._settings.learner
-            self._transitions = transitions_of(self._replay, s.n_step, s.gamma)
+        self._replay.refresh()
+        s = self._settings.learner
+        self._transitions = transitions_of(self._replay, s.n_step, s.gamma)
         allowed = self._settings.updates_per_step * (self._replay.last - self._settings.first_steps + 1)
         return len(self._transitions) > 0 and self.updates < allowed
 
@@ -140,7 +139,8 @@ class ResidualTraining:
             raise InputError("no update is due: ask `due` first")
         assert self._transitions is not None
         learner = self._learner
-        batch = draw_batch(self._replay, self._transitions, self._cell, learner.settings.batch, learner.generator)
+        size, generator = learner.settings.batch, learner.generator
+        batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         try:
             figures = learner.update(batch)
         except SolveError as error:
@@ -159,13 +159,13 @@ class ResidualTraining:
         After each update it sleeps for as long as it takes to stay within its share of a core.
         """
         while not stop():
-            if not self.due():
-                time.sleep(IDLE_S)
-                continue
             used = time.process_time()
-            self.step()
-            used = time.process_time() - used
-            time.sleep(used * (1.0 / self._settings.cpu_share - 1.0))
+            if self.due():
+                self.step()
+                used = time.process_time() - used
+                _rest(used * (1.0 / self._settings.cpu_share - 1.0), stop)
+            else:
+                _rest(IDLE_S, stop)
         self.save()
 
     def save(self) -> None:
@@ -201,10 +201,10 @@ class ResidualTraining:
         version = self.version + 1
         file = self._folder.resolve() / f"residual_v{version:06d}.safetensors"
         save_weights(file, self._learner.actor, info)
+        self.version = version
         self.save()
         said = Announcement(self._task, version, str(file), sha256_of(file))
         write_whole(self._folder / "announced.json", json.dumps(asdict(said)).encode())
-        self.version = version
         for old in sorted(self._folder.glob("residual_v*.safetensors"))[:-KEPT_VERSIONS]:
             old.unlink()
 
@@ -251,6 +251,8 @@ def _plain(values: dict[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def parent_is_gone(parent: int) -> bool:
-    """Whether the process that started this one has ended: its training ends too."""
-    return os.getppid() != parent
+def _rest(seconds: float, stop: Callable[[], bool]) -> None:
+    """Sleep in short pieces: a signal does not end a sleep in Python."""
+    end = time.monotonic() + seconds
+    while not stop() and (left := end - time.monotonic()) > 0:
+        time.sleep(min(left, IDLE_S))

@@ -31,8 +31,8 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     """One task in PyBullet, seen from where the task's episodes start.
 
     Observation: `image` (6, H, W) float32, see `learn.network_image`, and `tip` (3,) float32 in the tool
-    arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]. Reward: the paper's, in metres
-    (`Task.shaped_reward`); an episode terminates in success and is truncated after the task's `max_actions`.
+    arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]. Reward: the paper's, in
+    metres (`Task.shaped_reward`); an episode terminates in success, is truncated after `Task.max_actions`.
     `info` has `success`, `final_error` [m] and `refused`, true where the arm cannot reach what was asked for
     and stood still.
 
@@ -87,7 +87,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         wanted = np.asarray(action, dtype=np.float32)
         if not self.action_space.contains(wanted):
             raise InputError(
-                f"action {action} is not three numbers within +-{self._task.action_limit} m; rescale or clip it"
+                f"action {action} is not three numbers within +-{self._task.action_limit} m; rescale it"
             )
         refused = False
         try:

@@ -102,7 +102,7 @@ def test_core_imports_with_ros_hidden() -> None:
         "import samrl_core\n"
         "count = 0\n"
         "for module in pkgutil.walk_packages(samrl_core.__path__, 'samrl_core.'):\n"
-        "    extra = ('samrl_core.benchmarks.peers.', 'samrl_core.baselines.gym_env')  # need libraries of extras\n"
+        "    extra = ('samrl_core.benchmarks.peers.', 'samrl_core.baselines.gym_env')  # of extras\n"
         "    if not module.name.startswith(extra):\n"
         "        importlib.import_module(module.name)\n"
         "    count += 1\n"

@@ -119,16 +119,16 @@ def test_it_learns_what_the_image_tells(tmp_path: Path) -> None:
     """The zero residual never succeeds, and one that ignores the image in half of the states at most."""
     from tests.learn import toy_cell
 
-    learner = replace(QUICK, batch=32, warm_up=160, delay=2, shift=0, critic_rate=1e-3, actor_rate=5e-4)
+    learner = replace(QUICK, batch=32, warm_up=240, delay=2, shift=0, critic_rate=1e-3, actor_rate=5e-4)
     settings = toy_cell.settings(replace(learner, average=0.05))
-    replay = toy_cell.start(tmp_path, settings, 240)
+    replay = toy_cell.start(tmp_path, settings, 1000)  # zero and noise: one in ten succeeds
     training = toy_cell.training(tmp_path, settings)
     actor = training.learner.actor
     assert toy_cell.rate(actor) == 0.0
     rng = np.random.default_rng(5)
-    for _ in range(24):
+    for _ in range(9):
         assert training.due()
-        for _ in range(20):
+        for _ in range(40):
             training.step()
         toy_cell.act(replay, rng, 20, lambda state: toy_cell.chosen_residual(actor, state), 0.0009, 0.003)
-    assert toy_cell.rate(actor) >= 0.9
+    assert toy_cell.rate(actor) >= 0.9  # measured: 0.98 to 1.0

@@ -14,6 +14,7 @@ import zlib
 from dataclasses import asdict, dataclass
 from enum import IntEnum
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -263,7 +264,7 @@ def _header(info: ReplayInfo) -> bytes:
     return text.ljust(HEADER_BYTES, b"\n")
 
 
-def _slots(path: Path, info: ReplayInfo, mode: str) -> np.memmap:
+def _slots(path: Path, info: ReplayInfo, mode: Literal["r", "r+"]) -> np.memmap:
     with path.open("rb") as file:
         head = file.read(HEADER_BYTES)
     kind, expected = info.slot_type(), _header(info)

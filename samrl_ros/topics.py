@@ -193,7 +193,7 @@ _ALL: list[Topic] = [
         "residual_trainer/weights",
         "std_msgs/msg/String",
         "residual_trainer",
-        "residual policy in force, JSON: version, file, sha256; version 0 is the zero residual",
+        "residual policy in force, JSON: task, version, file, sha256; version 0 is the zero residual",
         LATCHED,
         "on update",
     ),

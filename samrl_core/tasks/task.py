@@ -149,3 +149,9 @@ class Task(ABC):
     @abstractmethod
     def final_error(self, ending: Ending) -> float:
         """Distance to the goal from truth [m], for the summary. Evaluation alone calls it."""
+
+    @abstractmethod
+    def shaped_reward(self, ending: Ending) -> float:
+        """The paper's reward of a state for the learners that it compares with, were it the last one [m].
+        Judged from truth: evaluation alone calls it, and nothing of SAM-RL itself sees it.
+        """

@@ -7,6 +7,7 @@ topics for what it returns.
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -98,3 +99,18 @@ def true_values(task: Task, truth: Truth) -> np.ndarray:
 
 def _bodies(truth: Truth) -> dict[str, Pose]:
     return {k: Pose(v, truth.body_quat_xyzw[k]) for k, v in truth.body_position.items()}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the truth of an instant is worth, and nothing of the truth itself."""
+
+    success: bool
+    final_error: float  # [m]
+    reward: float  # of the paper, for the learners that it compares with [m]
+
+
+def judged_now(world: SimulatedWorld, task: Task) -> Judgement:
+    """The episode judged as if it ended at this instant: for what compared learners are rewarded with."""
+    ending = ending_now(world.truth())
+    return Judgement(task.succeeded(ending), task.final_error(ending), task.shaped_reward(ending))

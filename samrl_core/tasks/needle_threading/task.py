@@ -229,6 +229,10 @@ class NeedleThreading(Task):
         missing = max(0.0, float(ending.chain_points[-1, 2]) - (self.eye_z - self.success_depth))
         return math.hypot(crossing_distance(ending.chain_points, self.eye), missing)
 
+    def shaped_reward(self, ending: Ending) -> float:
+        """Less the distance between the thread and where it hangs in the eye [m]."""
+        return -self.final_error(ending)
+
     def _threaded(self, points: np.ndarray, depth: float) -> bool:
         deep = points[-1, 2] <= self.eye_z - depth
         return bool(deep and crossing_distance(points, self.eye) < self.eye_radius)

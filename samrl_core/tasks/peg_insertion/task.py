@@ -181,6 +181,10 @@ class PegInsertion(Task):
         missing = max(0.0, tip[2] - (self.height - self.success_depth))
         return float(np.linalg.norm([tip[0] - x, tip[1] - y, missing]))
 
+    def shaped_reward(self, ending: Ending) -> float:
+        """Less the distance between the peg's end and its place in the hole [m]."""
+        return -self.final_error(ending)
+
     def _inserted(self, tip: np.ndarray, x: float, y: float, depth: float, slack: float) -> bool:
         deep = tip[2] <= self.height - depth
         return bool(deep and np.hypot(tip[0] - x, tip[1] - y) < self.clearance + slack)

@@ -241,6 +241,10 @@ class SpatulaFlipping(Task):
         cosine = float(np.clip(-ending.body_in_world[PANCAKE].rotation[2, 2], -1.0, 1.0))
         return self.pancake_radius * math.acos(cosine)
 
+    def shaped_reward(self, ending: Ending) -> float:
+        """Height of the pancake's centre [m]."""
+        return float(ending.body_in_world[PANCAKE].position[2])
+
     def _tool(self) -> Tool:
         return hand_with_spatula(
             (self.blade_length, self.blade_width, self.blade_thickness),

@@ -60,6 +60,8 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
     frozenset({"real2sim", "prediction", "attributes", "fusion", "view_planning", "view_reach", "trajectory"})
     | frozenset({"rl", "diagnosis", "residual"}),
+    frozenset({"learn"}),
+    frozenset({"agent"}),
     frozenset({"report"}),
     frozenset({"scoring", "experiments", "benchmarks"}),
 )

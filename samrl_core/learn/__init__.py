@@ -1,0 +1,1 @@
+"""Learning in the model: data, networks, regression, weights. Knows no world and no ROS."""

@@ -1,0 +1,155 @@
+"""Trained networks as files: safetensors, so that loading runs no code from the file.
+
+A file knows its network, task and camera, and opens for these alone: what a network learnt at one image
+size or lens is silently wrong at another. Weights lie there in half precision and are used in single.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal, get_args
+
+import safetensors.torch
+import torch
+from safetensors import SafetensorError
+from torch import nn
+
+from samrl_core.errors import InputError
+from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor, TwinCritic
+from samrl_core.learn.whole_file import write_whole
+from samrl_core.robots.robot import CellSpec
+from samrl_core.types.camera import Intrinsics
+
+Kind = Literal["sim_actor", "sensing_q", "residual_actor", "twin_critic"]
+FORMAT = 1
+MAX_BYTES = 64 * 2**20  # far above any network here: a larger file is something else
+_ENTRY = "samrl"  # of the file's metadata
+_MAKE: dict[str, tuple[type[nn.Module], Callable[[float], nn.Module]]] = {
+    "sim_actor": (SimActor, SimActor),
+    "sensing_q": (SensingQ, lambda _: SensingQ()),
+    "residual_actor": (ResidualActor, ResidualActor),
+    "twin_critic": (TwinCritic, TwinCritic),
+}
+
+
+@dataclass(frozen=True)
+class WeightsInfo:
+    """What a weight file says of itself.
+
+    Raises:
+        InputError: an unknown kind, or a limit that is none.
+    """
+
+    kind: Kind
+    task: str
+    intrinsics: Intrinsics  # of the cell's camera; image size included
+    limit: float  # longest output of an actor, longest action that a Q or critic was trained on [m]
+    seed: int
+    figures: dict[str, float] = field(default_factory=dict)  # of the training, e.g. validation errors
+    source: str = ""  # commit that trained it, where known
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise InputError(f"no network is of kind {self.kind!r}; there are {', '.join(get_args(Kind))}")
+        if not 0.0 < self.limit < 1.0:
+            raise InputError(f"action limit is {self.limit} m, must be above 0 and below 1 m")
+        for name, value in self.figures.items():
+            if not math.isfinite(value):
+                raise InputError(f"training figure {name} is {value}, must be finite")
+
+
+def shipped(task: str, kind: Kind) -> Path:
+    """Where the package keeps the weights of a task; the file may not be there."""
+    return Path(__file__).parent / "weights" / f"{task}_{kind}.safetensors"
+
+
+def sha256_of(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def save_weights(path: Path, module: nn.Module, info: WeightsInfo) -> None:
+    """Write a network; `path` holds the old file or the whole new one at any instant.
+
+    Raises:
+        InputError: the module is not of the stated kind, its limit differs from the stated one, or a weight
+            is not finite or too large for half precision.
+    """
+    expected, _ = _MAKE[info.kind]
+    if type(module) is not expected:
+        raise InputError(f"{type(module).__name__} is no {info.kind}, which is a {expected.__name__}")
+    own = getattr(module, "action_limit", getattr(module, "limit", info.limit))
+    if own != info.limit:
+        raise InputError(
+            f"the network's limit is {own} m, the stated one {info.limit} m; state the network's"
+        )
+    tensors = {}
+    for name, value in module.state_dict().items():
+        half = value.detach().to("cpu", torch.float16).contiguous()
+        if not bool(torch.isfinite(half).all()):
+            raise InputError(f"weight {name} is not finite in half precision; the training has diverged")
+        tensors[name] = half
+    text = json.dumps({"format": FORMAT, **asdict(info)}, allow_nan=False, sort_keys=True)
+    write_whole(path, safetensors.torch.save(tensors, {_ENTRY: text}))
+
+
+def load_weights(path: Path, kind: Kind, task: str, cell: CellSpec) -> tuple[nn.Module, WeightsInfo]:
+    """Read a network for one use; it comes on the CPU, in float32 and in evaluation mode.
+
+    Raises:
+        InputError: no such file, no weight file of ours, truncated, of another kind or task, trained for
+            another image size or lens, tensors that do not fit, or a weight that is not finite.
+    """
+    tensors, info = _read(path)
+    if info.kind != kind or info.task != task:
+        raise InputError(
+            f"{path} holds {info.kind} of {info.task}, wanted is {kind} of {task}; name the file for that"
+        )
+    if info.intrinsics != cell.intrinsics:
+        raise InputError(
+            f"{path} was trained with {info.intrinsics}, the cell's camera has {cell.intrinsics}; train for "
+            f"this camera (`samrl train {task}`), or set the camera to the trained size and lens"
+        )
+    module = _MAKE[kind][1](info.limit)
+    wanted = {name: tuple(value.shape) for name, value in module.state_dict().items()}
+    found = {name: tuple(value.shape) for name, value in tensors.items()}
+    if wanted != found:
+        different = sorted(n for n in wanted.keys() | found.keys() if wanted.get(n) != found.get(n))
+        raise InputError(
+            f"{path} does not fit the network {kind}: {len(different)} tensors differ, first "
+            f"{different[0]} ({found.get(different[0])}, wanted {wanted.get(different[0])}); train anew"
+        )
+    for name, value in tensors.items():
+        if not bool(torch.isfinite(value).all()):
+            raise InputError(f"{path}: weight {name} is not finite; take another file or train anew")
+    module.load_state_dict({name: value.to(torch.float32) for name, value in tensors.items()})
+    return module.eval(), info
+
+
+def _read(path: Path) -> tuple[dict[str, torch.Tensor], WeightsInfo]:
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise InputError(f"{path} has {size} bytes, a weight file at most {MAX_BYTES}; check the path")
+        with safetensors.safe_open(path, framework="pt") as file:
+            text = (file.metadata() or {}).get(_ENTRY)
+            tensors = {name: file.get_tensor(name) for name in file.keys()}
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; check the path") from error
+    except SafetensorError as error:
+        raise InputError(f"{path} is no whole safetensors file ({error}); fetch or train it again") from error
+    if text is None:
+        raise InputError(f"{path} is a safetensors file, but not one of samrl's; train with `samrl train`")
+    try:
+        stated = json.loads(text)
+        if stated.pop("format") != FORMAT:
+            raise InputError(f"{path} is not of weight format {FORMAT}; train anew")
+        return tensors, WeightsInfo(**{**stated, "intrinsics": Intrinsics(**stated["intrinsics"])})
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(f"{path} has a damaged description ({error}); fetch or train it again") from error

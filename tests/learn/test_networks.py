@@ -1,0 +1,167 @@
+"""Shapes, bounds, exact zeros, determinism, sizes, key points and gradients of the networks."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import nn
+
+from samrl_core.errors import InputError
+from samrl_core.learn.networks import (
+    ResidualActor,
+    SensingQ,
+    SimActor,
+    TwinCritic,
+    bounded,
+    key_points,
+)
+
+LIMIT = 0.01
+MAKE = {
+    "sim_actor": lambda g: SimActor(LIMIT, g),
+    "sensing_q": lambda g: SensingQ(g),
+    "residual_actor": lambda g: ResidualActor(LIMIT, g),
+    "twin_critic": lambda g: TwinCritic(LIMIT, g),
+}
+
+
+def generator(seed: int = 1) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def inputs(name: str, batch: int = 3, size: int = 32) -> list[torch.Tensor]:
+    g = generator(7)
+    image = torch.randn((batch, 6, size, size), generator=g)
+    image[:, 3:, : size // 4] = 0.0  # nothing seen there
+    actions = {"sim_actor": 0, "sensing_q": 1, "residual_actor": 1, "twin_critic": 2}[name]
+    return [image, *(LIMIT * torch.randn((batch, 3), generator=g) for _ in range(actions))]
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_same_seed_same_network_and_small_enough(name: str) -> None:
+    state = torch.get_rng_state()
+    first, again, other = MAKE[name](generator()), MAKE[name](generator()), MAKE[name](generator(2))
+    assert torch.equal(torch.get_rng_state(), state)  # torch's own generator is left alone
+    x = inputs(name)
+    for a, b in zip(first.parameters(), again.parameters(), strict=True):
+        assert torch.equal(a, b)
+    assert any(not torch.equal(a, b) for a, b in zip(first.parameters(), other.parameters(), strict=True))
+    assert sum(p.numel() for p in first.parameters()) < 750_000
+    assert (
+        len(list(first.children()))
+        and torch.isfinite(torch.cat([v.ravel() for v in _outputs(first, x)])).all()
+    )
+
+
+def _outputs(network: nn.Module, x: list[torch.Tensor]) -> tuple[torch.Tensor, ...]:
+    out = network(*x)
+    return out if isinstance(out, tuple) else (out,)
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_every_weight_and_input_gets_a_gradient(name: str) -> None:
+    network = MAKE[name](generator())
+    if name == "residual_actor":
+        nn.init.normal_(network.head[-1].weight, generator=generator(5))
+    x = [v.requires_grad_() for v in inputs(name, batch=8)]
+    sum(v.sum() for v in _outputs(network, x)).backward()
+    for label, parameter in network.named_parameters():
+        # A shift of all logits of a map alike does nothing to its softmax.
+        if label.split(".")[1] in ("fine", "coarse", "context") and label.endswith("bias"):
+            continue
+        assert parameter.grad is not None and bool((parameter.grad != 0).any()), label
+    for k, value in enumerate(x):
+        assert bool(torch.isfinite(value.grad).all()) and bool((value.grad != 0).any()), k
+
+
+def test_actions_are_bounded_by_length() -> None:
+    network = SimActor(LIMIT, generator())
+    with torch.no_grad():
+        for p in network.head[-1].parameters():
+            p.mul_(1e4)
+        longest = network(inputs("sim_actor", 16)[0]).norm(dim=1)
+    assert float(longest.max()) <= LIMIT * (1 + 1e-6) and float(longest.max()) > 0.99 * LIMIT
+
+
+def test_bound_is_the_identity_near_zero_and_smooth_at_zero() -> None:
+    raw = torch.tensor([[1e-4, -2e-4, 0.0], [0.0, 0.0, 0.0]], dtype=torch.float64, requires_grad=True)
+    out = bounded(raw, 0.5)
+    torch.testing.assert_close(out, 0.5 * raw, rtol=1e-4, atol=0)
+    assert bool((out[1] == 0).all())
+    out.sum().backward()
+    assert bool(torch.isfinite(raw.grad).all())
+    wide = torch.randn((4, 3), generator=generator(), dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda v: bounded(v, 0.5), wide)
+
+
+def test_residual_is_exactly_zero_at_first_and_can_be_trained() -> None:
+    network = ResidualActor(LIMIT, generator())
+    image, nominal = inputs("residual_actor")
+    out = network(image, nominal)
+    assert bool((out == 0).all())
+    (out - 1e-3).square().sum().backward()
+    assert bool((network.head[-1].weight.grad != 0).any())
+
+
+def test_q_lies_within_zero_and_one_and_depends_on_the_action() -> None:
+    network = SensingQ(generator())
+    image, action = inputs("sensing_q")
+    with torch.no_grad():
+        a, b = network(image, action), network(image, -action)
+    assert a.shape == (3,) and bool(((a > 0) & (a < 1)).all()) and not torch.equal(a, b)
+
+
+def test_critics_differ_and_features_can_be_kept() -> None:
+    network = TwinCritic(LIMIT, generator())
+    image, nominal, residual = inputs("twin_critic")
+    first, second = network(image, nominal, residual)
+    assert first.shape == second.shape == (3,) and not torch.equal(first, second)
+    kept = network.values(network.features(image, nominal), residual)
+    assert torch.equal(kept[0], first) and torch.equal(kept[1], second)
+
+
+def test_key_points_are_the_mean_of_the_known_points_under_the_weights() -> None:
+    g = generator()
+    xyz = torch.randn((2, 3, 8, 8), generator=g)
+    xyz[:, :, :3] = 0.0
+    xyz[:, :, 3, :5] = 0.0
+    logits = torch.randn((2, 4, 4, 4), generator=g)
+    found = key_points(xyz, logits)
+    for b in range(2):
+        for k in range(4):
+            weights, means = [], []
+            for i in range(4):
+                for j in range(4):
+                    cell = xyz[b, :, 2 * i : 2 * i + 2, 2 * j : 2 * j + 2].reshape(3, 4)
+                    known = cell[:, (cell != 0).any(dim=0)]
+                    if known.shape[1]:
+                        weights.append(logits[b, k, i, j].exp())
+                        means.append(known.mean(dim=1))
+            w = torch.stack(weights)
+            expected = (w[:, None] * torch.stack(means)).sum(dim=0) / w.sum()
+            torch.testing.assert_close(found[b, k], expected)
+
+
+def test_nothing_seen_at_all_is_still_finite() -> None:
+    network = SimActor(LIMIT, generator())
+    image = inputs("sim_actor")[0]
+    image[:, 3:] = 0.0
+    assert bool(torch.isfinite(network(image)).all())
+
+
+def test_autocast_keeps_the_key_points_in_single_precision() -> None:
+    g = generator()
+    xyz = 0.01 * torch.randn((1, 3, 8, 8), generator=g) + 1.0
+    network = SimActor(LIMIT, generator())
+    image = torch.cat([torch.randn((1, 3, 32, 32), generator=g), torch.ones(1, 3, 32, 32)], dim=1)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        assert network(image).dtype == torch.float32
+        points = key_points(xyz, torch.zeros(1, 2, 8, 8))
+    assert points.dtype == torch.float32
+    del points
+
+
+@pytest.mark.parametrize("limit", [0.0, -0.1, 1.0, float("nan")])
+def test_a_limit_that_is_none_is_refused(limit: float) -> None:
+    with pytest.raises(InputError, match="limit"):
+        SimActor(limit)

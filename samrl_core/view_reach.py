@@ -57,9 +57,7 @@ def place_of(position: np.ndarray, region: ViewRegion) -> np.ndarray:
     """Azimuth [rad], elevation [rad], distance [m] of a camera (3,) [m], the nearest within the region."""
     offset = position - region.target
     distance = float(np.linalg.norm(offset))
-    place = np.array(
-        [np.arctan2(offset[1], offset[0]), np.arcsin(offset[2] / max(distance, 1e-9)), distance]
-    )
+    place = np.array([np.arctan2(offset[1], offset[0]), np.arcsin(offset[2] / max(distance, 1e-9)), distance])
     return np.clip(place, *bounds_of(region))
 
 

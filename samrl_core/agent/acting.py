@@ -9,8 +9,9 @@ import torch
 
 from samrl_core.agent.settings import AgentSettings, Tell, required, silent
 from samrl_core.errors import InputError, SolveError
+from samrl_core.learn.network_image import observed_image
 from samrl_core.learn.networks import ResidualActor
-from samrl_core.learn.sensing_value import Networks, SensingValue, real_view
+from samrl_core.learn.sensing_value import Networks, SensingValue
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate
 from samrl_core.trajectory import optimise
@@ -97,7 +98,7 @@ class Acting:
     def _residual(self, observation: Observation, tip: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         residual = np.zeros(3)
         if self.residual is not None:
-            image = real_view(observation, tip, self._model.cell)
+            image = observed_image(observation, tip, self._model.cell)[None]
             with torch.no_grad():
                 found = self.residual(image, torch.from_numpy(nominal).to(torch.float32)[None])[0]
             residual = _finite(found.numpy(), "residual policy")

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from samrl_core.agent.acting import ActionChoice, Acting
+from samrl_core.agent.acting import Acting, ActionChoice
 from samrl_core.agent.looking import Looking
 from samrl_core.agent.loop import LoopSettings, LoopState, Stage, stage_after_update
 from samrl_core.agent.settings import AgentSettings, Tell, silent

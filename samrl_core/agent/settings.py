@@ -8,10 +8,10 @@ from pathlib import Path
 
 from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_core.errors import InputError
-from samrl_core.learn.networks import SensingQ, SimActor
+from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor
 from samrl_core.learn.sensing_value import Networks
 from samrl_core.learn.view_ascent import ViewAscentSettings
-from samrl_core.learn.weights import load_weights, shipped
+from samrl_core.learn.weights import Kind, load_weights, sha256_of, shipped
 from samrl_core.robots.robot import CellSpec
 from samrl_core.trajectory import TrajectorySettings
 from samrl_core.view_planning import ViewPlannerSettings
@@ -61,13 +61,29 @@ def trained_networks(task: str, cell: CellSpec, folder: Path | None = None) -> N
         InputError: a file is missing or does not fit; see `load_weights`.
     """
 
-    def path(kind: str) -> Path:
+    def path(kind: Kind) -> Path:
         return shipped(task, kind) if folder is None else folder / shipped(task, kind).name
 
     actor, _ = load_weights(path("sim_actor"), "sim_actor", task, cell)
     q, _ = load_weights(path("sensing_q"), "sensing_q", task, cell)
     assert isinstance(actor, SimActor) and isinstance(q, SensingQ)
     return Networks(actor.requires_grad_(False), q.requires_grad_(False))
+
+
+def announced_residual(file: Path, sha256: str, task: str, cell: CellSpec) -> ResidualActor:
+    """The residual of a file whose content was announced by its hash.
+
+    Raises:
+        InputError: the file has another content, or does not fit; see `load_weights`.
+    """
+    if not file.is_file():
+        raise InputError(f"no residual weights at {file}; the trainer and this node must share a disk")
+    found = sha256_of(file)
+    if found != sha256:
+        raise InputError(f"{file} has sha256 {found}, announced was {sha256}; nothing of it is used")
+    module, _ = load_weights(file, "residual_actor", task, cell)
+    assert isinstance(module, ResidualActor)
+    return module.requires_grad_(False)
 
 
 def required(networks: Networks | None, who: str) -> Networks:

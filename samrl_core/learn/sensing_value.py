@@ -8,12 +8,10 @@ import numpy as np
 import torch
 
 from samrl_core.errors import InputError
-from samrl_core.learn.network_image import observed_image, rendered_image
+from samrl_core.learn.network_image import rendered_image, upright
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.model.model import CameraPose, Model, world_to_camera
 from samrl_core.real2sim import Estimate
-from samrl_core.robots.robot import CellSpec
-from samrl_core.types.observation import Observation
 from samrl_core.types.pose import Pose
 
 
@@ -23,21 +21,6 @@ class Networks:
 
     actor: SimActor
     q: SensingQ
-
-
-def upright(image: torch.Tensor, camera_in_world: Pose) -> torch.Tensor:
-    """The image (..., H, W) as a camera with its top up takes it: turned by half if its top is down.
-
-    The arm takes many views only with its camera turned over. Where the principal point is the image's middle
-    the two images are the same but for this turn; the networks then need to know one of them alone.
-    """
-    top_is_down = camera_in_world.rotation[2, 1] > 0.0  # image-down axis points up
-    return image.flip((-2, -1)) if top_is_down else image
-
-
-def real_view(observation: Observation, tip_in_base: np.ndarray, cell: CellSpec) -> torch.Tensor:
-    """The real image as the residual policy sees it, (1, 6, H, W)."""
-    return upright(observed_image(observation, tip_in_base, cell), observation.camera.camera_in_world)[None]
 
 
 class SensingValue:

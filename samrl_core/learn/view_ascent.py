@@ -170,7 +170,9 @@ class _Climb:
     def first_looks(self) -> list[_Look]:
         """Clear views of the grid, spread over it, the best first."""
         free = [v for v in self._reach.views if self._reach.is_clear(v.capsules, self._obstacles)]
-        some = np.unique(np.linspace(0, len(free) - 1, min(len(free), self._settings.first_looks)).astype(int))
+        some = np.unique(
+            np.linspace(0, len(free) - 1, min(len(free), self._settings.first_looks)).astype(int)
+        )
         places = [place_of(free[i].camera_in_world.position, self._region) for i in some]
         looks = self._look(places, [free[i] for i in some], with_slope=False)
         return sorted(looks, key=lambda look: -look.utility)

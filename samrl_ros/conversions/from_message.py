@@ -179,7 +179,9 @@ def announced_weights(text: str) -> AnnouncedWeights:
         data = json.loads(text)
         found = AnnouncedWeights(data["task"], data["version"], Path(data["file"]), data["sha256"])
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"cannot read the weights' announcement ({error!r}); see msgs_docs/topics.md") from error
+        raise InputError(
+            f"cannot read the weights' announcement ({error!r}); see msgs_docs/topics.md"
+        ) from error
     texts = (found.task, found.sha256)
     if type(found.version) is not int or found.version < 0 or not all(isinstance(t, str) for t in texts):
         raise InputError(f"weights are announced as {data}; see msgs_docs/topics.md")

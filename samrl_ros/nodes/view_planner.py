@@ -12,9 +12,8 @@ from samrl_msgs.msg import ToolAction, ViewTarget
 from samrl_core.agent.acting import Acting
 from samrl_core.agent.looking import Looking
 from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
-from samrl_core.agent.settings import AgentSettings, trained_networks
+from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.errors import InputError
-from samrl_core.learn.residual_file import verified_residual
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
@@ -40,7 +39,9 @@ class ViewPlannerSettings:
 
     task: str = setting("peg_insertion", "task whose scene the model holds")
     policy: str = setting(
-        DEFAULT_POLICY, "nominal action: of the trained actor, or of a plan through the model", choices=POLICIES
+        DEFAULT_POLICY,
+        "nominal action: of the trained actor, or of a plan through the model",
+        choices=POLICIES,
     )
     strategy: str = setting(
         STRATEGY_OF[DEFAULT_POLICY],
@@ -147,7 +148,7 @@ class ViewPlannerNode(Behaviour):
                     f"residual of task {announced.task!r} announced, this cell runs {self._task.name!r}; "
                     "give all nodes one task"
                 )
-            self._acting.residual = verified_residual(
+            self._acting.residual = announced_residual(
                 announced.file, announced.sha256, self._task.name, self._cell
             )
         self._residual_version = announced.version

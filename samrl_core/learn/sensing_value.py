@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from torch.nn import functional
 
 from samrl_core.errors import InputError
 from samrl_core.learn.network_image import rendered_image, upright
@@ -37,9 +38,16 @@ class SensingValue:
         self._tip = model.tip_in_base(tool_arm_position).position
 
     def image(self, camera: CameraPose) -> torch.Tensor:
-        """Network images (B, 6, H, W) from world-to-camera rotations (B, 3, 3) and translations (B, 3)."""
+        """Network images (B, 6, H, W) from world-to-camera rotations (B, 3, 3) and translations (B, 3).
+
+        Differentiable in both.
+        """
         rendered = self._model.render(self._values, self._colors, camera, self._joints)
-        return rendered_image(rendered, self._tip, self._model.cell)
+        # Beside what shows nothing a pixel's mean point mixes with 0, so that its slope says nothing true.
+        unseen = (~torch.isfinite(rendered.depth)).to(torch.float32)
+        beside = functional.max_pool2d(unseen[:, None], 3, stride=1, padding=1)[:, 0] > 0
+        xyz = torch.where(beside[..., None], rendered.xyz.detach(), rendered.xyz)
+        return rendered_image(replace(rendered, xyz=xyz), self._tip, self._model.cell)
 
     def view(self, camera_in_world: Pose) -> torch.Tensor:
         """The network image (1, 6, H, W) from a camera as it stands, turned with its top up."""

@@ -42,6 +42,9 @@ class Behaviour(ABC):
     def start(self) -> None:  # noqa: B027 (optional)
         """Called once when the node becomes active, before any message."""
 
+    def stop(self) -> None:  # noqa: B027 (optional)
+        """Called once when the node ceases to be active: what was started beside it ends."""
+
     def status(self) -> dict[str, str]:
         """Key figures for /diagnostics."""
         return {}

@@ -94,7 +94,9 @@ class LocalGraph:
             self.drain()
 
     def close(self) -> None:
-        """Release the world."""
+        """Stop the behaviours and release the world."""
+        for node in self.nodes.values():
+            node.stop()
         self.world.close()
 
     def _serve(self) -> None:

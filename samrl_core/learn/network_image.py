@@ -86,17 +86,21 @@ def observed_image(observation: Observation, tip_in_base: np.ndarray, cell: Cell
         _tip_in_world(tip_in_base, cell),
         cell.tool_base_in_world,
     )
-    return upright(image, observation.camera.camera_in_world)
+    return upright(image, observation.camera.camera_in_world.rotation)
 
 
-def upright(image: torch.Tensor, camera_in_world: Pose) -> torch.Tensor:
-    """The image (..., H, W) as a camera with its top up takes it: turned by half where the top is down.
+def upright(image: torch.Tensor, camera_rotation: np.ndarray) -> torch.Tensor:
+    """Images (..., C, H, W) as a camera with its top up takes them: turned by half where the top is down.
 
     The arm takes many views only with its camera turned over. With the principal point in the image's middle
     that picture is the other one turned by half: the networks need to know one of the two alone.
+
+    Args:
+        image: as the camera took it.
+        camera_rotation: (..., 3, 3) of the camera's optical axes in world.
     """
-    top_is_down = camera_in_world.rotation[2, 1] > 0.0  # the image's down axis points up
-    return image.flip((-2, -1)) if top_is_down else image
+    top_is_down = torch.as_tensor(camera_rotation[..., 2, 1] > 0.0, device=image.device)
+    return torch.where(top_is_down[..., None, None, None], image.flip((-2, -1)), image)
 
 
 def rendered_image(rendered: Rendered, tip_in_base: np.ndarray, cell: CellSpec) -> torch.Tensor:

@@ -53,7 +53,7 @@ class SensingValue:
         """The network image (1, 6, H, W) from a camera as it stands, turned with its top up."""
         with torch.no_grad():
             rotation, translation = world_to_camera(camera_in_world)
-            return upright(self.image((rotation[None], translation[None])), camera_in_world)
+            return upright(self.image((rotation[None], translation[None])), camera_in_world.rotation)
 
     def q(self, image: torch.Tensor, through_action: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
         """Eq. 12 and Q of it: returns (B,) and actions (B, 3) [m] of images (B, 6, H, W).

@@ -78,6 +78,11 @@ class Task(ABC):
     name: str
     max_actions: int
 
+    @property
+    @abstractmethod
+    def action_limit(self) -> float:
+        """Longest action [m]: no sub-goal has a larger `max_step`."""
+
     @abstractmethod
     def scene(self, cell: CellSpec) -> Scene:
         """Bodies at their nominal poses, and the tool."""
@@ -122,8 +127,13 @@ class Task(ABC):
         """Whether the model believes that the task is done."""
 
     @abstractmethod
+    def start_values(self, rng: np.random.Generator) -> np.ndarray:
+        """Parameters (P,) of a random start, as the task declares them: what a learner may practise from."""
+
     def draw(self, rng: np.random.Generator) -> Draw:
         """A random start; the simulated world calls it on reset."""
+        values = self.start_values(rng)
+        return Draw(self.body_poses(values), self.chain_angles(values))
 
     @abstractmethod
     def succeeded(self, ending: Ending) -> bool:
@@ -132,3 +142,9 @@ class Task(ABC):
     @abstractmethod
     def final_error(self, ending: Ending) -> float:
         """Distance to the goal from truth [m], for the summary. Evaluation alone calls it."""
+
+    @abstractmethod
+    def shaped_reward(self, ending: Ending) -> float:
+        """The paper's reward of a state for the learners that it compares with, were it the last one [m].
+        Judged from truth: evaluation alone calls it, and nothing of SAM-RL itself sees it.
+        """

@@ -7,13 +7,14 @@ topics for what it returns.
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.tasks.task import Ending
+from samrl_core.tasks.task import Ending, Task
 from samrl_core.types.pose import Pose
 from samrl_core.world.world import SimulatedWorld, Truth
 
@@ -86,3 +87,18 @@ def ending_now(truth: Truth) -> Ending:
         truth.tip_position,
         truth.chain_points,
     )
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the truth of an instant is worth, and nothing of the truth itself."""
+
+    success: bool
+    final_error: float  # [m]
+    reward: float  # of the paper, for the learners that it compares with [m]
+
+
+def judged_now(world: SimulatedWorld, task: Task) -> Judgement:
+    """The episode judged as if it ended at this instant: for what compared learners are rewarded with."""
+    ending = ending_now(world.truth())
+    return Judgement(task.succeeded(ending), task.final_error(ending), task.shaped_reward(ending))

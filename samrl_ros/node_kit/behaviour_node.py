@@ -82,8 +82,10 @@ class BehaviourNode(CellNode):
         self._behaviour.start()
 
     def halt(self) -> None:
-        """Forget calls under way; nothing is handled or sent any more."""
+        """Forget calls under way and stop the behaviour; nothing is handled or sent any more."""
         self._calls.clear()
+        if self._behaviour is not None:
+            self._behaviour.stop()
 
     def tear_down(self) -> None:
         """Disconnect and drop the behaviour: a configured node starts from nothing."""

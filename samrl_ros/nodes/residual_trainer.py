@@ -1,19 +1,39 @@
-"""Keeps the residual policy (eqs. 13-15). Untrained it is zero, and says so as version 0."""
+"""Keeps the residual policy (eqs. 13-16): collects what the cell does, and has it trained beside the cell.
+
+Untrained it is zero, and says so as version 0. Success is what the supervisor detects, never truth.
+"""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections import OrderedDict
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from std_msgs.msg import String
 
+from samrl_core.errors import InputError
+from samrl_core.learn.replay import End, Replay, Step
+from samrl_core.learn.residual import ResidualSettings
+from samrl_core.learn.residual_training import Announcement, TrainingSettings, announced, replay_of
+from samrl_core.learn.residual_worker import write_settings
+from samrl_core.robots.arm_model import ArmModel
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+from samrl_core.types.observation import Observation
+from samrl_ros import assembly
 from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_ros.conversions import from_message
+from samrl_ros.nodes.training_process import TrainingProcess
 from samrl_ros.settings import setting
 from samrl_ros.topics import cell_topic
 
 EXECUTED, OUTCOME = cell_topic("manipulator/executed_action"), cell_topic("supervisor/outcome")
+REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("view_planner/nominal_action")
 READY, WEIGHTS = cell_topic("sim_bridge/ready"), cell_topic("residual_trainer/weights")
+MAX_FRAMES = 20  # images kept from a request on: the updater takes the first that it can use
 
 
 @dataclass(frozen=True)
@@ -21,33 +41,190 @@ class ResidualTrainerSettings:
     """Settings of `residual_trainer`."""
 
     task: str = setting("peg_insertion", "task that the residual belongs to")
+    train: bool = setting(False, "collect transitions and train; false keeps the residual as it is")
+    folder: str = setting("", "where replay, training and weights lie; kept across runs, empty for none")
+    seed: int = setting(0, "seed of the training", range=(0, 2**31 - 1))
+    limit: float = setting(0.003, "longest residual", "m", (1e-4, 0.02))
+    batch: int = setting(64, "transitions per update", range=(1, 4096))
+    capacity: int = setting(10_000, "transitions kept, 82 kB each", range=(100, 1_000_000))
+    first_steps: int = setting(100, "transitions before the first update", range=(1, 1_000_000))
+    updates_per_step: float = setting(1.0, "updates that each further transition allows", range=(0.01, 100.0))
+    publish_every: int = setting(50, "updates from one version to the next", range=(1, 1_000_000))
+    cpu_share: float = setting(0.5, "of one core that the training may use", range=(0.01, 1.0))
+
+    def training(self) -> TrainingSettings:
+        """The same for the training."""
+        return TrainingSettings(
+            ResidualSettings(limit=self.limit, batch=self.batch),
+            self.seed,
+            self.capacity,
+            self.first_steps,
+            self.updates_per_step,
+            self.publish_every,
+            self.cpu_share,
+        )
 
 
 class ResidualTrainer(Behaviour):
-    """Publishes the residual in force and counts the transitions that a learner will train on."""
+    """Announces the residual in force. With `train`, every executed action goes into the replay with the
+    image that it was chosen from, and a process of its own trains on it.
+    """
 
     name = "residual_trainer"
-    inputs = (READY, EXECUTED, OUTCOME)
+    inputs = (READY, REQUEST, ACTION, EXECUTED, OUTCOME, *assembly.INPUTS)
     outputs = (WEIGHTS,)
 
     def __init__(self, settings: ResidualTrainerSettings, outbox: Outbox) -> None:
         self._settings = settings
         self._outbox = outbox
-        self._transitions = 0
-        self._episodes = 0
+        self._transitions = self._episodes = self._successes = self._missed = 0
+        self._varied = False  # whether any residual was not zero
+        self._version = 0
+        self._replay: Replay | None = None
+        self._process: TrainingProcess | None = None
+        if not settings.train:
+            self.inputs = (READY, EXECUTED, OUTCOME)  # images would be put together for nothing
+            return
+        if not settings.folder:
+            raise InputError("train needs `folder`: the replay and the training must outlive this process")
+        cell, task = default_cell(), task_named(settings.task)
+        self._cell = cell
+        self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
+        self._tip_in_flange = task.scene(cell).tool.tip_in_flange
+        self._assembler = assembly.Assembler(cell)
+        self._asked_ns: int | None = None  # stamp of the newest request for an update
+        self._frames: OrderedDict[int, Observation] = OrderedDict()  # since then, by stamp
+        self._chosen: tuple[tuple[int, int], Observation] | None = None  # episode and step, and what was seen
+        self._recorded: tuple[int, int, int] | None = None  # episode of the cell, of the replay; last number
 
     def start(self) -> None:
-        """See `Behaviour`."""
-        weights = {"task": self._settings.task, "version": 0, "file": "", "sha256": ""}
-        self._outbox.publish(WEIGHTS, String(data=json.dumps(weights)))
+        """See `Behaviour`: what an earlier run has trained is in force at once."""
+        settings, folder = self._settings, Path(self._settings.folder)
+        if settings.train:
+            training = settings.training()
+            self._replay = Replay.write(*replay_of(folder, settings.task, self._cell, training))
+            write_settings(folder, training)
+            self._process = TrainingProcess(folder, settings.task)
+        self._announce(self._newest())
+
+    def stop(self) -> None:
+        """See `Behaviour`: the training saves its state."""
+        process, self._process = self._process, None
+        if process is not None and not process.stop():
+            self._outbox.log("warn", "the training did not stop in time and goes on from its last version")
+        if self._replay is not None:
+            self._replay.close()
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
         if topic == EXECUTED:
             self._transitions += 1
+            self._record(message)
         elif topic == OUTCOME:
             self._episodes += 1
+            self._successes += int(message.detected_success)
+            self._end(message)
+        elif self._replay is None or topic == READY:
+            return
+        elif topic == REQUEST:
+            if message.stage == "update":
+                self._asked_ns = from_message.stamp_ns(message)
+                self._frames.clear()
+        elif topic == ACTION:
+            seen = self._frames.get(from_message.stamp_ns(message))
+            self._chosen = ((message.episode, message.step), seen) if seen is not None else None
+        elif topic not in assembly.FRAME or self._wanted(from_message.stamp_ns(message)):
+            self._see(topic, message)
 
     def status(self) -> dict[str, str]:
         """See `Behaviour`."""
-        return {"version": "0", "transitions": str(self._transitions), "episodes": str(self._episodes)}
+        return {
+            "version": str(self._version),
+            "transitions": str(self._transitions),
+            "episodes": str(self._episodes),
+            "detected_successes": str(self._successes),
+            "missed": str(self._missed),
+            "training": str(self._process is not None).lower(),
+        }
+
+    def _newest(self) -> Announcement:
+        settings = self._settings
+        return (
+            announced(Path(settings.folder), settings.task)
+            if settings.folder
+            else Announcement(settings.task)
+        )
+
+    def _announce(self, weights: Announcement) -> None:
+        self._version = weights.version
+        self._outbox.publish(WEIGHTS, String(data=json.dumps(asdict(weights))))
+
+    def _look_after_training(self) -> None:
+        """Announce a new version when there is one; raise when the training has ended."""
+        if self._process is None:
+            return
+        newest = self._newest()
+        if newest.version != self._version:
+            self._announce(newest)
+        self._process.check()
+
+    def _wanted(self, stamp_ns: int) -> bool:
+        return self._asked_ns is not None and stamp_ns >= self._asked_ns and len(self._frames) < MAX_FRAMES
+
+    def _see(self, topic: str, message: Any) -> None:
+        try:
+            observation = self._assembler.take(topic, message)
+        except InputError as error:
+            self._outbox.log("warn", f"left out a message on {topic}: {error}")
+            return
+        if observation is not None and self._wanted(observation.stamp_ns):
+            self._frames[observation.stamp_ns] = observation
+
+    def _record(self, message: Any) -> None:
+        """An executed action, with the image that the model was updated from before it was chosen."""
+        if self._replay is None:
+            return
+        place = (message.episode, message.step)
+        chosen, self._chosen = self._chosen, None
+        if chosen is None or chosen[0] != place:
+            self._missed += 1
+            self._recorded = None  # the episode's end belongs to an action that is not there
+            self._outbox.log("warn", f"action {message.step}: its image was not seen, it is not learnt from")
+        else:
+            known = self._recorded is not None and self._recorded[0] == message.episode
+            episode = self._recorded[1] if known and self._recorded else self._replay.next_episode()
+            number = self._replay.append(self._step(message, episode, chosen[1]))
+            self._recorded = (message.episode, episode, number)
+            self._check_exploration(from_message.vector(message.residual))
+        self._look_after_training()
+
+    def _check_exploration(self, residual: np.ndarray) -> None:
+        """Say so when all residuals are zero: no critic can tell then what another one would do."""
+        self._varied = self._varied or bool(residual.any())
+        if self._transitions == self._settings.first_steps and not self._varied:
+            self._outbox.log("warn", "all residuals are zero so far; set view_planner's `exploration`")
+
+    def _step(self, message: Any, episode: int, seen: Observation) -> Step:
+        flange = self._arm.flange_in_base(seen.tool_arm.position)
+        return Step(
+            episode,
+            message.step,
+            seen.frame.color,
+            seen.frame.depth,
+            seen.camera.camera_in_world,
+            (flange @ self._tip_in_flange).position,
+            from_message.vector(message.nominal),
+            from_message.vector(message.residual),
+            from_message.vector(message.executed),
+        )
+
+    def _end(self, message: Any) -> None:
+        """How the episode ended goes to its last action; a fault tells nothing about the action itself."""
+        if self._replay is None:
+            return
+        recorded, self._recorded, self._chosen = self._recorded, None, None
+        if recorded is not None and recorded[0] == message.episode:
+            limit = message.reason == "action_limit"
+            end = End.SUCCESS if message.detected_success else End.FAILURE if limit else End.CUT
+            self._replay.end_episode(recorded[2], end)
+        self._look_after_training()

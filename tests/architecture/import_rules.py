@@ -23,6 +23,8 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "samrl_core/scoring/",  # a baseline
         "samrl_core/benchmarks/peers/",
     ),
+    "gymnasium": ("samrl_core/baselines/",),
+    "stable_baselines3": ("samrl_core/baselines/",),
     "mitsuba": ("samrl_core/benchmarks/peers/",),
     "newton": ("samrl_core/benchmarks/peers/",),
     "pinocchio": ("samrl_core/robots/", "samrl_core/dynamics/"),
@@ -63,7 +65,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"learn"}),
     frozenset({"agent"}),
     frozenset({"report"}),
-    frozenset({"scoring", "experiments", "benchmarks"}),
+    frozenset({"scoring", "experiments", "benchmarks", "baselines"}),
 )
 
 

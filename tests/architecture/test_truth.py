@@ -18,13 +18,23 @@ MAY_CALL_TRUTH = {
 }
 # Who may read what the log wrote.
 MAY_READ_TRUTH = {"samrl_core/world/evaluation.py", "samrl_ros/summary.py"}
-# Who may turn truth into what a task judges; the second is for tests, which stand beside the world.
-MAY_END = {"ending_of": {"samrl_ros/summary.py"}, "ending_now": set()}
+# Who may turn truth into what a task judges; the second is for tests too, which stand beside the world.
+MAY_END = {"ending_of": {"samrl_ros/summary.py"}, "ending_now": {"samrl_core/world/evaluation.py"}}
+# Who may ask for success and reward while an episode runs: the environment of the compared learners, whose
+# observations have no part in it.
+MAY_BE_REWARDED = {"samrl_core/baselines/gym_env.py"}
 # Who may draw or judge with truth through the task border.
 MAY_JUDGE = {
     "draw": {"samrl_core/world/pybullet_world.py", "samrl_core/world/mock_world.py"},
-    "succeeded": {"samrl_ros/summary.py"},
-    "final_error": {"samrl_ros/summary.py"},
+    "succeeded": {"samrl_ros/summary.py", "samrl_core/world/evaluation.py"},
+    # The second and third of these make a reward of it, which the fourth hands on.
+    "final_error": {
+        "samrl_ros/summary.py",
+        "samrl_core/tasks/peg_insertion/task.py",
+        "samrl_core/tasks/needle_threading/task.py",
+        "samrl_core/world/evaluation.py",
+    },
+    "shaped_reward": {"samrl_core/world/evaluation.py"},
 }
 
 
@@ -68,6 +78,10 @@ def test_only_evaluation_makes_endings(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(MAY_JUDGE))
 def test_the_task_border_keeps_truth_with_world_and_evaluation(name: str) -> None:
     assert callers(name) <= MAY_JUDGE[name], f"{name} is called by {callers(name) - MAY_JUDGE[name]}"
+
+
+def test_only_the_compared_learners_are_rewarded_by_truth() -> None:
+    assert callers("judged_now") == MAY_BE_REWARDED
 
 
 def test_the_search_catches_a_breach() -> None:

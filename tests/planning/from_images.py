@@ -25,8 +25,8 @@ from samrl_core.trajectory import TrajectorySettings, optimise
 from samrl_core.types.pose import Pose
 from samrl_core.world.evaluation import ending_now
 from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.tool_motion import move_joints
 from tests.world.scripted_expert import DOWN
-from tests.world.sub_goal_expert import move_joints
 
 PAUSE_S = 0.3  # between an action and the next image, as the model's own `rest_s`
 LEASH = 0.01  # the commanded tip stays this near to the measured one, as the manipulator's [m]

@@ -11,13 +11,12 @@ from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.hand import HAND_TCP_Z
 from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
-from samrl_core.types.observation import ArmCommand
 from samrl_core.types.pose import Pose
 from samrl_core.world.evaluation import ending_now
+from samrl_core.world.tool_motion import LEASH, move_joints
 from samrl_core.world.world import SimulatedWorld
 
 DOWN = np.diag([1.0, -1.0, -1.0])
-LEASH = 0.02  # the commanded tip stays this near to the measured one [m]
 
 
 @dataclass(frozen=True)
@@ -37,22 +36,6 @@ def tool_model(task: PegInsertion, cell: CellSpec) -> ArmModel:
     return ArmModel(
         cell.tool_arm, cell.tool_base_in_world, Payload(tool.mass, tool.center_of_mass, tool.inertia)
     )
-
-
-def move_joints(
-    world: SimulatedWorld, model: ArmModel, start: np.ndarray, end: np.ndarray, steps: int
-) -> None:
-    """Minimum-jerk motion of the tool arm at 1 kHz with nominal feed-forward, over `steps` periods."""
-    duration = steps * 1e-3
-    for i in range(1, steps + 1):
-        s = i / steps
-        place = 10 * s**3 - 15 * s**4 + 6 * s**5
-        speed = (30 * s**2 - 60 * s**3 + 30 * s**4) / duration
-        rate = (60 * s - 180 * s**2 + 120 * s**3) / duration**2
-        q, dq, ddq = start + place * (end - start), speed * (end - start), rate * (end - start)
-        effort = model.effort_without_gravity(q, dq, ddq)
-        world.command("tool_arm", ArmCommand(world.time_ns, q, dq, ddq, effort))
-        world.advance()
 
 
 def insert(

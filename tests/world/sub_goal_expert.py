@@ -10,17 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.robots.arm_model import ArmModel, Payload
-from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
-from samrl_core.types.pose import Pose
 from samrl_core.world.evaluation import ending_now
 from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.tool_motion import ToolMotion
 from samrl_core.world.world import SimulatedWorld, Truth
-from tests.world.scripted_expert import DOWN, Episode, move_joints
-
-LEASH = 0.02  # the commanded tip stays this near to the measured one [m]
+from tests.world.scripted_expert import Episode
 
 
 @dataclass(frozen=True)
@@ -64,29 +60,19 @@ def follow(
     """
     pace = pace or Pace()
     choose = choose or straight(task)
-    tool = task.scene(cell).tool
-    model = ArmModel(
-        cell.tool_arm, cell.tool_base_in_world, Payload(tool.mass, tool.center_of_mass, tool.inertia)
-    )
     world.reset(seed)
+    motion = ToolMotion(world, task, cell, pace.period_s)
     rng = np.random.default_rng(1000 + seed)
-    commanded = world.read_arm("tool_arm").position
-    target = (model.flange_in_base(commanded) @ tool.tip_in_flange).position
     done, actions = False, 0
     while actions < task.max_actions:
-        tip = (model.flange_in_base(world.read_arm("tool_arm").position) @ tool.tip_in_flange).position
-        step = choose(values_of(world.truth()), tip)
+        step = choose(values_of(world.truth()), motion.tip())
         if step is None:
             done = True
             break
         watch(actions)
         actions += 1
         step = step + pace.noise * np.linalg.norm(step) * rng.standard_normal(3)
-        target = tip + np.clip(target + step - tip, -LEASH, LEASH)
-        flange = Pose.from_rotation(target, DOWN) @ tool.tip_in_flange.inverse()
-        end = solve_ik(model, flange, commanded)
-        move_joints(world, model, commanded, end, round(pace.period_s * 1e3))
-        commanded = end
+        motion.displace(step)
     for _ in range(round(pace.rest_s * 1e3)):
         world.advance()
     watch(actions)

@@ -17,7 +17,7 @@ from samrl_core.tasks.needle_threading.eye import needle_body
 from samrl_core.tasks.needle_threading.thread import crossing_distance, length_below, points_at
 from samrl_core.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
 from samrl_core.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
-from samrl_core.tasks.task import Draw, Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.types.pose import Pose
 from samrl_core.types.scene import ChainLink, Rgb, Scene, Tool
 
@@ -90,6 +90,11 @@ class NeedleThreading(Task):
     def eye(self) -> np.ndarray:
         """Centre of the eye (3,) in the tool arm's base frame and in world [m]."""
         return np.array([self.eye_x, self.eye_y, self.eye_z])
+
+    @property
+    def action_limit(self) -> float:
+        """See `Task`."""
+        return max(self.free_step, self.fine_step)
 
     def scene(self, cell: CellSpec) -> Scene:
         """Needle, and hand with thread.
@@ -211,9 +216,9 @@ class NeedleThreading(Task):
         points = self.thread_points(values, tip_position)
         return self._threaded(points, self.success_depth + self.done_margin)
 
-    def draw(self, rng: np.random.Generator) -> Draw:
+    def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """All joints uniform within their range."""
-        return Draw({}, rng.uniform(-self.half_range, self.half_range, 2 * self.links))
+        return rng.uniform(-self.half_range, self.half_range, 2 * self.links)
 
     def succeeded(self, ending: Ending) -> bool:
         """The thread's centre line crosses the eye's plane inside the eye, and its end is deep enough."""
@@ -223,6 +228,10 @@ class NeedleThreading(Task):
         """Distance of the thread from hanging in the eye at the depth of success [m]."""
         missing = max(0.0, float(ending.chain_points[-1, 2]) - (self.eye_z - self.success_depth))
         return math.hypot(crossing_distance(ending.chain_points, self.eye), missing)
+
+    def shaped_reward(self, ending: Ending) -> float:
+        """Less the distance between the thread and where it hangs in the eye [m]."""
+        return -self.final_error(ending)
 
     def _threaded(self, points: np.ndarray, depth: float) -> bool:
         deep = points[-1, 2] <= self.eye_z - depth

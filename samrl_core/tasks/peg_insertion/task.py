@@ -11,7 +11,7 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.peg_insertion.board import board_body
 from samrl_core.tasks.peg_insertion.tool import hand_with_peg
 from samrl_core.tasks.start import checked_tip, middle_view, require_origin, start_joints
-from samrl_core.tasks.task import Draw, Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.types.pose import Pose
 from samrl_core.types.scene import Scene
 
@@ -65,6 +65,11 @@ class PegInsertion(Task):
     def hole_radius(self) -> float:
         """Radius of the circle inside the hole [m]."""
         return self.peg_radius + self.clearance
+
+    @property
+    def action_limit(self) -> float:
+        """See `Task`."""
+        return max(self.free_step, self.fine_step)
 
     def scene(self, cell: CellSpec) -> Scene:
         """Block at the middle of its range, and hand with peg.
@@ -159,10 +164,10 @@ class PegInsertion(Task):
         x, y = self._hole(values)
         return self._inserted(tip, x, y, self.success_depth + self.done_margin, self.done_slack)
 
-    def draw(self, rng: np.random.Generator) -> Draw:
+    def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """Hole uniform within the range."""
         offset = rng.uniform(-self.half_range, self.half_range, 2)
-        return Draw(self.body_poses(np.array([self.center_x, self.center_y]) + offset), np.zeros(0))
+        return np.array([self.center_x, self.center_y]) + offset
 
     def succeeded(self, ending: Ending) -> bool:
         """Deep enough, and within the clearance and a smaller slack of the true axis."""
@@ -175,6 +180,10 @@ class PegInsertion(Task):
         x, y, _ = ending.body_in_world[BODY].position
         missing = max(0.0, tip[2] - (self.height - self.success_depth))
         return float(np.linalg.norm([tip[0] - x, tip[1] - y, missing]))
+
+    def shaped_reward(self, ending: Ending) -> float:
+        """Less the distance between the peg's end and its place in the hole [m]."""
+        return -self.final_error(ending)
 
     def _inserted(self, tip: np.ndarray, x: float, y: float, depth: float, slack: float) -> bool:
         deep = tip[2] <= self.height - depth

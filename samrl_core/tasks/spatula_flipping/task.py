@@ -17,7 +17,7 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.spatula_flipping.pancake import lip_body, pancake_body
 from samrl_core.tasks.spatula_flipping.tool import hand_with_spatula
 from samrl_core.tasks.start import checked_tip, middle_view, require_origin, start_joints
-from samrl_core.tasks.task import Draw, Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.types.pose import Pose
 from samrl_core.types.scene import Scene, Tool
 
@@ -89,6 +89,11 @@ class SpatulaFlipping(Task):
             raise InputError(
                 f"the farthest pancake would reach {-room} m into the lip; move lip_x or shrink the pancake"
             )
+
+    @property
+    def action_limit(self) -> float:
+        """See `Task`."""
+        return max(self.free_step, self.push_step)
 
     def scene(self, cell: CellSpec) -> Scene:
         """Pancake in the middle of its range, lip, and hand with spatula.
@@ -213,12 +218,12 @@ class SpatulaFlipping(Task):
         v = self._values(values)
         return bool(math.cos(math.hypot(v[3], v[4])) < self.success_axis and v[2] < self.done_height)
 
-    def draw(self, rng: np.random.Generator) -> Draw:
+    def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """The pancake lies flat, uniform within its range."""
         offset = rng.uniform(-self.half_range, self.half_range, 2)
         nominal = np.array([p.nominal for p in self.parameters()])
         nominal[:2] += offset
-        return Draw(self.body_poses(nominal), np.zeros(0))
+        return nominal
 
     def succeeded(self, ending: Ending) -> bool:
         """It lies on its other face, was lifted on the way, and has come to rest."""
@@ -230,6 +235,10 @@ class SpatulaFlipping(Task):
         """Way that the rim has still to go about the centre until the other face is up [m]."""
         cosine = float(np.clip(-ending.body_in_world[PANCAKE].rotation[2, 2], -1.0, 1.0))
         return self.pancake_radius * math.acos(cosine)
+
+    def shaped_reward(self, ending: Ending) -> float:
+        """Height of the pancake's centre [m]."""
+        return float(ending.body_in_world[PANCAKE].position[2])
 
     def _tool(self) -> Tool:
         return hand_with_spatula(

@@ -1,0 +1,1 @@
+"""What the learners that the paper compares with train on. Needs the extra `baselines`."""

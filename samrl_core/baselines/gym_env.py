@@ -1,0 +1,120 @@
+"""The simulated cell as a Gymnasium environment, for learners that know no model (SAM-RL, section IV-C).
+
+They see what SAM-RL's residual sees, from one fixed view: the RGB-XYZ image and the tip. Reward and success
+come from evaluation, as theirs do in the paper; no observation holds any of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from samrl_core.errors import InputError, ReachError
+from samrl_core.experiments.cell_driver import CellDriver
+from samrl_core.learn.network_image import CHANNELS, COLOR_CENTER, COLOR_UNIT, XYZ_CLIP, observed_image
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+from samrl_core.world.evaluation import judged_now
+from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.settings import WorldSettings
+from samrl_core.world.tool_motion import ToolMotion
+
+PERIOD_S = 0.1  # of an action [s]
+TIP_LIMIT = 2.0  # no tip is farther from its arm's base, per axis [m]
+
+
+class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
+    """One task in PyBullet, seen from where the task's episodes start.
+
+    Observation: `image` (6, H, W) float32, see `learn.network_image`, and `tip` (3,) float32 in the tool
+    arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]. Reward: the paper's, in
+    metres (`Task.shaped_reward`); an episode terminates in success, is truncated after `Task.max_actions`.
+    `info` has `success`, `final_error` [m] and `refused`, true where the arm cannot reach what was asked for
+    and stood still.
+
+    Raises:
+        InputError: there is no such task.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / PERIOD_S)}  # noqa: RUF012 (Gymnasium's)
+
+    def __init__(
+        self, task: str, settings: WorldSettings | None = None, render_mode: str | None = None
+    ) -> None:
+        """Build the world; `settings` are its physics and noise."""
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError(f"render_mode is {render_mode!r}, must be None or 'rgb_array'")
+        self.render_mode = render_mode
+        self._task, self._cell = task_named(task), default_cell()
+        self._world = PyBulletWorld(self._task, self._cell, settings)
+        self._motion = ToolMotion(self._world, self._task, self._cell, PERIOD_S)
+        self._driver = CellDriver(self._world, self._cell, self._task.scene(self._cell).tool)
+        self._color = np.zeros(0, dtype=np.uint8)  # of the newest observation
+        self._actions = 0
+        k = self._cell.intrinsics
+        paint = max(COLOR_CENTER, 1.0 - COLOR_CENTER) / COLOR_UNIT
+        bound = np.full((CHANNELS, k.height, k.width), XYZ_CLIP, dtype=np.float32)
+        bound[:3] = paint
+        limit = self._task.action_limit
+        self.action_space = spaces.Box(-limit, limit, (3,), np.float32)
+        self.observation_space = spaces.Dict(
+            {
+                "image": spaces.Box(-bound, bound, dtype=np.float32),
+                "tip": spaces.Box(-TIP_LIMIT, TIP_LIMIT, (3,), np.float32),
+            }
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Lay the scene anew; every episode draws its own from the seed that was given last."""
+        super().reset(seed=seed)
+        self._world.reset(int(self.np_random.integers(2**31)))
+        self._motion.begin()
+        self._actions = 0
+        return self._observe(), self._judge(refused=False)[1]
+
+    def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        """Displace the tip.
+
+        Raises:
+            InputError: the action is outside the action space.
+        """
+        wanted = np.asarray(action, dtype=np.float32)
+        if not self.action_space.contains(wanted):
+            raise InputError(
+                f"action {action} is not three numbers within +-{self._task.action_limit} m; rescale it"
+            )
+        refused = False
+        try:
+            self._motion.displace(wanted.astype(np.float64))
+        except ReachError:
+            refused = True
+            self._motion.rest()
+        self._actions += 1
+        reward, info = self._judge(refused)
+        truncated = self._actions >= self._task.max_actions and not info["success"]
+        return self._observe(), reward, info["success"], truncated, info
+
+    def render(self) -> np.ndarray | None:
+        """The newest colour image (H, W, 3) uint8 with render_mode "rgb_array", else None."""
+        return self._color.copy() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Release the world; twice is harmless."""
+        self._world.close()
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        observation, tip = self._driver.observe(), self._motion.tip()
+        self._color = observation.frame.color
+        image = observed_image(observation, tip, self._cell).numpy()
+        return {"image": image, "tip": tip.astype(np.float32)}
+
+    def _judge(self, refused: bool) -> tuple[float, dict[str, Any]]:
+        judged = judged_now(self._world, self._task)
+        info = {"success": judged.success, "final_error": judged.final_error, "refused": refused}
+        return judged.reward, info

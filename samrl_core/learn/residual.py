@@ -1,0 +1,217 @@
+"""The residual policy (eqs. 13-16): TD3 (Fujimoto et al. 2018) on the real image and the nominal action.
+
+What differs from plain TD3, and why: the actor's last layer starts at zero, so that the first policy is the
+model's (eq. 15); actions are bounded in length; returns run over several steps, because the only reward comes
+at the end; the target stays within 0..1, where every return of eq. 16 lies; images are shifted by a few
+pixels (Yarats et al. 2021, DrQ-v2), because a real cell gives few; critics learn alone at first, because the
+actor would climb what they have not yet learnt.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from samrl_core.errors import InputError, SolveError
+from samrl_core.learn.networks import ResidualActor, TwinCritic
+from samrl_core.learn.transitions import Batch
+
+
+@dataclass(frozen=True)
+class ResidualSettings:
+    """Settings of the learner.
+
+    Raises:
+        InputError: a value outside its limits.
+    """
+
+    limit: float = 0.003  # longest residual, ASSUMPTION: above what updated models err by [m]
+    gamma: float = 0.97  # per action: half of the reward is left after 23
+    n_step: int = 3  # actions until a return goes on from a critic
+    batch: int = 64  # transitions per update
+    critic_rate: float = 3e-4  # of Adam
+    actor_rate: float = 1e-4
+    average: float = 0.01  # share of the new weights in the targets, per update of the actor
+    target_noise: float = 0.2  # standard deviation per axis, of the limit
+    target_noise_clip: float = 0.5  # of the limit
+    delay: int = 2  # updates of the critics per update of the actor
+    warm_up: int = 200  # updates of the critics before the first one of the actor
+    shift: int = 4  # images are shifted by up to this [px]
+    max_gradient: float = 10.0  # longer gradients are shortened to this
+
+    def __post_init__(self) -> None:
+        for name in ("n_step", "batch", "delay"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} is {getattr(self, name)}, must be at least 1")
+        for name in ("gamma", "average", "critic_rate", "actor_rate", "limit"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InputError(f"{name} is {getattr(self, name)}, must be above 0 and at most 1")
+        for name in ("warm_up", "shift", "target_noise", "target_noise_clip"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} is {getattr(self, name)}, must not be negative")
+
+
+@dataclass(frozen=True)
+class Figures:
+    """One update."""
+
+    critic_loss: float  # sum of both critics' squared errors, mean of the batch
+    value: float  # mean of the first critic over the batch
+    actor_value: float  # the same for the actor's own residuals, NaN when it was not its turn
+    residual: float  # mean length of the actor's residuals [m], NaN when it was not its turn
+
+
+class ResidualLearner:
+    """Actor, twin critics, their slow copies and optimisers. Everything random comes from one seed."""
+
+    def __init__(self, settings: ResidualSettings, seed: int, device: torch.device | str = "cpu") -> None:
+        self.settings = settings
+        self.device = torch.device(device)
+        self.generator = torch.Generator().manual_seed(seed)  # on the CPU: the same draws on every device
+        self.actor = ResidualActor(settings.limit, self.generator).to(self.device)
+        self.critic = TwinCritic(settings.limit, self.generator).to(self.device)
+        self._target_actor = copy.deepcopy(self.actor).requires_grad_(False)
+        self._target_critic = copy.deepcopy(self.critic).requires_grad_(False)
+        self._actor_adam = torch.optim.Adam(self.actor.parameters(), lr=settings.actor_rate)
+        self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=settings.critic_rate)
+        self.updates = 0
+
+    def update(self, batch: Batch) -> Figures:
+        """One update of the critics, and of the actor when it is its turn.
+
+        Raises:
+            SolveError: a loss or gradient is not finite. No weight was changed by it: the learner's state is
+                the one that led to it.
+        """
+        s = self.settings
+        image, next_image = self._shifted(batch.image), self._shifted(batch.next_image)
+        target = self._target(batch, next_image)
+        features = self.critic.features(image, batch.nominal)
+        first, second = self.critic.values(features, batch.residual)
+        critic_loss = functional.mse_loss(first, target) + functional.mse_loss(second, target)
+        critic_slopes = self._slopes(critic_loss, self.critic, "critic")
+        actor_value = residual = float("nan")
+        actor_slopes = None
+        if self.updates >= s.warm_up and self.updates % s.delay == 0:
+            action = self.actor(image, batch.nominal)
+            # The state's features stand still here: the actor is to climb the critic, not to move it.
+            value = self.critic.values(features.detach(), action)[0].mean()
+            actor_slopes = self._slopes(-value, self.actor, "actor")
+            actor_value, residual = value.item(), action.detach().norm(dim=1).mean().item()
+        _apply(self._critic_adam, self.critic, critic_slopes)
+        if actor_slopes is not None:
+            _apply(self._actor_adam, self.actor, actor_slopes)
+            self._follow(self._target_actor, self.actor)
+        if self.updates % s.delay == 0:
+            self._follow(self._target_critic, self.critic)
+        self.updates += 1
+        return Figures(critic_loss.item(), first.mean().item(), actor_value, residual)
+
+    def state(self) -> dict[str, torch.Tensor]:
+        """All that the next updates depend on, by name."""
+        found: dict[str, torch.Tensor] = {
+            "updates": torch.tensor(self.updates),
+            "generator": self.generator.get_state(),
+        }
+        for name, module in self._modules().items():
+            found |= {f"{name}.{key}": value.detach().cpu() for key, value in module.state_dict().items()}
+        for name, adam in self._optimisers().items():
+            for index, entry in adam.state_dict()["state"].items():
+                found |= {f"{name}.{index}.{key}": value.detach().cpu() for key, value in entry.items()}
+        return found
+
+    def load_state(self, state: dict[str, torch.Tensor]) -> None:
+        """Go on from what `state` returned.
+
+        Raises:
+            InputError: it is another learner's: names or sizes differ.
+        """
+        try:
+            for name, module in self._modules().items():
+                module.load_state_dict(_below(state, name))
+            for name, adam in self._optimisers().items():
+                entries: dict[int, dict[str, torch.Tensor]] = {}
+                for key, value in _below(state, name).items():
+                    index, field = key.split(".")
+                    entries.setdefault(int(index), {})[field] = value
+                adam.load_state_dict({**adam.state_dict(), "state": entries})
+            self.generator.set_state(state["generator"])
+            self.updates = int(state["updates"])
+        except (KeyError, ValueError, RuntimeError) as error:
+            raise InputError(f"this is no state of this learner ({error}); begin anew elsewhere") from error
+
+    def _target(self, batch: Batch, next_image: torch.Tensor) -> torch.Tensor:
+        s = self.settings
+        with torch.no_grad():
+            noise = s.target_noise * torch.randn(batch.nominal.shape, generator=self.generator)
+            noise = (s.limit * noise.clamp(-s.target_noise_clip, s.target_noise_clip)).to(self.device)
+            action = shortened(self._target_actor(next_image, batch.next_nominal) + noise, s.limit)
+            first, second = self._target_critic(next_image, batch.next_nominal, action)
+            return (batch.reward + batch.discount * torch.minimum(first, second)).clamp(0.0, 1.0)
+
+    def _slopes(self, loss: torch.Tensor, module: nn.Module, name: str) -> tuple[torch.Tensor, ...]:
+        slopes = torch.autograd.grad(loss, list(module.parameters()))
+        length = torch.stack([slope.norm() for slope in slopes]).norm()
+        if not (bool(torch.isfinite(loss.detach())) and bool(torch.isfinite(length))):
+            raise SolveError(
+                f"residual learner, update {self.updates}: the {name}'s loss is {loss.item()}, its gradient "
+                f"{length.item()} long; look at the newest steps of the replay, or lower the learning rates"
+            )
+        scale = min(1.0, self.settings.max_gradient / max(length.item(), 1e-12))
+        return tuple(scale * slope for slope in slopes)
+
+    def _shifted(self, images: torch.Tensor) -> torch.Tensor:
+        """Each image moved by up to `shift` pixels each way; what comes in is grey and not seen."""
+        pad = self.settings.shift
+        if pad == 0:
+            return images
+        height, width = images.shape[-2:]
+        padded = functional.pad(images, (pad, pad, pad, pad))
+        offsets = torch.randint(2 * pad + 1, (len(images), 2), generator=self.generator).tolist()
+        moved = zip(padded, offsets, strict=True)
+        return torch.stack([p[:, v : v + height, u : u + width] for p, (v, u) in moved])
+
+    def _follow(self, slow: nn.Module, fast: nn.Module) -> None:
+        with torch.no_grad():
+            for old, new in zip(slow.parameters(), fast.parameters(), strict=True):
+                old.lerp_(new, self.settings.average)
+
+    def _modules(self) -> dict[str, nn.Module]:
+        return {
+            "actor": self.actor,
+            "critic": self.critic,
+            "target_actor": self._target_actor,
+            "target_critic": self._target_critic,
+        }
+
+    def _optimisers(self) -> dict[str, torch.optim.Adam]:
+        return {"actor_adam": self._actor_adam, "critic_adam": self._critic_adam}
+
+
+def shortened(vectors: torch.Tensor, limit: float) -> torch.Tensor:
+    """Rows (B, 3), those longer than `limit` cut to it."""
+    return vectors * (limit / vectors.norm(dim=1, keepdim=True).clamp(min=limit))
+
+
+def explored(residual: np.ndarray, noise: float, limit: float, rng: np.random.Generator) -> np.ndarray:
+    """A residual (3,) with Gaussian noise of `noise` per axis, no longer than `limit` [m].
+
+    Without noise a zero residual would never be varied, and no critic could tell what another would do.
+    """
+    tried = torch.from_numpy(residual + noise * rng.standard_normal(3))
+    return shortened(tried[None], limit)[0].numpy()
+
+
+def _apply(adam: torch.optim.Adam, module: nn.Module, slopes: tuple[torch.Tensor, ...]) -> None:
+    for parameter, slope in zip(module.parameters(), slopes, strict=True):
+        parameter.grad = slope
+    adam.step()
+
+
+def _below(state: dict[str, torch.Tensor], name: str) -> dict[str, torch.Tensor]:
+    return {key.removeprefix(f"{name}."): value for key, value in state.items() if key.startswith(f"{name}.")}

@@ -1,0 +1,258 @@
+"""Training of the residual beside a running cell: steps come in through a replay, weights go out as files.
+
+Everything lies in one folder and outlives its process: the replay, the state of the training, the weights by
+version, what is in force (`announced.json`), a row per update (`training.csv`) and a summary.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, astuple, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.errors import InputError, SolveError
+from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
+from samrl_core.learn.replay import End, Replay, ReplayInfo
+from samrl_core.learn.residual import Figures, ResidualLearner, ResidualSettings
+from samrl_core.learn.transitions import Transitions, draw_batch, transitions_of
+from samrl_core.learn.weights import WeightsInfo, save_weights, sha256_of
+from samrl_core.learn.whole_file import write_whole
+from samrl_core.robots.robot import CellSpec
+
+KIND = "residual_training"
+KEPT_VERSIONS = 5  # of the weight files; readers load the newest when it is announced
+RECENT_EPISODES = 20  # of the success rate in the summary
+IDLE_S = 0.2  # between looks at the replay while no update is due
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How the training goes along with the cell.
+
+    Raises:
+        InputError: a value outside its limits.
+    """
+
+    learner: ResidualSettings = field(default_factory=ResidualSettings)
+    seed: int = 0
+    capacity: int = 10_000  # steps of the replay; 82 kB each
+    first_steps: int = 100  # in the replay before the first update
+    updates_per_step: float = 1.0  # updates that each further step allows
+    publish_every: int = 50  # updates between two versions
+    cpu_share: float = 0.5  # of one core
+
+    def __post_init__(self) -> None:
+        for name in ("capacity", "first_steps", "publish_every"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} is {getattr(self, name)}, must be at least 1")
+        if not (self.updates_per_step > 0 and 0 < self.cpu_share <= 1):
+            raise InputError(
+                f"updates_per_step is {self.updates_per_step}, must be above 0; cpu_share {self.cpu_share}, "
+                f"must be above 0 and at most 1"
+            )
+
+
+@dataclass(frozen=True)
+class Announcement:
+    """Which weights are in force; version 0 is the zero residual and has no file."""
+
+    task: str
+    version: int = 0
+    file: str = ""
+    sha256: str = ""
+
+
+def announced(folder: Path, task: str) -> Announcement:
+    """What was last published in a training's folder.
+
+    Raises:
+        InputError: the file there is not readable, or another task's.
+    """
+    path = folder / "announced.json"
+    if not path.is_file():
+        return Announcement(task)
+    try:
+        found = Announcement(**json.loads(path.read_text()))
+    except (ValueError, TypeError) as error:
+        raise InputError(f"cannot read {path} ({error}); remove it to begin anew") from error
+    if found.task != task:
+        raise InputError(f"{folder} holds the residual of {found.task!r}, not of {task!r}; give another")
+    return found
+
+
+def replay_of(folder: Path, task: str, cell: CellSpec, settings: TrainingSettings) -> tuple[Path, ReplayInfo]:
+    """Where the replay of a training lies and what it holds."""
+    return folder / "replay.bin", ReplayInfo(task, cell.intrinsics, settings.capacity)
+
+
+class ResidualTraining:
+    """One training; `step` does the next update. It goes on where the folder's last checkpoint is.
+
+    Raises:
+        InputError: what lies in the folder is corrupt, or was made with other settings of the learner.
+    """
+
+    def __init__(self, folder: Path, task: str, cell: CellSpec, settings: TrainingSettings) -> None:
+        self._folder, self._task, self._cell, self._settings = folder, task, cell, settings
+        self._replay = Replay.read(*replay_of(folder, task, cell, settings))
+        self._learner = ResidualLearner(settings.learner, settings.seed)
+        self._transitions: Transitions | None = None
+        self._figures: Figures | None = None
+        self._about = {"task": task, "seed": settings.seed, "learner": asdict(settings.learner)}
+        self.version = announced(folder, task).version
+        if self._checkpoint.exists():
+            self._resume()
+        self._log = _Log(folder / "training.csv", self._learner.updates)
+
+    @property
+    def updates(self) -> int:
+        """Updates done, those of earlier processes included."""
+        return self._learner.updates
+
+    @property
+    def learner(self) -> ResidualLearner:
+        """What is being trained."""
+        return self._learner
+
+    def due(self) -> bool:
+        """Whether the steps that came in allow another update."""
+        self._replay.refresh()
+        s = self._settings.learner
+        self._transitions = transitions_of(self._replay, s.n_step, s.gamma)
+        allowed = self._settings.updates_per_step * (self._replay.last - self._settings.first_steps + 1)
+        return len(self._transitions) > 0 and self.updates < allowed
+
+    def step(self) -> Figures:
+        """One update on a batch of the replay; publishes when it is time.
+
+        Raises:
+            SolveError: a loss or gradient is not finite; the state that led to it is saved as
+                `stopped.safetensors`.
+        """
+        if self._transitions is None and not self.due():
+            raise InputError("no update is due: ask `due` first")
+        assert self._transitions is not None
+        learner = self._learner
+        size, generator = learner.settings.batch, learner.generator
+        batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
+        try:
+            figures = learner.update(batch)
+        except SolveError as error:
+            save_checkpoint(self._folder / "stopped.safetensors", KIND, learner.state(), self._about)
+            self._summarise(str(error))
+            raise
+        self._figures = figures
+        self._log.add(learner.updates, self._replay.last, figures)
+        if learner.updates % self._settings.publish_every == 0:
+            self._publish()
+        return figures
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Train while the cell runs until `stop` says so, then save.
+
+        After each update it sleeps for as long as it takes to stay within its share of a core.
+        """
+        while not stop():
+            used = time.process_time()
+            if self.due():
+                self.step()
+                used = time.process_time() - used
+                _rest(used * (1.0 / self._settings.cpu_share - 1.0), stop)
+            else:
+                _rest(IDLE_S, stop)
+        self.save()
+
+    def save(self) -> None:
+        """Write the state, so that the next process goes on from here."""
+        save_checkpoint(self._checkpoint, KIND, self._learner.state(), self._about)
+        self._summarise("")
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self._folder / "checkpoint.safetensors"
+
+    def _resume(self) -> None:
+        tensors, about = load_checkpoint(self._checkpoint, KIND)
+        if about != self._about:
+            raise InputError(
+                f"{self._checkpoint} was made with {about}, asked for is {self._about}; give another folder "
+                f"or the same settings"
+            )
+        self._learner.load_state(tensors)
+
+    def _publish(self) -> None:
+        figures = self._figures
+        assert figures is not None
+        finite = {k: v for k, v in asdict(figures).items() if math.isfinite(v)}
+        info = WeightsInfo(
+            "residual_actor",
+            self._task,
+            self._cell.intrinsics,
+            self._learner.settings.limit,
+            self._settings.seed,
+            {"updates": self.updates, "steps": self._replay.last, **finite},
+        )
+        version = self.version + 1
+        file = self._folder.resolve() / f"residual_v{version:06d}.safetensors"
+        save_weights(file, self._learner.actor, info)
+        self.version = version
+        self.save()
+        said = Announcement(self._task, version, str(file), sha256_of(file))
+        write_whole(self._folder / "announced.json", json.dumps(asdict(said)).encode())
+        for old in sorted(self._folder.glob("residual_v*.safetensors"))[:-KEPT_VERSIONS]:
+            old.unlink()
+
+    def _summarise(self, stopped: str) -> None:
+        """What the training came to so far; successes are detected ones, as the cell can know them."""
+        _, episodes, _, ends = self._replay.outline()
+        ended = ends[(ends == End.SUCCESS) | (ends == End.FAILURE)]
+        recent = ended[-RECENT_EPISODES:]
+        summary: dict[str, Any] = {
+            "schema": 1,
+            "task": self._task,
+            "version": self.version,
+            "updates": self.updates,
+            "steps": self._replay.last,
+            "episodes": int(np.unique(episodes).size),
+            "detected_successes": int((ended == End.SUCCESS).sum()),
+            "episodes_ended": int(ended.size),
+            "recent_detected_success_rate": float((recent == End.SUCCESS).mean()) if recent.size else None,
+            "last_update": _plain(asdict(self._figures)) if self._figures else None,
+            "cpu_s": time.process_time(),
+            "stopped": stopped,
+            "settings": asdict(self._settings),
+        }
+        write_whole(self._folder / "summary.json", (json.dumps(summary, indent=1) + "\n").encode())
+
+
+class _Log:
+    """One row per update; rows of updates that a kill undid are dropped."""
+
+    def __init__(self, path: Path, updates: int) -> None:
+        head = ",".join(("update", "steps", *(f.name for f in fields(Figures))))
+        rows = path.read_text().splitlines()[1:] if path.is_file() else []
+        kept = [row for row in rows if row.split(",")[0].isdigit() and int(row.split(",")[0]) <= updates]
+        write_whole(path, ("\n".join([head, *kept]) + "\n").encode())
+        self._path = path
+
+    def add(self, update: int, steps: int, figures: Figures) -> None:
+        values = (f"{v:.6g}" if math.isfinite(v) else "" for v in astuple(figures))
+        with self._path.open("a") as file:
+            file.write(",".join((str(update), str(steps), *values)) + "\n")
+
+
+def _plain(values: dict[str, float]) -> dict[str, float | None]:
+    return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+
+def _rest(seconds: float, stop: Callable[[], bool]) -> None:
+    """Sleep in short pieces: a signal does not end a sleep in Python."""
+    end = time.monotonic() + seconds
+    while not stop() and (left := end - time.monotonic()) > 0:
+        time.sleep(min(left, IDLE_S))

@@ -1,0 +1,82 @@
+"""The environment passes Gymnasium's own checks, pays what the paper pays, and shows no truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from samrl_core.errors import InputError
+from samrl_core.tasks import TASKS
+from samrl_core.tasks.peg_insertion.task import BODY
+
+pytest.importorskip("gymnasium", reason="needs the extra `baselines`")
+
+
+@pytest.mark.parametrize("task", ["peg_insertion", pytest.param("needle_threading", marks=pytest.mark.slow)])
+@pytest.mark.filterwarnings("ignore:.*not within the observation space bounds.*")
+def test_gymnasium_finds_nothing_wrong(task: str) -> None:
+    from gymnasium.utils.env_checker import check_env
+
+    from samrl_core.baselines.gym_env import CellEnv
+
+    env = CellEnv(task, render_mode="rgb_array")
+    check_env(env, skip_render_check=True)
+    picture = env.render()
+    assert picture is not None and picture.shape == (128, 128, 3) and picture.std() > 5
+    env.close()
+    env.close()
+
+
+def test_observations_rewards_and_refusals() -> None:
+    from samrl_core.baselines.gym_env import CellEnv
+
+    env = CellEnv("peg_insertion")
+    first, info = env.reset(seed=3)
+    assert env.observation_space.contains(first) and set(info) == {"success", "final_error", "refused"}
+    again, _ = env.reset(seed=3)
+    other, _ = env.reset()
+    assert np.array_equal(first["image"], again["image"])
+    assert not np.allclose(first["image"][3:], other["image"][3:], atol=0.05)
+    env.reset(seed=3)
+    limit = float(env.action_space.high[0])
+    down = np.array([0.0, 0.0, -limit], dtype=np.float32)
+    seen, reward, terminated, truncated, info = env.step(down)
+    assert seen["tip"][2] - first["tip"][2] == pytest.approx(-limit, abs=0.003)
+    assert reward == pytest.approx(-info["final_error"]) and -0.3 < reward < 0
+    assert not (terminated or truncated or info["refused"])
+    for bad in (2 * down, np.full(3, np.nan), np.zeros(2)):
+        with pytest.raises(InputError, match="three numbers within"):
+            env.step(bad)
+    env.close()
+
+
+@pytest.mark.slow
+def test_an_expert_succeeds_and_is_paid_for_it() -> None:
+    """Told the hole, it ends the episode with success; doing nothing uses all actions up."""
+    from samrl_core.baselines.gym_env import CellEnv
+
+    env, task = CellEnv("peg_insertion"), TASKS["peg_insertion"]
+    observed, _ = env.reset(seed=0)
+    hole = env._world.truth().body_position[BODY][:2]
+    rewards, terminated = [], False
+    while not terminated and len(rewards) < 60:
+        goal = task.sub_goals(hole, observed["tip"].astype(np.float64))[0]
+        way = goal.tip_position - observed["tip"]
+        step = way * min(1.0, goal.max_step / max(float(np.linalg.norm(way)), 1e-9))
+        observed, reward, terminated, _, info = env.step(step.astype(np.float32))
+        rewards.append(reward)
+    assert terminated and info["success"] and rewards[-1] > -0.003 > -0.05 > rewards[0]
+    env.reset(seed=0)
+    for k in range(task.max_actions):
+        _, _, terminated, truncated, _ = env.step(np.zeros(3, dtype=np.float32))
+        assert not terminated and truncated == (k == task.max_actions - 1)
+    env.close()
+
+
+def test_an_unknown_task_is_refused() -> None:
+    from samrl_core.baselines.gym_env import CellEnv
+
+    with pytest.raises(InputError, match="juggling"):
+        CellEnv("juggling")
+    with pytest.raises(InputError, match="render_mode"):
+        CellEnv("peg_insertion", render_mode="hologram")

@@ -1,0 +1,134 @@
+"""TD3: nothing at first, within its bound, from the image, the same after a restart, and no NaN."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from samrl_core.errors import InputError, SolveError
+from samrl_core.learn.residual import ResidualLearner, ResidualSettings, explored
+from samrl_core.learn.transitions import Batch
+
+QUICK = ResidualSettings(batch=4, n_step=1, warm_up=0, delay=1, shift=2)
+
+
+def batch(seed: int, size: int = 4) -> Batch:
+    g = torch.Generator().manual_seed(seed)
+
+    def images() -> torch.Tensor:
+        return torch.randn(size, 6, 16, 16, generator=g)
+
+    def vectors() -> torch.Tensor:
+        return 0.002 * torch.randn(size, 3, generator=g)
+
+    reward = torch.randint(2, (size,), generator=g).float()
+    return Batch(images(), vectors(), vectors(), reward, 0.9 * (1 - reward), images(), vectors())
+
+
+def same(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
+    return a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
+
+
+def test_before_training_the_residual_is_exactly_zero() -> None:
+    data = batch(0)
+    assert not ResidualLearner(QUICK, 0).actor(data.image, data.nominal).any()
+
+
+def test_the_actor_waits_for_the_critics() -> None:
+    learner = ResidualLearner(replace(QUICK, warm_up=3, delay=2), 0)
+    turns = [not math.isnan(learner.update(batch(k)).actor_value) for k in range(7)]
+    assert turns == [False, False, False, False, True, False, True]
+    data = batch(9)
+    assert 0 < learner.actor(data.image, data.nominal).norm(dim=1).max() <= QUICK.limit
+
+
+def test_the_same_seed_and_batches_give_the_same_weights() -> None:
+    learners = [ResidualLearner(QUICK, seed) for seed in (0, 0, 1)]
+    for learner in learners:
+        for k in range(3):
+            learner.update(batch(k))
+    assert same(learners[0].state(), learners[1].state())
+    assert not same(learners[0].state(), learners[2].state())
+
+
+def test_a_restored_learner_goes_on_as_if_nothing_had_been() -> None:
+    whole, first = ResidualLearner(QUICK, 0), ResidualLearner(QUICK, 0)
+    for k in range(5):
+        whole.update(batch(k))
+    for k in range(2):
+        first.update(batch(k))
+    second = ResidualLearner(QUICK, 7)
+    second.load_state({name: value.clone() for name, value in first.state().items()})
+    for k in range(2, 5):
+        second.update(batch(k))
+    assert same(whole.state(), second.state())
+
+
+def test_another_learners_state_is_refused() -> None:
+    state = ResidualLearner(QUICK, 0).state()
+    short = {k: v for k, v in state.items() if k != "generator"}
+    bent = {k: v[..., :1] if k == "actor.encoder.out.weight" else v for k, v in state.items()}
+    for bad in ({}, short, bent):
+        with pytest.raises(InputError, match="no state of this learner"):
+            ResidualLearner(QUICK, 0).load_state(bad)
+
+
+@pytest.mark.parametrize("where", ["reward", "critic", "actor"])
+def test_what_is_not_finite_stops_the_update_before_it_changes_anything(where: str) -> None:
+    learner = ResidualLearner(QUICK, 0)
+    learner.update(batch(0))
+    data = batch(1)
+    if where == "reward":
+        data = replace(data, reward=torch.full((4,), math.nan))
+    else:
+        with torch.no_grad():
+            getattr(learner, where).encoder.out.bias[0] = math.nan
+    before = {name: value.clone() for name, value in learner.state().items() if name != "generator"}
+    with pytest.raises(SolveError, match=r"update 1: the .* loss is"):
+        learner.update(data)
+    after = {name: value for name, value in learner.state().items() if name != "generator"}
+    assert before.keys() == after.keys()
+    assert all(torch.equal(before[k].nan_to_num(7), after[k].nan_to_num(7)) for k in before)
+
+
+def test_exploration_varies_within_the_bound() -> None:
+    rng = np.random.default_rng(0)
+    tried = np.array([explored(np.array([0.002, 0.0, 0.0]), 0.001, 0.003, rng) for _ in range(400)])
+    lengths = np.linalg.norm(tried, axis=1)
+    assert lengths.max() <= 0.003 + 1e-12 and tried.std(axis=0).min() > 0.0005
+    still = np.array([0.001, 0.0, -0.001])
+    assert np.array_equal(explored(still, 0.0, 0.003, rng), still)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"gamma": 1.5}, {"batch": 0}, {"limit": 0.0}, {"average": math.nan}, {"shift": -1}, {"warm_up": -1}],
+)
+def test_settings_out_of_range_are_refused(bad: dict) -> None:
+    with pytest.raises(InputError, match=next(iter(bad))):
+        replace(QUICK, **bad)
+
+
+@pytest.mark.slow
+def test_it_learns_what_the_image_tells(tmp_path: Path) -> None:
+    """The zero residual never succeeds, and one that ignores the image in half of the states at most."""
+    from tests.learn import toy_cell
+
+    learner = replace(QUICK, batch=32, warm_up=160, delay=2, shift=0, critic_rate=1e-3, actor_rate=5e-4)
+    settings = toy_cell.settings(replace(learner, average=0.05))
+    replay = toy_cell.start(tmp_path, settings, 240)
+    training = toy_cell.training(tmp_path, settings)
+    actor = training.learner.actor
+    assert toy_cell.rate(actor) == 0.0
+    rng = np.random.default_rng(5)
+    for _ in range(24):
+        assert training.due()
+        for _ in range(20):
+            training.step()
+        toy_cell.act(replay, rng, 20, lambda state: toy_cell.chosen_residual(actor, state), 0.0009, 0.003)
+    assert toy_cell.rate(actor) >= 0.9

@@ -1,0 +1,266 @@
+"""The trainer's node: what it records of the cell's messages, what it announces, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from samrl_core.errors import InputError, SolveError
+from samrl_core.learn.network_image import observed_image
+from samrl_core.learn.packed_images import network_images
+from samrl_core.learn.replay import End, Replay
+from samrl_core.learn.residual_training import Announcement, replay_of
+from samrl_core.robots.cell import default_cell
+from samrl_core.robots.robot import ROLES
+from samrl_core.tasks import task_named
+from samrl_core.types.observation import ArmReading
+from samrl_ros.topics import arm_topic, camera_topic, cell_topic
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.ros
+CELL = default_cell()
+EXECUTED, OUTCOME = cell_topic("manipulator/executed_action"), cell_topic("supervisor/outcome")
+REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("view_planner/nominal_action")
+FRAME = "camera_color_optical_frame"
+
+
+class Ears:
+    """An outbox that remembers."""
+
+    def __init__(self) -> None:
+        self.weights: list[dict[str, Any]] = []
+        self.logs: list[str] = []
+
+    def publish(self, topic: str, message: Any) -> None:
+        assert topic == cell_topic("residual_trainer/weights")
+        self.weights.append(json.loads(message.data))
+
+    def log(self, level: str, text: str) -> None:
+        self.logs.append(text)
+
+    def call(self, service: str, request: Any, on_response: Any) -> None:
+        raise AssertionError("it calls no service")
+
+
+class NoProcess:
+    """Stands for the training, which a test of the records does not need."""
+
+    def __init__(self, folder: Path, task: str) -> None:
+        self.stopped = 0
+
+    def check(self) -> None:
+        pass
+
+    def stop(self) -> bool:
+        self.stopped += 1
+        return True
+
+
+class FakeCell:
+    """Says what the other nodes say, to one trainer; stamps count in steps of 0.1 s."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch | None, **settings: Any) -> None:
+        from samrl_ros.conversions import to_message
+        from samrl_ros.nodes import residual_trainer as module
+
+        if monkeypatch is not None:
+            monkeypatch.setattr(module, "TrainingProcess", NoProcess)
+        self.ears, self.folder = Ears(), folder
+        self.settings = module.ResidualTrainerSettings(
+            train=True, folder=str(folder), capacity=100, first_steps=2, batch=2, publish_every=2, **settings
+        )
+        self.trainer = module.ResidualTrainer(self.settings, self.ears)
+        self.trainer.start()
+        self.now = 0
+        self.images: dict[tuple[int, int], np.ndarray] = {}
+        self.trainer.handle(camera_topic("calibration"), to_message.calibration(CELL))
+
+    def look(self, rng: np.random.Generator) -> int:
+        """One frame with joint states; returns its stamp."""
+        from samrl_ros.conversions import to_message
+
+        self.now += 100_000_000
+        k, start = CELL.intrinsics, task_named("peg_insertion").start_joints(CELL)
+        depth = rng.uniform(0.3, 0.5, (k.height, k.width)).astype(np.float32)
+        self.color = rng.integers(0, 256, (k.height, k.width, 3), dtype=np.uint8)
+        mask = np.zeros((k.height, k.width), dtype=np.uint8)
+        self.trainer.handle(
+            camera_topic("color/image_raw"), to_message.image(self.color, "rgb8", self.now, FRAME)
+        )
+        self.trainer.handle(
+            camera_topic("depth/image_rect_raw"), to_message.image(depth, "32FC1", self.now, FRAME)
+        )
+        self.trainer.handle(camera_topic("mask/image_raw"), to_message.image(mask, "mono8", self.now, FRAME))
+        self.trainer.handle(camera_topic("color/camera_info"), to_message.camera_info(k, self.now, FRAME))
+        for role in ROLES:
+            joints = start[role] + rng.uniform(-0.01, 0.01, 7)
+            reading = ArmReading(self.now, joints, np.zeros(7), np.zeros(7))
+            names = CELL.arm(role).joint_names
+            self.trainer.handle(arm_topic(role, "joint_states"), to_message.joint_state(reading, names))
+        return self.now
+
+    def act(self, episode: int, step: int, *, seen: bool = True, residual: float = 0.001) -> None:
+        """Update, choice and motion of one step."""
+        from samrl_msgs.msg import StepRequest, ToolAction
+
+        from samrl_ros.conversions import to_message
+
+        rng = np.random.default_rng([episode, step])
+        self.look(rng)  # before it was asked for: not to be used
+        request = StepRequest(
+            header=to_message.header(self.now + 1), episode=episode, step=step, stage="update"
+        )
+        self.trainer.handle(REQUEST, request)
+        stamp = self.look(rng)
+        self.images[episode, step] = self.color
+        self.look(rng)
+        stamp = stamp if seen else stamp + 5
+        action = ToolAction(header=to_message.header(stamp), episode=episode, step=step)
+        action.nominal = to_message.vector(np.array([0.004, 0.0, 0.001 * step]))
+        action.residual = to_message.vector(np.array([0.0, residual, 0.0]))
+        self.trainer.handle(ACTION, action)
+        action.header = to_message.header(self.now)
+        action.executed = to_message.vector(np.array([0.004, 0.0009, 0.0]))
+        self.trainer.handle(EXECUTED, action)
+
+    def end(self, episode: int, detected: bool, reason: str) -> None:
+        from samrl_msgs.msg import Outcome
+
+        outcome = Outcome(episode=episode, detected_success=detected, reason=reason)
+        self.trainer.handle(OUTCOME, outcome)
+
+    def replay(self) -> Replay:
+        return Replay.read(*replay_of(self.folder, "peg_insertion", CELL, self.settings.training()))
+
+
+def test_every_action_is_recorded_with_the_image_it_came_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = FakeCell(tmp_path, monkeypatch)
+    for step in range(3):
+        cell.act(0, step)
+    cell.end(0, True, "done")
+    replay = cell.replay()
+    numbers, episodes, steps, ends = replay.outline()
+    assert numbers.tolist() == [1, 2, 3] and steps.tolist() == [0, 1, 2] and set(episodes) == {0}
+    assert ends.tolist() == [End.OPEN, End.OPEN, End.SUCCESS]
+    rows = replay.bodies(numbers)
+    for step, row in enumerate(rows):
+        assert np.array_equal(row["color"], cell.images[0, step])
+        assert np.allclose(row["nominal"], [0.004, 0.0, 0.001 * step])
+        assert np.allclose(row["residual"], [0.0, 0.001, 0.0])
+        assert np.allclose(row["executed"], [0.004, 0.0009, 0.0])
+        assert 0.05 < row["tip"][2] < 0.25  # 0.14 m at the start of the task
+    seen = network_images(rows["color"], rows["depth"], rows["camera"], rows["tip"], CELL)
+    assert seen.shape == (3, 6, 128, 128) and float(seen[:, 3:].abs().mean()) > 0.1
+    assert cell.trainer.status()["transitions"] == "3" and cell.trainer.status()["detected_successes"] == "1"
+
+
+def test_the_stored_image_is_what_the_policy_saw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The view planner's image of an observation, and the replay's, to the rounding of depth."""
+    cell = FakeCell(tmp_path, monkeypatch)
+    cell.act(0, 0)
+    observation = cell.trainer._frames[next(iter(cell.trainer._frames))]
+    row = cell.replay().bodies(np.array([1]))
+    stored = network_images(row["color"], row["depth"], row["camera"], row["tip"], CELL)[0]
+    wanted = observed_image(observation, row["tip"][0], CELL)
+    assert np.allclose(stored.numpy(), wanted.numpy(), atol=2e-3)
+
+
+def test_ends_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = FakeCell(tmp_path, monkeypatch)
+    for episode, (detected, reason) in enumerate(
+        [(False, "action_limit"), (False, "error: no answer"), (True, "done")]
+    ):
+        cell.act(episode, 0)
+        cell.end(episode, detected, reason)
+    assert cell.replay().outline()[3].tolist() == [End.FAILURE, End.CUT, End.SUCCESS]
+
+
+def test_an_action_whose_image_was_missed_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = FakeCell(tmp_path, monkeypatch)
+    cell.act(0, 0)
+    cell.act(0, 1, seen=False)
+    cell.end(0, True, "done")  # the success belongs to the action that is not there
+    assert cell.replay().outline()[3].tolist() == [End.OPEN]
+    assert cell.trainer.status()["missed"] == "1" and any("not seen" in text for text in cell.ears.logs)
+
+
+def test_a_restart_goes_on_in_the_same_replay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = FakeCell(tmp_path, monkeypatch)
+    first.act(0, 0)
+    first.end(0, False, "action_limit")
+    with pytest.raises(InputError, match="another process"):
+        FakeCell(tmp_path, monkeypatch)
+    first.trainer.stop()
+    said = Announcement("peg_insertion", 7, str(tmp_path / "residual_v000007.safetensors"), "ab")
+    (tmp_path / "announced.json").write_text(json.dumps(said.__dict__))
+    second = FakeCell(tmp_path, monkeypatch)
+    assert [w["version"] for w in first.ears.weights + second.ears.weights] == [0, 7]
+    second.act(0, 0)
+    second.end(0, True, "done")
+    _, episodes, _, ends = second.replay().outline()
+    assert episodes.tolist() == [0, 1] and ends.tolist() == [End.FAILURE, End.SUCCESS]
+
+
+def test_a_new_version_is_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = FakeCell(tmp_path, monkeypatch)
+    cell.act(0, 0)
+    (tmp_path / "announced.json").write_text(
+        json.dumps(Announcement("peg_insertion", 1, "/x", "ab").__dict__)
+    )
+    cell.act(0, 1)
+    cell.act(0, 2)
+    assert [w["version"] for w in cell.ears.weights] == [0, 1]
+    assert cell.ears.weights[1] == {"task": "peg_insertion", "version": 1, "file": "/x", "sha256": "ab"}
+
+
+def test_zero_residuals_alone_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = FakeCell(tmp_path, monkeypatch)
+    for step in range(3):
+        cell.act(0, step, residual=0.0)
+    assert sum("exploration" in text for text in cell.ears.logs) == 1
+
+
+def test_by_default_nothing_is_kept_and_the_residual_is_zero() -> None:
+    from samrl_ros.nodes.residual_trainer import ResidualTrainer, ResidualTrainerSettings
+
+    ears = Ears()
+    trainer = ResidualTrainer(ResidualTrainerSettings(), ears)
+    trainer.start()
+    assert ears.weights == [{"task": "peg_insertion", "version": 0, "file": "", "sha256": ""}]
+    assert camera_topic("color/image_raw") not in trainer.inputs
+    trainer.stop()
+    with pytest.raises(InputError, match="needs `folder`"):
+        ResidualTrainer(ResidualTrainerSettings(train=True), Ears())
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_process_trains_publishes_and_saves(tmp_path: Path) -> None:
+    """The real thing: steps go in, a version comes out; killed, it says so; started anew, it goes on."""
+    cell = FakeCell(tmp_path, None, updates_per_step=2.0)
+    deadline, step = time.monotonic() + 500, 0
+    while len(cell.ears.weights) < 2 and time.monotonic() < deadline:
+        cell.act(0, step)
+        step += 1
+        time.sleep(2.0 if step > 4 else 0.0)
+    assert cell.ears.weights[-1]["version"] >= 1 and Path(cell.ears.weights[-1]["file"]).is_file()
+    process = cell.trainer._process
+    assert process is not None
+    process._child.kill()
+    process._child.wait()
+    with pytest.raises(SolveError, match="killed by SIGKILL"):
+        cell.act(0, step)
+    cell.trainer.stop()
+    again = FakeCell(tmp_path, None)
+    assert again.ears.weights[0]["version"] >= cell.ears.weights[-1]["version"]
+    again.trainer.stop()
+    assert (tmp_path / "settings.json").is_file()

@@ -11,6 +11,7 @@ from samrl_core.agent.settings import AgentSettings, Tell, required, silent
 from samrl_core.errors import InputError, SolveError
 from samrl_core.learn.network_image import observed_image
 from samrl_core.learn.networks import ResidualActor
+from samrl_core.learn.residual import explored
 from samrl_core.learn.sensing_value import Networks, SensingValue
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate
@@ -102,8 +103,10 @@ class Acting:
             with torch.no_grad():
                 found = self.residual(image, torch.from_numpy(nominal).to(torch.float32)[None])[0]
             residual = _finite(found.numpy(), "residual policy")
-        if self._settings.exploration > 0.0:
-            residual = residual + self._rng.normal(0.0, self._settings.exploration, 3)
+        s = self._settings
+        if s.exploration > 0.0:
+            limit = s.exploration_limit if self.residual is None else self.residual.limit
+            residual = explored(residual, s.exploration, limit, self._rng)
         return residual
 
 

@@ -56,6 +56,9 @@ class ViewPlannerSettings:
     exploration: float = setting(
         0.0, "standard deviation of what is added to the residual while it is trained", "m", (0.0, 0.005)
     )
+    exploration_limit: float = setting(
+        0.003, "longest residual tried before the trainer has one; as its `limit`", "m", (1e-4, 0.02)
+    )
     max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
 
 
@@ -79,6 +82,7 @@ class ViewPlannerNode(Behaviour):
             strategy=settings.strategy,
             seed=settings.seed,
             exploration=settings.exploration,
+            exploration_limit=settings.exploration_limit,
             plan=TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1),
         )
         folder = Path(settings.weights) if settings.weights else None
@@ -197,7 +201,8 @@ class ViewPlannerNode(Behaviour):
 
     def _act(self, request: Any, state: Any, observation: Observation) -> None:
         choice = self._acting.choose(from_state(state), observation)
-        message = ToolAction(header=state.header, episode=request.episode, step=request.step)
+        header = to_message.header(observation.stamp_ns, "world")
+        message = ToolAction(header=header, episode=request.episode, step=request.step)
         message.sub_goal = choice.sub_goal
         message.nominal = to_message.vector(choice.nominal)
         message.residual = to_message.vector(choice.residual)

@@ -47,7 +47,7 @@ class ViewChoice:
     move: bool
     camera_in_world: Pose  # optical frame
     joint_position: np.ndarray  # (J,) of the camera arm [rad]
-    score: float  # expected log det of information, parameters in units of their scale [nat]
+    score: float  # expected log det of information in units of the parameters' scales [nat]; or Q, 0..1
     present_score: float  # the same from the present view [nat]
     visibility: float  # expected visible share of the target's surface that faces the camera, 0..1
     candidates: int  # views that were scored

@@ -133,11 +133,12 @@ class ViewPlannerNode(Behaviour):
         }
 
     def _on_request(self, message: Any) -> None:
+        asked_ns = from_message.stamp_ns(message)
         if message.stage in ("view", "act"):
             self._request = message
-        elif message.stage == "update":
+        elif asked_ns != self._wanted_since_ns:  # else asked again: the updater may have its image already
             self._observations = []
-        self._wanted_since_ns, self._wanted_more = from_message.stamp_ns(message), _KEPT
+        self._wanted_since_ns, self._wanted_more = asked_ns, _KEPT
 
     def _wanted(self, stamp_ns: int) -> bool:
         return self._wanted_more > 0 and stamp_ns >= self._wanted_since_ns

@@ -17,6 +17,7 @@ import torch
 
 from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.learn.sensing_value import Networks, SensingValue
+from samrl_core.learn.views import camera_from
 from samrl_core.model.model import CameraPose, Model
 from samrl_core.real2sim import Estimate
 from samrl_core.robots.geometry import Capsules
@@ -55,18 +56,8 @@ class ViewAscentSettings:
 
 
 def place_camera(places: torch.Tensor, target: np.ndarray) -> CameraPose:
-    """World-to-camera rotation (B, 3, 3) and translation (B, 3) of places (B, 3), differentiable.
-
-    The camera's x axis is level, its y axis points down, its z axis at the target (3,) in world [m].
-    """
-    azimuth, elevation, distance = places.unbind(-1)
-    ca, sa, ce, se = azimuth.cos(), azimuth.sin(), elevation.cos(), elevation.sin()
-    x = torch.stack([-sa, ca, torch.zeros_like(ca)], dim=-1)
-    y = torch.stack([se * ca, se * sa, -ce], dim=-1)
-    z = torch.stack([-ce * ca, -ce * sa, -se], dim=-1)
-    rotation = torch.stack([x, y, z], dim=-2)
-    eye = torch.as_tensor(target, dtype=places.dtype) - distance[:, None] * z
-    return rotation, -(rotation @ eye[..., None]).squeeze(-1)
+    """World-to-camera rotation (B, 3, 3) and translation (B, 3) [m] of places (B, 3), differentiable."""
+    return camera_from(*places.unbind(-1), torch.as_tensor(target, dtype=places.dtype))
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,7 +57,8 @@ class ViewAscentSettings:
 
 def place_camera(places: torch.Tensor, target: np.ndarray) -> CameraPose:
     """World-to-camera rotation (B, 3, 3) and translation (B, 3) [m] of places (B, 3), differentiable."""
-    return camera_from(*places.unbind(-1), torch.as_tensor(target, dtype=places.dtype))
+    azimuth, elevation, distance = places.unbind(-1)
+    return camera_from(azimuth, elevation, distance, torch.as_tensor(target, dtype=places.dtype))
 
 
 @dataclass(frozen=True, eq=False)

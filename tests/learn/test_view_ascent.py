@@ -29,6 +29,8 @@ CHANNELS = {"colour": [0, 1, 2], "points": [3, 4, 5], "all": [0, 1, 2, 3, 4, 5]}
 class SmoothQ(nn.Module):
     """A Q that varies with the view over many degrees: random weights on the blurred image."""
 
+    weights: torch.Tensor
+
     def __init__(self, channels: str = "all", gain: float = 1.0) -> None:
         super().__init__()
         self._channels, self._gain = CHANNELS[channels], gain

@@ -21,7 +21,7 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
 from samrl_core.types.camera import Camera, Intrinsics
 from samrl_core.types.pose import Pose
-from samrl_core.view_reach import ReachSettings, View, ViewReach
+from samrl_core.view_reach import ReachSettings, View, ViewReach, motion_seconds
 
 STRATEGIES = ("best", "fixed", "random")
 
@@ -47,7 +47,7 @@ class ViewChoice:
     move: bool
     camera_in_world: Pose  # optical frame
     joint_position: np.ndarray  # (J,) of the camera arm [rad]
-    score: float  # expected log det of information, parameters in units of their scale [nat]
+    score: float  # expected log det of information in units of the parameters' scales [nat]; or Q, 0..1
     present_score: float  # the same from the present view [nat]
     visibility: float  # expected visible share of the target's surface that faces the camera, 0..1
     candidates: int  # views that were scored
@@ -167,8 +167,8 @@ class ViewPlanner:
     ) -> _Scored:
         s = self._settings
         score = self._score(model, view.camera_in_world, estimate, tool, scale)
-        way = np.abs(view.joint_position - stay.joint_position)
-        seconds = float(np.max(way / (s.speed_share * self._cell.camera_arm.limits.velocity)))
+        velocity = self._cell.camera_arm.limits.velocity
+        seconds = motion_seconds(stay.joint_position, view.joint_position, velocity, s.speed_share)
         return _Scored(view.camera_in_world, view.joint_position, score, score - s.time_price * seconds)
 
     def _score(

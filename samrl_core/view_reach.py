@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +42,33 @@ class View:
     capsules: Capsules  # of the camera arm with its camera, in world
 
 
+def motion_seconds(start: np.ndarray, end: np.ndarray, velocity: np.ndarray, share: float) -> float:
+    """How long a straight motion in joint space takes at a share of the velocity limits (J,) [rad/s]."""
+    return float(np.max(np.abs(end - start) / (share * velocity)))
+
+
+def bounds_of(region: ViewRegion) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest azimuth [rad], elevation [rad] and distance [m], (3,) each."""
+    pairs = (region.azimuth, region.elevation, region.distance)
+    return np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
+
+
+def place_of(position: np.ndarray, region: ViewRegion) -> np.ndarray:
+    """Azimuth [rad], elevation [rad], distance [m] of a camera (3,) [m], the nearest within the region."""
+    offset = position - region.target
+    distance = float(np.linalg.norm(offset))
+    place = np.array([np.arctan2(offset[1], offset[0]), np.arcsin(offset[2] / max(distance, 1e-9)), distance])
+    return np.clip(place, *bounds_of(region))
+
+
+def place_position(place: np.ndarray, region: ViewRegion) -> np.ndarray:
+    """Where the camera stands (3,) in world [m]: the inverse of `place_of` within the region."""
+    azimuth, elevation, distance = place
+    level = np.cos(elevation)
+    towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    return region.target + distance * towards
+
+
 def grid(region: ViewRegion, settings: ReachSettings) -> tuple[tuple[Pose, ...], ...]:
     """Camera poses over the region, one tuple per place with its rolls, nearest and highest first."""
     low, high = region.azimuth
@@ -51,8 +79,7 @@ def grid(region: ViewRegion, settings: ReachSettings) -> tuple[tuple[Pose, ...],
     distances = np.linspace(region.distance[0], region.distance[1], settings.distances)
     places = []
     for r, e, a in itertools.product(distances, elevations, azimuths):
-        towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-        eye = region.target + r * towards
+        eye = place_position(np.array([a, e, r]), region)
         places.append(tuple(look_at(eye, region.target, roll) for roll in settings.rolls))
     return tuple(places)
 
@@ -130,29 +157,46 @@ class ViewReach:
         moving = Capsules(capsules.start[away], capsules.end[away], capsules.radius[away])
         return moving.lowest() >= self.settings.clearance
 
+    def reached(
+        self,
+        rolls: Sequence[Pose],
+        obstacles: Capsules,
+        near: np.ndarray,
+        seeds: Sequence[np.ndarray],
+    ) -> View | None:
+        """How the arm takes a view, clear of table and obstacles; None when it cannot.
+
+        Args:
+            rolls: camera poses in world that differ by a turn about the optical axis; any of them will do.
+            obstacles: what the camera arm must keep clear of.
+            near: of several solutions the one nearest to this joint position (J,) is taken [rad].
+            seeds: starts of the search (J,) [rad], tried in order until one leads there.
+        """
+        world_in_base = self._cell.camera_base_in_world.inverse()
+        flange_in_camera = self._cell.camera_in_flange.inverse()
+        wanted = [world_in_base @ pose @ flange_in_camera for pose in rolls]
+        solved = [q for flange in wanted if (q := self._ik(flange, seeds)) is not None]
+        for q in sorted(solved, key=lambda q: float(np.abs(q - near).max())):
+            capsules = self.camera_capsules(q)
+            if self._above_table(capsules) and self.is_clear(capsules, obstacles):
+                return View(self.camera_at(q), q, capsules)
+        return None
+
     def _solve(self) -> tuple[View, ...]:
         cell = self._cell
-        world_in_base = cell.camera_base_in_world.inverse()
-        flange_in_camera = cell.camera_in_flange.inverse()
         nominal = self.body_capsules(np.array([p.nominal for p in self._task.parameters()]))
-        seeds = [cell.camera_arm.home, self._task.start_joints(cell)["camera_arm"]]
-        views: list[View] = []
-        for rolls in grid(self._task.view_region(), self.settings):
-            # Near the start, where the arm's motions to them are short.
-            wanted = [world_in_base @ pose @ flange_in_camera for pose in rolls]
-            solved = [q for flange in wanted if (q := self._ik(flange, seeds)) is not None]
-            for q in sorted(solved, key=lambda q: float(np.abs(q - seeds[1]).max())):
-                capsules = self.camera_capsules(q)
-                if self._above_table(capsules) and self.is_clear(capsules, nominal):
-                    views.append(View(self.camera_at(q), q, capsules))
-                    break
+        # Near the start, where the arm's motions to them are short.
+        start = self._task.start_joints(cell)["camera_arm"]
+        places = grid(self._task.view_region(), self.settings)
+        found = [self.reached(rolls, nominal, start, [cell.camera_arm.home, start]) for rolls in places]
+        views = [view for view in found if view is not None]
         if not views:
             raise InputError(
                 f"the camera arm reaches no view of task {self._task.name}; move its base or the view region"
             )
         return tuple(views)
 
-    def _ik(self, flange_in_base: Pose, seeds: list[np.ndarray]) -> np.ndarray | None:
+    def _ik(self, flange_in_base: Pose, seeds: Sequence[np.ndarray]) -> np.ndarray | None:
         for seed in seeds:
             try:
                 return solve_ik(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict, deque
+from collections.abc import Callable
 from typing import Any
 
 from samrl_core.errors import InputError
@@ -98,3 +99,38 @@ class Assembler:
                 f"at {stamp / 1e9:.3f} s; check that camera and arm share a clock"
             )
         return best
+
+
+class PatientAssembler:
+    """An `Assembler` of wanted images alone, which gives up only after many bad messages in a row.
+
+    Images taken while a node computes wait in its queue, their joint states are no longer in theirs: what
+    nobody asked for is not put together, or every computation would end with refusals.
+    """
+
+    def __init__(self, cell: CellSpec, max_bad_frames: int, log: Callable[[str, str], None]) -> None:
+        """`log` takes level and text of what is refused."""
+        self._assembler = Assembler(cell)
+        self._most, self._log = max_bad_frames, log
+        self.bad_frames = 0  # in a row
+
+    def take(self, topic: str, message: Any, wanted: Callable[[int], bool]) -> Observation | None:
+        """As `Assembler.take`, of images whose stamp [ns] is wanted.
+
+        Raises:
+            InputError: too many messages in a row could not be used.
+        """
+        if topic in FRAME and not wanted(from_message.stamp_ns(message)):
+            return None
+        try:
+            observation = self._assembler.take(topic, message)
+        except InputError as error:
+            self.bad_frames += 1
+            if self.bad_frames >= self._most:
+                raise
+            self._log("error", f"refused a message on {topic}: {error}")
+            return None
+        if observation is None:
+            return None
+        self.bad_frames = 0
+        return observation if wanted(observation.stamp_ns) else None

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_core.errors import InputError
 from samrl_core.tasks import task_named
 from samrl_core.world import WORLDS
@@ -27,7 +28,6 @@ NODE_ORDER = (
 )
 
 
-STRATEGIES = ("best", "fixed", "random")  # as samrl_core.view_planning, which takes seconds to import
 LAYOUTS = ("split", "processes", "threads")
 
 
@@ -42,12 +42,18 @@ class CellOptions:
     layout: str = "split"  # split: computing nodes in own processes; processes: every node; threads: none
     view: bool = False  # Foxglove WebSocket server
     update: bool = True  # Real2Sim on
-    strategy: str = "best"  # of the view planner
+    policy: str = DEFAULT_POLICY  # of the view planner: nominal actions
+    strategy: str = ""  # of the view planner: views; empty for that which goes with the policy
+    weights: Path | None = None  # folder of trained networks, None for the package's
     real_time_factor: float = 1.0  # upper bound, 0 for as fast as it goes
     max_actions: int = 0  # 0 for the task's own
     world: str = "pybullet"
     params: Path | None = None  # a parameter file laid over ours
     node_args: tuple[str, ...] = ()  # further --ros-args
+
+    def __post_init__(self) -> None:
+        if not self.strategy and self.policy in POLICIES:
+            object.__setattr__(self, "strategy", STRATEGY_OF[self.policy])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for `summary.json`."""
@@ -72,10 +78,14 @@ def prepare(options: CellOptions) -> Path:
         raise InputError("--view needs the extra `viz`: pip install -e '.[viz]'")
     if options.episodes < 1:
         raise InputError(f"--episodes is {options.episodes}, must be at least 1")
+    if options.policy not in POLICIES:
+        raise InputError(f"--policy is {options.policy!r}, must be one of {', '.join(POLICIES)}")
     if options.strategy not in STRATEGIES:
         raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")
     if options.world not in WORLDS:
         raise InputError(f"--world is {options.world!r}, must be one of {', '.join(WORLDS)}")
+    if options.policy == "learned" or options.strategy == "q":
+        _require_weights(options)
     overlay: dict[str, dict[str, Any]] = {}
     if options.params is not None:
         overlay = load_parameters(options.params, NODE_ORDER)
@@ -95,6 +105,20 @@ def prepare(options: CellOptions) -> Path:
     return file
 
 
+def _require_weights(options: CellOptions) -> None:
+    """Load once what the view planner will load: seconds into a run is late for a refusal."""
+    from samrl_core.agent.settings import trained_networks
+    from samrl_core.robots.cell import default_cell
+
+    try:
+        trained_networks(options.task, default_cell(), options.weights)
+    except InputError as error:
+        raise InputError(
+            f"--policy {options.policy} with --strategy {options.strategy} needs trained networks: {error}; "
+            "or give --policy optimised --strategy best, which need none"
+        ) from error
+
+
 def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Contents of the run's parameter file: what the options say, laid over what the user's file says.
 
@@ -112,7 +136,9 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         "manipulator": {"task": ("--task", options.task)},
         "view_planner": {
             "task": ("--task", options.task),
+            "policy": ("--policy", options.policy),
             "strategy": ("--strategy", options.strategy),
+            "weights": ("--weights", str(options.weights.resolve()) if options.weights else ""),
             "seed": ("--seed", options.seed),
         },
         "model_updater": {"task": ("--task", options.task), "enabled": ("--update", options.update)},

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from samrl_core.agent.policies import DEFAULT_POLICY
 from samrl_core.errors import InputError, SamrlError
 from samrl_ros.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
 
@@ -37,7 +38,17 @@ def cell(
         typer.Option(help="split: computing nodes in own processes; processes: every node; threads: none."),
     ] = "split",
     update: Annotated[bool, typer.Option(help="Real2Sim update of the model; off for ablations.")] = True,
-    strategy: Annotated[str, typer.Option(help="View planner: best, fixed or random.")] = "best",
+    policy: Annotated[
+        str,
+        typer.Option(help="Nominal actions: learned (the trained actor) or optimised (through the model)."),
+    ] = DEFAULT_POLICY,
+    strategy: Annotated[
+        str,
+        typer.Option(help="Views: q, best, fixed or random; without it, q if learned, best if optimised."),
+    ] = "",
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
+    ] = None,
     real_time_factor: Annotated[
         float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)
     ] = 1.0,
@@ -56,7 +67,9 @@ def cell(
         layout=layout,
         view=view,
         update=update,
+        policy=policy,
         strategy=strategy,
+        weights=weights,
         real_time_factor=real_time_factor,
         max_actions=max_actions,
         world=world,

@@ -187,13 +187,19 @@ _ALL: list[Topic] = [
         "rgb8: the model rendered at the update, for people to compare",
     ),
     _own("view_planner/target", "samrl_msgs/msg/ViewTarget", "view_planner", "chosen view"),
-    _own("view_planner/nominal_action", "samrl_msgs/msg/ToolAction", "view_planner", "action from the model"),
+    _own(
+        "view_planner/nominal_action",
+        "samrl_msgs/msg/ToolAction",
+        "view_planner",
+        "nominal action and residual",
+    ),
     _own("manipulator/executed_action", "samrl_msgs/msg/ToolAction", "manipulator", "what was executed"),
     _own(
         "residual_trainer/weights",
         "std_msgs/msg/String",
         "residual_trainer",
-        "residual policy in force, JSON: task, version, file, sha256; version 0 is the zero residual",
+        "residual policy in force, JSON: task, version, file (absolute), sha256; version 0 is the zero"
+        " residual. view_planner loads it after checking the hash",
         LATCHED,
         "on update",
     ),

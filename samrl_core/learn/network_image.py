@@ -66,7 +66,7 @@ def network_image(
 
 
 def observed_image(observation: Observation, tip_in_base: np.ndarray, cell: CellSpec) -> torch.Tensor:
-    """The same of a real image, (6, H, W); colours as Real2Sim takes them.
+    """The same of a real image, (6, H, W), upright; colours as Real2Sim takes them.
 
     Args:
         observation: from the cell.
@@ -79,17 +79,34 @@ def observed_image(observation: Observation, tip_in_base: np.ndarray, cell: Cell
     if observation.camera.intrinsics != cell.intrinsics:
         raise InputError(f"camera has {observation.camera.intrinsics}, the cell's is {cell.intrinsics}")
     points = observation.camera.unproject(observation.frame.depth.astype(np.float64))
-    return network_image(
+    image = network_image(
         torch.from_numpy(observation.frame.color / 255.0),
         torch.from_numpy(points),
         torch.from_numpy(np.isfinite(observation.frame.depth)),
         _tip_in_world(tip_in_base, cell),
         cell.tool_base_in_world,
     )
+    return upright(image, observation.camera.camera_in_world.rotation)
+
+
+def upright(image: torch.Tensor, camera_rotation: np.ndarray) -> torch.Tensor:
+    """Images (..., C, H, W) as a camera with its top up takes them: turned by half where the top is down.
+
+    The arm takes many views only with its camera turned over. With the principal point in the image's middle
+    that picture is the other one turned by half: the networks need to know one of the two alone.
+
+    Args:
+        image: as the camera took it.
+        camera_rotation: (..., 3, 3) of the camera's optical axes in world.
+    """
+    top_is_down = torch.as_tensor(camera_rotation[..., 2, 1] > 0.0, device=image.device)
+    return torch.where(top_is_down[..., None, None, None], image.flip((-2, -1)), image)
 
 
 def rendered_image(rendered: Rendered, tip_in_base: np.ndarray, cell: CellSpec) -> torch.Tensor:
     """The same of the model's image or images, (..., 6, H, W) on the images' device; differentiable.
+
+    As the camera stands: `upright` is for the caller, who knows its pose.
 
     Args:
         rendered: one image or a batch.

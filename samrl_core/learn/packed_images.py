@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from samrl_core.errors import InputError
-from samrl_core.learn.network_image import network_image
+from samrl_core.learn.network_image import network_image, upright
 from samrl_core.robots.robot import CellSpec
 from samrl_core.types.pose import Pose
 
@@ -45,7 +45,7 @@ def network_images(
     cell: CellSpec,
     device: torch.device | str = "cpu",
 ) -> torch.Tensor:
-    """Stored images to network images (B, 6, H, W) float32.
+    """Stored images to network images (B, 6, H, W) float32, as `observed_image` makes them.
 
     Args:
         color: (B, H, W, 3) uint8.
@@ -73,7 +73,7 @@ def network_images(
     turn = torch.from_numpy(rotation).to(device)
     xyz = torch.einsum("bhwi,bji->bhwj", points, turn) + place[:, None, None, :]
     paint = torch.from_numpy(color).to(device).double() / 255.0
-    return network_image(paint, xyz, counts > 0, tip_in_world, cell.tool_base_in_world)
+    return upright(network_image(paint, xyz, counts > 0, tip_in_world, cell.tool_base_in_world), rotation)
 
 
 def _rays(cell: CellSpec, device: torch.device | str) -> torch.Tensor:

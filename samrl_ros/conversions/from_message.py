@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,6 +157,37 @@ def calibration(text: str) -> dict[str, Pose]:
         }
     except (ValueError, KeyError, TypeError) as error:  # JSONDecodeError is a ValueError
         raise InputError(f"cannot read the calibration ({error!r}); see msgs_docs/topics.md") from error
+
+
+@dataclass(frozen=True)
+class AnnouncedWeights:
+    """What `residual_trainer/weights` says is in force; version 0 is the zero residual and has no file."""
+
+    task: str
+    version: int
+    file: Path
+    sha256: str  # of the file, hexadecimal
+
+
+def announced_weights(text: str) -> AnnouncedWeights:
+    """`/cell/residual_trainer/weights` as data.
+
+    Raises:
+        InputError: not JSON, a key missing or of another type, or a version without a file.
+    """
+    try:
+        data = json.loads(text)
+        found = AnnouncedWeights(data["task"], data["version"], Path(data["file"]), data["sha256"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"cannot read the weights' announcement ({error!r}); see msgs_docs/topics.md"
+        ) from error
+    texts = (found.task, found.sha256)
+    if type(found.version) is not int or found.version < 0 or not all(isinstance(t, str) for t in texts):
+        raise InputError(f"weights are announced as {data}; see msgs_docs/topics.md")
+    if found.version > 0 and not (found.file.is_absolute() and found.sha256):
+        raise InputError(f"weights version {found.version} needs an absolute file and its sha256, has {data}")
+    return found
 
 
 def _pose(data: dict[str, list[float]]) -> Pose:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +25,7 @@ from samrl_ros.settings import setting
 from samrl_ros.topics import arm_topic, cell_topic
 
 TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
-EXECUTED, WEIGHTS = cell_topic("manipulator/executed_action"), cell_topic("residual_trainer/weights")
+EXECUTED = cell_topic("manipulator/executed_action")
 JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
 TRAJECTORY = {arm_topic(role, "joint_trajectory"): role for role in ROLES}
 
@@ -51,7 +50,7 @@ class Manipulator(Behaviour):
     """Inverse kinematics, smoothing and the command guard, ticking on joint states."""
 
     name = "manipulator"
-    inputs = (TARGET, ACTION, WEIGHTS, *JOINTS, *TRAJECTORY)
+    inputs = (TARGET, ACTION, *JOINTS, *TRAJECTORY)
     outputs = (EXECUTED, *(arm_topic(r, n) for r in ROLES for n in ("command", "motion_status")))
 
     def __init__(self, settings: ManipulatorSettings, outbox: Outbox) -> None:
@@ -76,15 +75,12 @@ class Manipulator(Behaviour):
         self._guards = {r: CommandGuard(cell.arm(r).limits, cell.arm(r).joint_names) for r in ROLES}
         self._ids: dict[str, tuple[int, int]] = dict.fromkeys(ROLES, (0, 0))
         self._action: tuple[Any, np.ndarray] | None = None  # request and tip before it
-        self._residual_version = 0
         self._rejected = 0
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
         if topic in JOINTS:
             self._tick(JOINTS[topic], message)
-        elif topic == WEIGHTS:
-            self._on_weights(message)
         else:
             role = "tool_arm" if topic == ACTION else "camera_arm" if topic == TARGET else TRAJECTORY[topic]
             if topic in (ACTION, TARGET):
@@ -106,7 +102,6 @@ class Manipulator(Behaviour):
         return {
             **{f"{role}_moving": str(arm.busy).lower() for role, arm in self._arms.items()},
             "rejected": str(self._rejected),
-            "residual_version": str(self._residual_version),
         }
 
     def _tick(self, role: str, message: Any) -> None:
@@ -185,15 +180,6 @@ class Manipulator(Behaviour):
             present_position=arm.commanded,
         )
         arm.move([p.position for p in accepted])
-
-    def _on_weights(self, message: Any) -> None:
-        try:
-            version = int(json.loads(message.data)["version"])
-        except (ValueError, KeyError, TypeError) as error:
-            raise InputError(f"cannot read {WEIGHTS} ({error!r}); see msgs_docs/topics.md") from error
-        if version != 0:
-            raise InputError(f"residual version {version} cannot be applied here; only 0 (zero) is known")
-        self._residual_version = version
 
     def _ready(self, role: str) -> ArmMotion:
         if self._arms[role].reading is None:

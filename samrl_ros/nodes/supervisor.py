@@ -10,6 +10,7 @@ from samrl_msgs.msg import MotionStatus, Outcome, StepRequest
 from samrl_msgs.srv import StartEpisode
 from std_msgs.msg import String
 
+from samrl_core.agent.loop import LoopSettings, LoopState, stage_after_update
 from samrl_core.errors import InputError
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.cell import default_cell
@@ -38,6 +39,7 @@ class SupervisorSettings:
     seed: int = setting(0, "seed of the first episode; each next one adds 1", range=(0, 2**31 - 1))
     max_actions: int = setting(0, "actions per episode, 0 for the task's own limit", range=(0, 100_000))
     view_period: int = setting(3, "actions from one search for a better view to the next", range=(1, 1000))
+    looks: int = setting(1, "camera moves in one search; after each the model is updated", range=(1, 20))
     max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
     retry_period: float = setting(
         3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0)
@@ -65,14 +67,19 @@ class Supervisor(Behaviour):
         self._parameters = tuple(spec.name for spec in self._task.parameters())
         self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._tip_in_flange = tool.tip_in_flange
-        self._max_actions = settings.max_actions or self._task.max_actions
+        self._loop = LoopSettings(
+            settings.max_actions or self._task.max_actions,
+            settings.view_period,
+            settings.looks,
+            settings.max_lost_updates,
+        )
         self._episode = -1
         self._step = 0
         self._waiting_for = "start"
         self._asked_ns = self._published_ns = 0
         self._now_ns = 0
         self._tip = np.zeros(3)
-        self._viewed_step = -1
+        self._looked = 0
         self._lost_updates = 0
         self._sigma = float("nan")
         self._successes = 0
@@ -98,7 +105,7 @@ class Supervisor(Behaviour):
         elif topic in STATUS:
             self._on_status(STATUS[topic], message)
         elif topic == EXECUTED and self._due("act", message):
-            self._step += 1
+            self._step, self._looked = self._step + 1, 0
             self._ask("update")
 
     def status(self) -> dict[str, str]:
@@ -137,7 +144,7 @@ class Supervisor(Behaviour):
             self._fail(f"the cell is laid out for {message.task!r}, not for {self._task.name!r}")
             return
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
-        self._step, self._viewed_step, self._lost_updates = 0, -1, 0
+        self._step, self._looked, self._lost_updates = 0, 0, 0
         self._mark(f"episode {self._episode}")
         self._ask("update")
 
@@ -146,19 +153,17 @@ class Supervisor(Behaviour):
         values, covariance = from_message.model_values(message, self._parameters)
         self._sigma = float(np.sqrt(np.diag(covariance).max()))
         self._lost_updates = self._lost_updates + 1 if message.why_stopped == "no_target" else 0
-        if self._lost_updates > self._settings.max_lost_updates:
+        state = LoopState(self._step, self._looked, self._lost_updates)
+        stage = stage_after_update(self._task, values, self._tip, state, self._loop)
+        if stage == "lost":
             self._end(False, f"error: target not seen in {self._lost_updates} updates in a row")
-        elif self._task.is_done(values, self._tip):
-            self._end(True, "done")
-        elif self._step >= self._max_actions:
-            self._end(False, "action_limit")
-        elif self._viewed_step < self._step and self._step % self._settings.view_period == 0:
-            self._ask("view")
+        elif stage in ("view", "act"):
+            self._ask(stage)
         else:
-            self._ask("act")
+            self._end(stage == "done", stage)
 
     def _on_view(self, message: Any) -> None:
-        self._viewed_step = self._step
+        self._looked += 1
         if message.move:
             self._waiting_for = "camera"
             self._mark("look")

@@ -1,35 +1,36 @@
-"""Updated model in, next view and nominal action out (Algorithm 1, lines 4-15).
-
-What the paper learns is computed from the model for now: the view by expected information through the
-renderer, the action by a trajectory optimised with sub-goals (eqs. 18-22).
-"""
+"""Updated model in, next view and action out (Algorithm 1, lines 4-15 and 18)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from samrl_msgs.msg import ToolAction, ViewTarget
 
-from samrl_core.errors import InputError, SolveError
+from samrl_core.agent.acting import Acting
+from samrl_core.agent.looking import Looking
+from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
+from samrl_core.errors import InputError
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
-from samrl_core.robots.robot import ROLES
 from samrl_core.tasks import task_named
-from samrl_core.trajectory import TrajectorySettings, optimise
-from samrl_core.types.observation import ArmReading
-from samrl_core.view_planning import ViewChoice, ViewPlanner
+from samrl_core.trajectory import TrajectorySettings
+from samrl_core.types.observation import Observation
+from samrl_ros import assembly
 from samrl_ros.behaviour import Behaviour, Outbox
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.conversions.model_state import from_state
 from samrl_ros.settings import setting
-from samrl_ros.topics import arm_topic, cell_topic
+from samrl_ros.topics import cell_topic
 
 READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
-STATE = cell_topic("model_updater/state")
+STATE, WEIGHTS = cell_topic("model_updater/state"), cell_topic("residual_trainer/weights")
 TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
-JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
+
+_KEPT = 4  # images after a request: the updater takes the first that it can use, one of these
 
 
 @dataclass(frozen=True)
@@ -37,18 +38,35 @@ class ViewPlannerSettings:
     """Settings of `view_planner`."""
 
     task: str = setting("peg_insertion", "task whose scene the model holds")
-    strategy: str = setting("best", "how the view is chosen", choices=("best", "fixed", "random"))
-    seed: int = setting(0, "seed of the random strategy", range=(0, 2**31 - 1))
+    policy: str = setting(
+        DEFAULT_POLICY,
+        "nominal action: of the trained actor, or of a plan through the model",
+        choices=POLICIES,
+    )
+    strategy: str = setting(
+        STRATEGY_OF[DEFAULT_POLICY],
+        "how the view is chosen: ascent of the trained Q, expected information, stay, or at random",
+        choices=STRATEGIES,
+    )
+    weights: str = setting("", "folder of the trained networks, empty for those of the package")
+    seed: int = setting(0, "seed of the random strategy and of exploration", range=(0, 2**31 - 1))
     horizon: int = setting(
         3, "sub-goals that are planned for; only the first action is executed", range=(1, 60)
     )
+    exploration: float = setting(
+        0.0, "standard deviation of what is added to the residual while it is trained", "m", (0.0, 0.005)
+    )
+    exploration_limit: float = setting(
+        0.003, "longest residual tried before the trainer has one; as its `limit`", "m", (1e-4, 0.02)
+    )
+    max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
 
 
 class ViewPlannerNode(Behaviour):
-    """Answers "view" and "act" requests from the newest model state and joint readings."""
+    """Answers "view" and "act" requests from the model state and the image that it was updated with."""
 
     name = "view_planner"
-    inputs = (READY, REQUEST, STATE, *JOINTS)
+    inputs = (READY, REQUEST, STATE, WEIGHTS, *assembly.INPUTS)
     outputs = (TARGET, ACTION)
 
     def __init__(self, settings: ViewPlannerSettings, outbox: Outbox) -> None:
@@ -58,67 +76,119 @@ class ViewPlannerNode(Behaviour):
         cell = default_cell()
         self._cell = cell
         self._parameters = tuple(spec.name for spec in self._task.parameters())
-        self._model = Model(self._task, cell)
-        self._planner = ViewPlanner(self._model, cell, self._task)
-        self._horizon = TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1)
-        self._rng = np.random.default_rng(settings.seed)
+        model = Model(self._task, cell)
+        agent = AgentSettings(
+            policy=settings.policy,
+            strategy=settings.strategy,
+            seed=settings.seed,
+            exploration=settings.exploration,
+            exploration_limit=settings.exploration_limit,
+            plan=TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1),
+        )
+        folder = Path(settings.weights) if settings.weights else None
+        networks = trained_networks(self._task.name, cell, folder) if agent.needs_networks else None
+        self._looking = Looking(model, agent, networks)
+        self._acting = Acting(model, agent, networks, lambda text: outbox.log("error", text))
+        self._frames = assembly.PatientAssembler(cell, settings.max_bad_frames, outbox.log)
+        self._observations: list[Observation] = []  # since the newest update was asked for
+        self._wanted_since_ns = 0
+        self._wanted_more = 0  # images
         self._state: Any = None
         self._request: Any = None
-        self._readings: dict[str, ArmReading] = {}
         self._moves = 0
+        self._residual_version = 0
 
     def start(self) -> None:
         """See `Behaviour`: reachable views and compiled physics are there before the first request."""
-        self._planner.prepare()
-        self._model.dynamics.prepare()
+        self._looking.prepare()
+        self._acting.prepare()
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
-        if topic in JOINTS:
-            role = JOINTS[topic]
-            self._readings[role] = from_message.arm_reading(message, self._cell.arm(role).joint_names)
+        if topic == WEIGHTS:
+            self._on_weights(message)
         elif topic == READY:
             self._state = self._request = None
+            self._observations, self._wanted_more = [], 0
         elif topic == STATE:
             from_message.model_values(message, self._parameters)  # refused on arrival, not when it is used
             self._state = message
-        elif message.stage in ("view", "act"):
-            self._request = message
+        elif topic == REQUEST:
+            self._on_request(message)
+        else:
+            observation = self._frames.take(topic, message, self._wanted)
+            if observation is not None:
+                self._wanted_more -= 1
+                self._observations.append(observation)
         self._answer()
 
     def status(self) -> dict[str, str]:
         """See `Behaviour`."""
-        return {"views_chosen": str(self._moves), "strategy": self._settings.strategy}
+        return {
+            "views_chosen": str(self._moves),
+            "policy": self._settings.policy,
+            "strategy": self._settings.strategy,
+            "residual_version": str(self._residual_version),
+            "bad_frames_in_a_row": str(self._frames.bad_frames),
+        }
+
+    def _on_request(self, message: Any) -> None:
+        asked_ns = from_message.stamp_ns(message)
+        if message.stage in ("view", "act"):
+            self._request = message
+        elif asked_ns != self._wanted_since_ns:  # else asked again: the updater may have its image already
+            self._observations = []
+        self._wanted_since_ns, self._wanted_more = asked_ns, _KEPT
+
+    def _wanted(self, stamp_ns: int) -> bool:
+        return self._wanted_more > 0 and stamp_ns >= self._wanted_since_ns
+
+    def _on_weights(self, message: Any) -> None:
+        announced = from_message.announced_weights(message.data)
+        if announced.version == 0:
+            self._acting.residual = None
+        else:
+            if announced.task != self._task.name:
+                raise InputError(
+                    f"residual of task {announced.task!r} announced, this cell runs {self._task.name!r}; "
+                    "give all nodes one task"
+                )
+            self._acting.residual = announced_residual(
+                announced.file, announced.sha256, self._task.name, self._cell
+            )
+        self._residual_version = announced.version
 
     def _answer(self) -> None:
-        """Answer once request, model state of the same step, and fresh joint readings are all there.
+        """Answer once request, model state of the same step, and an image are all there.
 
         They come on different topics, so their order of arrival is not given.
         """
         request, state = self._request, self._state
-        if request is None or state is None or len(self._readings) < len(ROLES):
+        if request is None or state is None:
             return
         if (state.episode, state.step) != (request.episode, request.step):
             return
-        asked_ns = from_message.stamp_ns(request)
-        if from_message.stamp_ns(state) > asked_ns:
+        if from_message.stamp_ns(state) > from_message.stamp_ns(request):
             raise InputError("model state is newer than the request that follows it; clocks disagree")
-        if any(reading.stamp_ns < asked_ns for reading in self._readings.values()):
+        observation = self._observation(request, state)
+        if observation is None:
             return
         self._request = None
         if request.stage == "view":
-            self._view(request, state)
+            self._view(request, state, observation)
         else:
-            self._act(request, state)
+            self._act(request, state, observation)
 
-    def _view(self, request: Any, state: Any) -> None:
-        choice: ViewChoice = self._planner.plan(
-            from_state(state),
-            self._readings["tool_arm"].position,
-            self._readings["camera_arm"].position,
-            strategy=self._settings.strategy,
-            rng=self._rng,
-        )
+    def _observation(self, request: Any, state: Any) -> Observation | None:
+        """The one that the state was updated with; or, where it was lost on the way here, a newer one."""
+        updated_ns, asked_ns = from_message.stamp_ns(state), from_message.stamp_ns(request)
+        for one in self._observations:
+            if one.stamp_ns == updated_ns or one.stamp_ns >= asked_ns:
+                return one
+        return None
+
+    def _view(self, request: Any, state: Any, observation: Observation) -> None:
+        choice = self._looking.choose(from_state(state), observation)
         self._moves += int(choice.move)
         message = ViewTarget(header=state.header, episode=request.episode, step=request.step)
         message.move = bool(choice.move)
@@ -130,26 +200,11 @@ class ViewPlannerNode(Behaviour):
         message.reason = choice.reason
         self._outbox.publish(TARGET, message)
 
-    def _act(self, request: Any, state: Any) -> None:
-        values = np.array(state.values)
-        tip = self._model.tip_in_base(self._readings["tool_arm"].position).position
-        message = ToolAction(header=state.header, episode=request.episode, step=request.step)
-        message.sub_goal, nominal = self._action(values, tip)
-        message.nominal = to_message.vector(nominal)
+    def _act(self, request: Any, state: Any, observation: Observation) -> None:
+        choice = self._acting.choose(from_state(state), observation)
+        header = to_message.header(observation.stamp_ns, "world")
+        message = ToolAction(header=header, episode=request.episode, step=request.step)
+        message.sub_goal = choice.sub_goal
+        message.nominal = to_message.vector(choice.nominal)
+        message.residual = to_message.vector(choice.residual)
         self._outbox.publish(ACTION, message)
-
-    def _action(self, values: np.ndarray, tip: np.ndarray) -> tuple[str, np.ndarray]:
-        """Name of the next sub-goal, and the first action (3,) [m] towards it; "none" and 0 when done."""
-        dynamics = self._model.dynamics
-        try:
-            plan = optimise(dynamics, self._task, dynamics.start(values, tip), self._horizon)
-        except SolveError as error:
-            self._outbox.log("error", f"no plan, straight to the next sub-goal instead: {error}")
-            goals = self._task.sub_goals(values, tip)
-            if not goals:
-                return "none", np.zeros(3)
-            way = goals[0].tip_position - tip
-            return goals[0].name, way * min(1.0, goals[0].max_step / max(float(np.linalg.norm(way)), 1e-9))
-        if not plan.sub_goals:
-            return "none", np.zeros(3)
-        return plan.sub_goals[0], plan.actions[0]

@@ -27,6 +27,9 @@ def refused(capfd: pytest.CaptureFixture[str], arguments: list[str], code: int =
     [
         (["--task", "nope"], 3, ("'nope'", "peg_insertion")),
         (["--strategy", "nope"], 3, ("'nope'", "best, fixed, random")),
+        (["--policy", "nope"], 3, ("'nope'", "learned, optimised")),
+        (["--policy", "learned", "--weights", "/no/such"], 3, ("sim_actor", "--strategy best, which need")),
+        (["--strategy", "q", "--weights", "/no/such"], 3, ("/no/such", "--policy optimised")),
         (["--world", "nope"], 3, ("'nope'", "pybullet, mock")),
         (["--layout", "nope"], 3, ("'nope'", "split, processes, threads")),
         (["--episodes", "0"], 2, ("--episodes", "1")),
@@ -89,6 +92,19 @@ def test_all_defaults_as_a_parameter_file_change_nothing(tmp_path: Path) -> None
         for key, value in body["ros__parameters"].items():
             expected = str(value).replace("/without/", "/with/") if isinstance(value, str) else value
             assert runs["with"][node]["ros__parameters"][key] == expected
+
+
+def test_a_policy_brings_its_strategy(tmp_path: Path) -> None:
+    from samrl_ros.cell_options import CellOptions, prepare
+
+    def options(**given: str) -> CellOptions:
+        return CellOptions(task="peg_insertion", episodes=1, seed=0, out=tmp_path / "out", **given)
+
+    assert options(policy="learned").strategy == "q"
+    assert options(policy="optimised").strategy == "best"
+    asked = options(policy="optimised", strategy="fixed")
+    written = yaml.safe_load(prepare(asked).read_text())["/cell/view_planner"]["ros__parameters"]
+    assert (written["policy"], written["strategy"], written["weights"]) == ("optimised", "fixed", "")
 
 
 def test_an_out_folder_in_use_is_not_touched(tmp_path: Path, capfd: Any) -> None:

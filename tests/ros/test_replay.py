@@ -8,26 +8,14 @@ from typing import Any
 import pytest
 
 from samrl_core.errors import InputError
-from samrl_ros.bags.qos import topic_qos
 from samrl_ros.bags.reader import open_bag
-from samrl_ros.bags.writer import BagWriter
-from samrl_ros.topics import TOPICS, cell_topic
+from samrl_ros.topics import cell_topic
+from tests.ros.bag_files import record
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 STATE, ACTION = cell_topic("model_updater/state"), cell_topic("view_planner/nominal_action")
 SUPERVISOR = {"seed": 1, "max_actions": 3, "view_period": 100}  # as the run was made
-
-
-def record(folder: Path, messages: list[tuple[int, str, Any]]) -> Path:
-    """Messages of a run as a bag."""
-    from rclpy.serialization import serialize_message
-
-    with BagWriter(folder) as bag:
-        for time_ns, topic, message in messages:
-            bag.add_topic(topic, TOPICS[topic].type, topic_qos(topic))
-            bag.write(topic, time_ns, serialize_message(message))
-    return folder
 
 
 def makers(*names: str) -> dict[str, Any]:

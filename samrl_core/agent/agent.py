@@ -1,0 +1,109 @@
+"""The parts of Algorithm 1 on one model, and its loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from samrl_core.agent.acting import Acting, ActionChoice
+from samrl_core.agent.looking import Looking
+from samrl_core.agent.loop import LoopSettings, LoopState, Stage, stage_after_update
+from samrl_core.agent.settings import AgentSettings, Tell, silent
+from samrl_core.agent.updating import Updating
+from samrl_core.learn.sensing_value import Networks
+from samrl_core.model.model import Model
+from samrl_core.real2sim import Estimate
+from samrl_core.types.observation import Observation
+
+
+class Agent:
+    """Updates, looks and acts."""
+
+    def __init__(
+        self,
+        model: Model,
+        settings: AgentSettings | None = None,
+        networks: Networks | None = None,
+        tell: Tell = silent,
+    ) -> None:
+        """`networks` where the settings need them, as from `trained_networks`.
+
+        Raises:
+            InputError: they are needed and not there.
+        """
+        self.model, self.settings = model, settings or AgentSettings()
+        self.updating = Updating(model, self.settings.update, tell)
+        self.looking = Looking(model, self.settings, networks)
+        self.acting = Acting(model, self.settings, networks, tell)
+
+    def prepare(self) -> None:
+        """Compile and solve what the first step would wait for."""
+        self.updating.prepare()
+        self.looking.prepare()
+        self.acting.prepare()
+
+
+class Plant(Protocol):
+    """A cell as Algorithm 1 needs it: nothing but sensors and motions."""
+
+    def observe(self) -> Observation:
+        """Cam(P): an image and joints of now, with everything at rest."""
+        ...
+
+    def look_from(self, camera_arm_position: np.ndarray, /) -> None:
+        """Move the camera arm there (J,) [rad] and wait until it rests."""
+        ...
+
+    def displace_tool(self, displacement: np.ndarray, /) -> None:
+        """Move the tool's tip (3,) in the tool arm's base frame [m] and wait until it rests."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One action of an episode, as line 20 stores it."""
+
+    observation: Observation  # before the action
+    estimate: Estimate  # line 16's data: states that the model was in
+    choice: ActionChoice
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """What `run_episode` did."""
+
+    steps: tuple[Step, ...]
+    last: Observation
+    estimate: Estimate  # after the last update
+    ended: Stage  # "done": as the model believes; truth is for evaluation to ask
+
+
+def run_episode(agent: Agent, plant: Plant, settings: LoopSettings | None = None) -> Episode:
+    """Algorithm 1 from line 1 on, until the model believes that the task is done, or a limit."""
+    task = agent.model.task
+    loop = settings or LoopSettings(task.max_actions)
+    agent.updating.begin()
+    state = LoopState()
+    steps: list[Step] = []
+    while True:
+        observation = plant.observe()
+        estimate = agent.updating.update(observation)
+        lost = state.lost_updates + 1 if estimate.why_stopped == "no_target" else 0
+        state = replace(state, lost_updates=lost)
+        tip = agent.model.tip_in_base(observation.tool_arm.position).position
+        stage = stage_after_update(task, estimate.values, tip, state, loop)
+        if stage == "view":
+            view = agent.looking.choose(estimate, observation)
+            if view.move:
+                plant.look_from(view.joint_position)
+                state = replace(state, looked=state.looked + 1)
+                continue
+            stage = "act"
+        if stage != "act":
+            return Episode(tuple(steps), observation, estimate, stage)
+        choice = agent.acting.choose(estimate, observation)
+        plant.displace_tool(choice.displacement)
+        steps.append(Step(observation, estimate, choice))
+        state = LoopState(step=state.step + 1, lost_updates=state.lost_updates)

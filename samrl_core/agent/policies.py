@@ -1,0 +1,14 @@
+"""Names of what the cell can be told to do, and what it does when told nothing; free of imports."""
+
+POLICIES = ("learned", "optimised")  # nominal action: of the trained actor, or of a plan through the model
+STRATEGIES = (
+    "q",
+    "best",
+    "fixed",
+    "random",
+)  # view: ascent of the learned Q, expected information, none, any
+
+# The strategy that goes with a policy unless another one is asked for.
+STRATEGY_OF = {"learned": "q", "optimised": "best"}
+
+DEFAULT_POLICY = "optimised"  # needs no trained weights

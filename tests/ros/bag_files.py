@@ -1,0 +1,21 @@
+"""Messages of a run as a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from samrl_ros.bags.qos import topic_qos
+from samrl_ros.bags.writer import BagWriter
+from samrl_ros.topics import TOPICS
+
+
+def record(folder: Path, messages: list[tuple[int, str, Any]]) -> Path:
+    """Write messages, each with its time [ns] and topic."""
+    from rclpy.serialization import serialize_message
+
+    with BagWriter(folder) as bag:
+        for time_ns, topic, message in messages:
+            bag.add_topic(topic, TOPICS[topic].type, topic_qos(topic))
+            bag.write(topic, time_ns, serialize_message(message))
+    return folder

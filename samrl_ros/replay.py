@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.report.json_report import write_whole
+from samrl_core.whole_file import write_whole
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.behaviour import Behaviour
 from samrl_ros.message_types import message_class

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.report.json_report import write_whole
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
+from samrl_core.whole_file import write_whole
 from samrl_core.world.evaluation import ending_of, read_truth
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.recorder import header_stamp_ns

@@ -16,7 +16,7 @@ import torch
 
 from samrl_core.benchmarks import agreement, batches
 from samrl_core.benchmarks.plots import rate_picture
-from samrl_core.report.json_report import write_whole
+from samrl_core.whole_file import write_whole
 
 BATCHES = (1, 64, 1024, 8192)
 ROUNDS = 7

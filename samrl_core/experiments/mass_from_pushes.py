@@ -26,9 +26,9 @@ from samrl_core.attributes.push_record import Disc, PushRecord
 from samrl_core.errors import InputError
 from samrl_core.experiments.mass_picture import write_picture
 from samrl_core.experiments.push_driver import PushDriver, PushSettings
-from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
+from samrl_core.whole_file import write_whole
 from samrl_core.world.pose_sensor import PoseSensor
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.table import TABLE_FRICTION

@@ -31,12 +31,12 @@ from samrl_core.fusion.chamfer import Chamfer, Surface, chamfer, surface_samples
 from samrl_core.fusion.fuse import FusedMesh, FusionSettings, fuse
 from samrl_core.fusion.masked_view import MaskedView
 from samrl_core.fusion.refine import MeshRenderer, RefineSettings, refine
-from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.types.camera import Camera, Intrinsics
 from samrl_core.types.pose import look_at
 from samrl_core.types.scene import Body
+from samrl_core.whole_file import write_whole
 from samrl_core.world.body_photos import BodyPhotos
 
 TARGET_M = 0.003  # chamfer distance

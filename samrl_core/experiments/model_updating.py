@@ -29,11 +29,11 @@ from samrl_core.experiments.model_updating_picture import write_picture
 from samrl_core.inverse.pose_fit import PoseFitSettings
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
-from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.needle_threading.task import NeedleThreading
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.types.observation import Observation
+from samrl_core.whole_file import write_whole
 from samrl_core.world.evaluation import true_values
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.world import Truth

@@ -22,10 +22,10 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.cell_driver import CellDriver
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Real2Sim, initial_estimate
-from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.view_planning import STRATEGIES, ViewPlanner
+from samrl_core.whole_file import write_whole
 from samrl_core.world.pybullet_world import PyBulletWorld
 
 

@@ -11,7 +11,7 @@ import torch
 from safetensors import SafetensorError
 
 from samrl_core.errors import InputError
-from samrl_core.learn.whole_file import write_whole
+from samrl_core.whole_file import write_whole
 
 _ENTRY = "samrl_checkpoint"  # of the file's metadata
 

@@ -23,7 +23,7 @@ from samrl_core.errors import InputError, SolveError
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learn.fit_settings import FitResult, FitSettings
 from samrl_core.learn.samples import Samples
-from samrl_core.learn.whole_file import write_whole
+from samrl_core.whole_file import write_whole
 
 Batch = dict[str, torch.Tensor]
 # Per-sample values (B,) of a batch, among them `loss`, whose mean is made small. The others are reported

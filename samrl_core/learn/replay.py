@@ -20,9 +20,9 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.learn.packed_images import packed_depth, poses_as_rows
-from samrl_core.learn.whole_file import write_whole
 from samrl_core.types.camera import Intrinsics
 from samrl_core.types.pose import Pose
+from samrl_core.whole_file import write_whole
 
 MAGIC = b"samrl-replay-1\n"
 HEADER_BYTES = 4096  # a page, so that slots begin on one

@@ -22,8 +22,8 @@ from samrl_core.learn.replay import End, Replay, ReplayInfo
 from samrl_core.learn.residual import Figures, ResidualLearner, ResidualSettings
 from samrl_core.learn.transitions import Transitions, draw_batch, transitions_of
 from samrl_core.learn.weights import WeightsInfo, save_weights, sha256_of
-from samrl_core.learn.whole_file import write_whole
 from samrl_core.robots.robot import CellSpec
+from samrl_core.whole_file import write_whole
 
 KIND = "residual_training"
 KEPT_VERSIONS = 5  # of the weight files; readers load the newest when it is announced

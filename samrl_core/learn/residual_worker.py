@@ -19,8 +19,8 @@ import torch
 from samrl_core.errors import InputError, SamrlError
 from samrl_core.learn.residual import ResidualSettings
 from samrl_core.learn.residual_training import ResidualTraining, TrainingSettings
-from samrl_core.learn.whole_file import write_whole
 from samrl_core.robots.cell import default_cell
+from samrl_core.whole_file import write_whole
 
 NICENESS = 10  # of 19: control goes first, the rest of the computer as well
 REFUSED = 3  # exit code: the error says why

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.learn.whole_file import write_whole
 from samrl_core.types.camera import Intrinsics
+from samrl_core.whole_file import write_whole
 
 FORMAT = 1
 MANIFEST = "manifest.json"

@@ -38,10 +38,10 @@ from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
 from samrl_core.learn.weights import WeightsInfo, save_weights
-from samrl_core.learn.whole_file import write_whole
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
+from samrl_core.whole_file import write_whole
 
 Tell = Callable[[str, dict[str, float]], None]  # stage, its figures so far
 CONFIG, SUMMARY = "train.json", "summary.json"

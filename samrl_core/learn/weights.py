@@ -21,9 +21,9 @@ from torch import nn
 
 from samrl_core.errors import InputError
 from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor, TwinCritic
-from samrl_core.learn.whole_file import write_whole
 from samrl_core.robots.robot import CellSpec
 from samrl_core.types.camera import Intrinsics
+from samrl_core.whole_file import write_whole
 
 Kind = Literal["sim_actor", "sensing_q", "residual_actor", "twin_critic"]
 FORMAT = 1

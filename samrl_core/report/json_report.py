@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import numpy as np
 from samrl_core.diagnosis.result import Diagnosis, HeldOutGap, NamedEffect
 from samrl_core.errors import InputError
 from samrl_core.report.report_schema import SCHEMA, check_report
+from samrl_core.whole_file import write_whole
 
 _NO_GAP = HeldOutGap("", "", math.nan, None, None, None, None, None, None)
 
@@ -117,19 +117,6 @@ def read_report(path: Path) -> dict:
         raise InputError(f"cannot read the report {path}: {error}") from error
     check_report(report)
     return report
-
-
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write beside `path`, flush to disk, then rename over it; nothing is left behind if that fails."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with temporary.open("wb") as stream:
-            stream.write(content.encode("utf-8") if isinstance(content, str) else content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _effect(e: NamedEffect) -> dict:

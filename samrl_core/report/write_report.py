@@ -9,8 +9,9 @@ import yaml
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_core.errors import InputError
 from samrl_core.report.html_report import to_html
-from samrl_core.report.json_report import to_json, write_json, write_whole
+from samrl_core.report.json_report import to_json, write_json
 from samrl_core.report.summary_picture import to_png
+from samrl_core.whole_file import write_whole
 
 
 def write_report(diagnosis: Diagnosis, folder: Path) -> list[Path]:

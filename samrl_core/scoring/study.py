@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.report.json_report import write_whole
+from samrl_core.whole_file import write_whole
 
 SETS = ("A", "B", "C")  # C is held out
 PLAN = "plan.json"

@@ -6,16 +6,17 @@ import os
 from pathlib import Path
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file so that at any instant `path` holds the old content or the new one.
 
-    The folder is made if it is missing. The content is on the disk before it gets its name.
+    The folder is made if it is missing; text is written as UTF-8. The content is on the disk before it gets
+    its name.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     half = path.with_name(f"{path.name}.{os.getpid()}.half")
     try:
         with half.open("wb") as file:
-            file.write(content)
+            file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
         half.replace(path)

@@ -65,7 +65,7 @@ class WeightsInfo:
 
 def shipped(task: str, kind: Kind) -> Path:
     """Where the package keeps the weights of a task; the file may not be there."""
-    return Path(__file__).parent / "weights" / f"{task}_{kind}.safetensors"
+    return Path(__file__).parent / "trained" / f"{task}_{kind}.safetensors"
 
 
 def sha256_of(path: Path) -> str:

@@ -148,4 +148,4 @@ def test_what_must_not_be_saved_is_refused_and_leaves_the_old_file(file: Path) -
 
 def test_shipped_files_are_named_by_task_and_kind() -> None:
     assert shipped("peg_insertion", "sim_actor").name == "peg_insertion_sim_actor.safetensors"
-    assert shipped("peg_insertion", "sim_actor").parent.name == "weights"
+    assert shipped("peg_insertion", "sim_actor").parent.name == "trained"

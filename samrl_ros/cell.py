@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -22,6 +23,7 @@ __all__ = ["CellOptions", "run_cell", "main"]
 
 SETTLING_S = 0.5  # wall time in which the last messages reach the recorder
 BRAKING_S = 2.0  # wall time in which the bridge brakes arms whose commands ceased, and the recorder sees it
+DISCOVERY_S = 1.0  # wall time in which whoever is in the ROS domain already is heard of
 START_TIMEOUT_S = 180.0  # wall time until all nodes are active; the first compiles the renderer's kernels
 
 
@@ -47,6 +49,7 @@ def run_cell(
     from samrl_ros.node_kit.host import check_ros_arguments, start_ros, stop_ros, stop_signals
 
     check_ros_arguments(options.node_args)
+    _refuse_taken_domain()
     params = prepare(options)
     arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
     with stop_signals() as stop:
@@ -66,6 +69,35 @@ def run_cell(
         # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
         _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, screen)
     return code
+
+
+def _refuse_taken_domain() -> None:
+    """Two cells in one ROS domain would command each other's arms; the guard stops both in mid-motion.
+
+    Raises:
+        InputError: somebody publishes joint states of the tool arm already.
+    """
+    from samrl_ros.monitor import Monitor
+    from samrl_ros.node_kit.host import start_ros, stop_ros
+
+    start_ros([sys.argv[0]])
+    try:
+        monitor = Monitor()
+        try:
+            deadline = time.monotonic() + DISCOVERY_S
+            while time.monotonic() < deadline and not monitor.is_taken():
+                monitor.spin()
+            taken = monitor.is_taken()
+        finally:
+            monitor.close()
+    finally:
+        stop_ros()
+    if taken:
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        raise InputError(
+            f"another cell or driver publishes joint states in ROS domain {domain}; stop it, or set "
+            f"ROS_DOMAIN_ID to a number of its own (0 to 101) for this cell"
+        )
 
 
 def _watch_run(

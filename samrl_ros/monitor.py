@@ -70,6 +70,10 @@ class Monitor:
         """Take in what has come."""
         self._executor.spin_once(timeout_sec=timeout_s)
 
+    def is_taken(self) -> bool:
+        """Whether somebody publishes joint states already: another cell, or a driver, in this ROS domain."""
+        return self.watch.last_joints > 0.0 or self._node.count_publishers(JOINTS) > 0
+
     def is_active(self, node: str) -> bool:
         """Whether a node has reported itself active."""
         figures = self.watch.nodes.get(f"{NAMESPACE}/{node}")

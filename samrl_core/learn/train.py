@@ -45,6 +45,7 @@ from samrl_core.whole_file import write_whole
 
 Tell = Callable[[str, dict[str, float]], None]  # stage, its figures so far
 CONFIG, SUMMARY = "train.json", "summary.json"
+_LEVELS = 4  # of noise on the actions of Q's episodes, from none
 _STREAMS = {"round": 1, "episodes": 2, "judged": 3}  # one source of randomness each, besides the states'
 
 
@@ -180,7 +181,7 @@ class _Training:
         _write(path, {name: array[left] for name, array in rows.items()})
 
     def _episodes(self, actor: SimActor) -> list[dict[str, np.ndarray]]:
-        """For Q: half of them with noise on the actions, so that it also sees bad ones; views are held."""
+        """For Q: with more and more noise on the actions, so that it also sees bad ones; views are held."""
         s = self.settings
         paths = [self.folder / "episodes" / f"{k:04d}.npz" for k in range(len(self._sizes(s.episodes)))]
         missing = [k for k, path in enumerate(paths) if not path.exists()]
@@ -189,7 +190,7 @@ class _Training:
                 (_STREAMS["episodes"], k),
                 self._sizes(s.episodes)[k],
                 True,
-                s.action_noise if k % 2 else 0.0,
+                s.action_noise * (k % _LEVELS) / (_LEVELS - 1),
                 noisy=True,
             )
             for k in missing
@@ -204,8 +205,13 @@ class _Training:
 
     def _q(self, groups: list[dict[str, np.ndarray]]) -> tuple[SensingQ, dict[str, float]]:
         s = self.settings
-        kept = max(1, round((1 - s.validation) * len(groups))) if len(groups) > 1 else 1
-        parts = (groups[:kept], groups[kept:] or groups[-1:])
+        looked_at = max(_LEVELS, round(s.validation * len(groups)))  # of each level of noise
+        if len(groups) <= looked_at:
+            raise InputError(
+                f"{len(groups)} groups of episodes for Q, {looked_at} of them to validate; at least "
+                f"{looked_at + 1} are needed: ask for more episodes than {looked_at * s.group}"
+            )
+        parts = (groups[:-looked_at], groups[-looked_at:])
         train, validation = (self._samples(_of_returns(part), 3 + i) for i, part in enumerate(parts))
         fit = replace(s.q, seed=s.seed, device=s.device)
         q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"))

@@ -23,7 +23,7 @@ class TrainSettings:
     rounds: int = 1  # of DAgger: the actor's own states are labelled and added (Ross et al. 2011)
     round_episodes: int = 128  # of each round, half of them with a view held
     episodes: int = 512  # for Q (eq. 24), each with a view held
-    action_noise: float = 0.3  # of the noisy half of them, per axis, standard deviation [action limits]
+    action_noise: float = 0.3  # most of theirs, per axis, standard deviation [action limits]
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
     max_actions: int = 0  # of an episode; 0 takes the task's

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,25 @@ def test_an_option_that_does_not_fit(
     said = refused(capfd, ["cell", "--out", str(out), *options], code)
     assert all(word in said for word in words), said
     assert not out.exists()
+
+
+def test_a_ros_domain_with_a_cell_in_it(tmp_path: Path, capfd: Any) -> None:
+    """Two cells would command each other's arms."""
+    script = tmp_path / "other.py"
+    script.write_text(
+        "import rclpy, time\nfrom sensor_msgs.msg import JointState\n"
+        "from samrl_ros.node_kit.host import start_ros\nstart_ros(['other'])\n"
+        "node = rclpy.create_node('other')\n"
+        "publisher = node.create_publisher(JointState, '/cell/tool_arm/joint_states', 1)\n"
+        "print('there', flush=True)\ntime.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE) as other:
+        try:
+            assert other.stdout is not None and other.stdout.readline() == b"there\n", other.poll()
+            said = refused(capfd, ["cell", "--out", str(tmp_path / "out")])
+        finally:
+            other.kill()
+    assert "ROS_DOMAIN_ID" in said and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ SMALL = TrainSettings(
     states=100,
     rounds=1,
     round_episodes=2,
-    episodes=4,
+    episodes=10,
     judged=1,
     group=2,
     actor=FitSettings(epochs=1, batch_size=16),

@@ -58,7 +58,8 @@ class IdentifySettings:
     priors: Priors = field(default_factory=Priors)
     wander: WanderSettings = field(default_factory=WanderSettings)
     contact: ContactSettings = field(default_factory=ContactSettings)
-    solver: LeastSquaresSettings = field(default_factory=LeastSquaresSettings)
+    # A step of 0.3 standard deviations may be left: the step to what the wandering makes of it takes it too.
+    solver: LeastSquaresSettings = field(default_factory=lambda: LeastSquaresSettings(small_gain=0.1))
 
     def __post_init__(self) -> None:
         if not (self.seen_noise > 0 and self.tip_noise > 0 and self.tip_period_s > 0):

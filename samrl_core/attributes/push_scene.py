@@ -48,7 +48,7 @@ class ContactSettings:
     blade_half_height: float = 0.025  # [m]
     # First touch must be smooth over about the way of one step: otherwise it would matter where in a step it
     # falls, the trajectory would follow the disc's start in steps too, and the fit would stop in one of them.
-    touch_softness: float = 2.0e-4  # depth over which first touch is smooth [m]
+    touch_softness: float = 4.0e-4  # depth over which first touch is smooth [m]
     table_stiffness: float = 1.0e4  # per point of the rim [N/m]
     table_dissipation: float = 10.0  # [s/m]
     substeps: int = 1  # of the model in each of the arm's periods

@@ -23,8 +23,8 @@ def write_picture(results: list[dict[str, Any]], path: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(14, 4.5), width_ratios=(1, 1.3, 1.3), layout="constrained")
     for result in results:
         mass = result["case"]["mass"]
-        path = np.concatenate([result["fits"][name]["mass_path_kg"] for name in FITS])
-        error = 100 * np.abs(path / mass - 1)
+        masses = np.concatenate([result["fits"][name]["mass_path_kg"] for name in FITS])
+        error = 100 * np.abs(masses / mass - 1)
         color = "tab:blue" if result["case"]["group"] == "heavy" else "tab:green"
         axes[0].semilogy(np.maximum(error, 0.05), color=color, alpha=0.6, lw=1)
     for limit, style, text in ((20.0, ":", "paper's 20 %"), (5.0, "--", "5 %")):

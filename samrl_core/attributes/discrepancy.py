@@ -5,9 +5,9 @@ friction, and the arm's force while the blade touches, are let wander about thei
 Ornstein-Uhlenbeck processes, anew in each push (Reichert and Mieleitner 2009, stochastic time-dependent
 parameters; the residual's covariance is then that of a model with discrepancy, Kennedy and O'Hagan 2001). How
 much and how slowly they wander is not set but averaged over, each possibility weighted by the probability
-that it gives to the residuals of this recording. Residuals that are white leave only little wandering possible; residuals
-that hang together, or pushes that disagree, widen the interval and take weight from what disagrees. A few
-readings exclude little: then much of the assumed range stays, and the interval is wide.
+that it gives to the residuals of this recording. Residuals that are white leave only little wandering
+possible; residuals that hang together, or pushes that disagree, widen the interval and take weight from what
+disagrees. A few readings exclude little: then much of the assumed range stays, and the interval is wide.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from samrl_core.inverse.group_colors import fused_colors
 from samrl_core.inverse.information import ImageNoise, ViewInformation, fused, newton_step, view_information
 from samrl_core.inverse.minimize import MinimizeSettings, Minimum, minimize
 from samrl_core.inverse.misfit import Losses, Misfit, RealTarget
-from samrl_core.inverse.pose_fit import PoseFitSettings, acts_together, fit_pose
+from samrl_core.inverse.pose_fit import PoseFit, PoseFitSettings, acts_together, fit_pose
 from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.model.model import Model
 from samrl_core.types.observation import Observation
@@ -55,6 +55,7 @@ class Real2SimSettings:
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
     least_thin_pixels: int = 12  # the same of a thread
+    other_face: float = 0.7  # a look-alike is taken when eq. 6, colours as they were, is this much smaller [-]
     coarse_above: float = 0.012  # distance of the clouds above which EMD alone is reduced first [m]
     polish: int = 2  # noise-weighted Newton steps after the descent
     polish_limit: float = 0.1  # longest of them [parameter's scale]
@@ -206,6 +207,7 @@ class Real2Sim:
         fit = fit_pose(
             renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )
+        fit = self._right_face(fit, estimate.colors, renderer, real, misfit, belief)
         pixels = renderer.group_pixels(fit.values, fit.colors)
         known = (estimate.colors, estimate.color_variance)
         colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
@@ -220,6 +222,28 @@ class Real2Sim:
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
             losses, why = (before, before), "diverged"
         return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)
+
+    def _right_face(
+        self,
+        fit: PoseFit,
+        colors: np.ndarray,
+        renderer: TargetRenderer,
+        real: RealTarget,
+        misfit: Misfit,
+        belief: np.ndarray,
+    ) -> PoseFit:
+        """The fit, or that of a look-alike which the colours believed before this image speak for.
+
+        A fit that took the wrong face of a disc paints it in the other's colour, and would be right for ever.
+        """
+        s = self._settings
+        for values in self._model.task.look_alikes(fit.values):
+            least = s.other_face * misfit.losses(fit.values, colors).total
+            if misfit.losses(values, colors).total < least:
+                other = fit_pose(renderer, real, misfit, values, colors, belief, s.noise, s.pose)
+                if misfit.losses(other.values, colors).total < least:
+                    fit = replace(other, evaluations=fit.evaluations + other.evaluations)
+        return fit
 
     def _fit(
         self, misfit: Misfit, values: np.ndarray, colors: np.ndarray, steps: MinimizeSettings

@@ -181,7 +181,7 @@ def _line(episode: dict[str, Any]) -> str:
     estimate, end = episode["estimate_error_before_contact_m"], episode["final_error_m"]
     # Only a target that stands still has one error of its estimate; all tasks have one of their end.
     how_near = (
-        f"hole estimate off by {1e3 * estimate:.2f} mm before contact"
+        f"estimate off by {1e3 * estimate:.2f} mm before contact"
         if math.isfinite(estimate)
         else f"ended {1e3 * end:.1f} mm from the goal"
     )

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.report.json_report import write_whole
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.behaviour import Behaviour
 from samrl_ros.message_types import message_class
@@ -89,10 +90,7 @@ class ReplayReport:
 
     def write(self, path: Path) -> None:
         """As JSON, replacing the file whole."""
-        text = json.dumps({"schema": 1, **self.__dict__}, indent=1)
-        temporary = path.with_suffix(path.suffix + ".part")
-        temporary.write_text(text)
-        temporary.replace(path)
+        write_whole(path, json.dumps({"schema": 1, **self.__dict__}, indent=1))
 
 
 MakeBehaviour = Callable[[RecordingOutbox], Behaviour]

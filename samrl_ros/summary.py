@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.report.json_report import write_whole
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
 from samrl_core.world.evaluation import ending_of, read_truth
@@ -96,9 +97,7 @@ def summarise(
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
     """Write whole or not at all; a number that is not finite becomes null, as JSON has none."""
-    temporary = path.with_suffix(".json.part")
-    temporary.write_text(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
-    temporary.replace(path)
+    write_whole(path, json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
 
 
 def _plain(value: Any) -> Any:

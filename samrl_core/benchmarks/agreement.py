@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from samrl_core.benchmarks.physics_scenes import chain_start, disc_on_plane, free_chain
+from samrl_core.benchmarks.physics_scenes import disc_on_plane, free_chain, moving_start
 from samrl_core.benchmarks.renderer_peers import SCENES, TOWARDS_LIGHT
 from samrl_core.benchmarks.thread_scene import LENS, functionals, rgb_xyz, thread_scene
 from samrl_core.model.light import Light
@@ -32,14 +32,7 @@ def image_gradients(device: str, lit: bool) -> Gradients:
 def motion_gradients(device: str, scene: PhysicsScene, dtype: torch.dtype, steps: int = 30) -> Gradients:
     """Of fixed weights on the last state."""
     model = PhysicsModel(scene, dtype, device)
-    state = model.start_state(1)
-    q, v = state.q.clone(), state.v.clone()
-    if scene.contacts:
-        q[:, 2], v[:, 0] = 0.01, 0.5
-    else:
-        start = [torch.as_tensor(x, dtype=dtype, device=device) for x in chain_start()]
-        q[:], v[:] = start[0], start[1]
-    values = {"q": q, "v": v} | dict(vars(model.parameters(1)))
+    values = vars(moving_start(model, 1)) | vars(model.parameters(1))
     values = {n: t.requires_grad_(True) for n, t in values.items() if t.numel()}
     rest = {n: t for n, t in vars(model.parameters(1)).items() if n not in values}
     parameters = PhysicsParameters(**({n: t for n, t in values.items() if n not in ("q", "v")} | rest))

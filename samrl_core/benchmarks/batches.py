@@ -8,7 +8,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from samrl_core.benchmarks.physics_scenes import chain_start, disc_on_plane, free_chain
+from samrl_core.benchmarks.physics_scenes import disc_on_plane, free_chain, moving_start
 from samrl_core.benchmarks.renderer_peers import SCENES, batched
 from samrl_core.benchmarks.thread_scene import LENS, SIZE, ThreadScene, thread_scene
 from samrl_core.benchmarks.timing import Job, in_turn
@@ -19,6 +19,7 @@ from samrl_core.warp_runtime import start
 
 STEPS = 24  # of a physics rollout: one action of 0.1 s
 SUPERSAMPLE = 2
+STEPPED = {"chain": free_chain, "disc": disc_on_plane}  # 20 DoF without contact, 6 DoF in contact
 
 
 @wp.kernel(enable_backward=False)
@@ -73,9 +74,7 @@ def image_bytes(scene: ThreadScene, backward: bool) -> float:
     return forward + gradients + 2 * keys + 2.0 * samples + pixels * (28 + 36 + 84)
 
 
-def image_rates(
-    device: str, batches: Sequence[int], rounds: int, done: Callable[[], None] = lambda: None
-) -> list[dict[str, Any]]:
+def image_rates(device: str, batches: Sequence[int], rounds: int) -> list[dict[str, Any]]:
     """RGB, XYZ and mask at 128 x 128 with 2 x 2 samples; gradients to vertices and camera."""
     scene = thread_scene(*SCENES["2k"])
     renderer = Renderer(scene.topology, LENS, supersample=SUPERSAMPLE, device=device)
@@ -87,7 +86,7 @@ def image_rates(
             for name in ("forward", "both")
         ]
         row: dict[str, Any] = {"batch": batch}
-        for name, timing in in_turn(jobs, rounds, done).items():
+        for name, timing in in_turn(jobs, rounds).items():
             moved = image_bytes(scene, name == "both") * timing.per_second
             row[f"{name}_per_second"] = timing.per_second
             row[f"{name}_bandwidth_share"] = moved / bandwidth
@@ -98,14 +97,8 @@ def image_rates(
 def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[Job]:
     """Rollouts of `STEPS` steps through the public border, forward and with the backward pass."""
     model = PhysicsModel(scene, torch.float32, device)
-    state = model.start_state(batch)
-    if scene.contacts:
-        state.q[:, 2] = 0.01
-        state.v[:, 0] = 0.5
-    else:
-        q, v = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in chain_start())
-        state.q[:], state.v[:] = q, v
-    actions, parameters = model.no_action(batch, STEPS), model.parameters(batch)
+    state, actions = moving_start(model, batch), model.no_action(batch, STEPS)
+    parameters = model.parameters(batch)
     inputs = [state.q, state.v, parameters.mass, parameters.inertia, parameters.friction]
 
     def forward() -> None:
@@ -123,20 +116,15 @@ def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[Job]:
     return [Job(n, w, batch * STEPS, wait(device)) for n, w in (("forward", forward), ("both", both))]
 
 
-def step_rates(
-    device: str, batches: Sequence[int], rounds: int, done: Callable[[], None] = lambda: None
-) -> dict[str, list[dict[str, Any]]]:
-    """Steps of 1/240 s per second of the free chain (20 DoF) and of the disc in contact."""
+def step_rates(name: str, device: str, batches: Sequence[int], rounds: int) -> list[dict[str, Any]]:
+    """Steps of 1/240 s per second of one of `STEPPED`."""
     launch = launch_seconds(device)
-    result: dict[str, list[dict[str, Any]]] = {}
-    for name, scene in (("chain", free_chain()), ("disc", disc_on_plane())):
-        rows = []
-        for batch in batches:
-            row: dict[str, Any] = {"batch": batch}
-            for kind, timing in in_turn(rollout_jobs(scene, batch, device), rounds, done).items():
-                row[f"{kind}_per_second"] = timing.per_second
-                if kind == "forward":  # one launch a step
-                    row["launch_limit_share"] = launch / (timing.seconds * batch)
-            rows.append(row)
-        result[name] = rows
-    return result
+    rows = []
+    for batch in batches:
+        row: dict[str, Any] = {"batch": batch}
+        for kind, timing in in_turn(rollout_jobs(STEPPED[name](), batch, device), rounds).items():
+            row[f"{kind}_per_second"] = timing.per_second
+            if kind == "forward":  # one launch a step
+                row["launch_limit_share"] = launch / (timing.seconds * batch)
+        rows.append(row)
+    return rows

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -34,14 +33,14 @@ def ours(first: torch.Tensor, second: torch.Tensor) -> tuple[float, torch.Tensor
     return float(value.detach()), gradient
 
 
-def against_transport(size: int, rounds: int, done: Callable[[], None] = lambda: None) -> dict[str, Any]:
+def against_transport(size: int, rounds: int) -> dict[str, Any]:
     """One size of cloud."""
     from samrl_core.benchmarks.peers import transport
 
     first, second = clouds(size)
     ways = {"samrl": ours, "pot": transport.pot, "geomloss": transport.sinkhorn}
     jobs = [Job(name, lambda way=way: way(first, second)) for name, way in ways.items()]
-    timings = in_turn(jobs, rounds, done)
+    timings = in_turn(jobs, rounds)
     found = {name: way(first, second) for name, way in ways.items()}
     value, gradient = found["samrl"]
     result: dict[str, Any] = {"points": size, "value_m": value, "samrl_ms": 1e3 * timings["samrl"].seconds}

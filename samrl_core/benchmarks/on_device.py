@@ -16,6 +16,7 @@ import torch
 
 from samrl_core.benchmarks import agreement, batches
 from samrl_core.benchmarks.plots import rate_picture
+from samrl_core.report.json_report import write_whole
 
 BATCHES = (1, 64, 1024, 8192)
 ROUNDS = 7
@@ -46,10 +47,12 @@ def main(arguments: list[str] | None = None) -> None:
         "launch_seconds": batches.launch_seconds(given.device),
         "gradient_differences": agreement.differences(agreement.all_gradients(given.device), beside),
         "images": batches.image_rates(given.device, given.batches, ROUNDS),
-        "steps": batches.step_rates(given.device, given.batches, ROUNDS),
+        "steps": {
+            name: batches.step_rates(name, given.device, given.batches, ROUNDS) for name in batches.STEPPED
+        },
     }
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "on_device.json").write_text(json.dumps(result, indent=1))
+    write_whole(given.out / "on_device.json", json.dumps(result, indent=1))
     rate_picture(result, given.out / "on_device.png")
     print(json.dumps(result, indent=1))
 

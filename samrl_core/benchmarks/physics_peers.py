@@ -21,37 +21,27 @@ from samrl_core.model.physics.state import PhysicsState
 FRAMES = 10  # of 1/240 s of the disc; Newton needs about four steps for one
 ENVIRONMENTS = 64
 _NIMBLE = Path(__file__).with_name("peers") / "nimble_chain.py"
-Done = Callable[[], None]
-
-
-def _nothing() -> None:
-    pass
 
 
 def chain_end() -> np.ndarray:
     """Angles (20,) of our chain after `STEPS` steps, float64, for the peers to be held against."""
-    model = PhysicsModel(scenes.free_chain(), torch.float64)
-    q, v = (torch.as_tensor(x)[None] for x in scenes.chain_start())
-    with torch.no_grad():
-        states = model.rollout(PhysicsState(q, v), model.no_action(1, STEPS), model.parameters(1))
-    return states.q[-1, 0].numpy()
+    return _chain_rollout(PhysicsModel(scenes.free_chain(), torch.float64), 1).q[-1, 0].numpy()
 
 
 def graph_job(environments: int) -> Job:
     """Our chain's recorded forward pass alone, without the border to torch."""
     model = PhysicsModel(scenes.free_chain())
+    _chain_rollout(model, environments)  # writes start and parameters into the workspace
+    return Job("samrl graph", model.workspace(environments, STEPS).forward, environments * STEPS)
+
+
+def _chain_rollout(model: PhysicsModel, environments: int) -> PhysicsState:
+    start = scenes.moving_start(model, environments)
     with torch.no_grad():
-        work = model.workspace(environments, STEPS)
-    q, v = (torch.as_tensor(x, dtype=torch.float32) for x in scenes.chain_start())
-    parameters = model.parameters(environments)
-    names = ("mass", "com", "inertia", "joint_stiffness", "joint_damping", "joint_rest")
-    for ours, name in zip(("mass", "com", "inertia", "stiffness", "damping", "rest"), names, strict=True):
-        work.tensors[ours].copy_(getattr(parameters, name))
-    work.tensors["q"][0], work.tensors["v"][0] = q, v
-    return Job("samrl graph", work.forward, environments * STEPS)
+        return model.rollout(start, model.no_action(environments, STEPS), model.parameters(environments))
 
 
-def chain_alone(rounds: int, done: Done = _nothing) -> dict[str, Any]:
+def chain_alone(rounds: int) -> dict[str, Any]:
     """One chain beside MuJoCo: steps per second, and what the two end states differ by."""
     from samrl_core.benchmarks.peers.mujoco_chain import MujocoChain
 
@@ -59,7 +49,7 @@ def chain_alone(rounds: int, done: Done = _nothing) -> dict[str, Any]:
     ours = {f"samrl {job.name}": job for job in rollout_jobs(scenes.free_chain(), 1, "cpu")}
     jobs = [Job(name, job.run, STEPS) for name, job in ours.items()]
     jobs += [graph_job(1), Job("mujoco forward", peer.forward, STEPS), Job("mujoco both", peer.both, STEPS)]
-    timings = in_turn(jobs, 5 * rounds, done)
+    timings = in_turn(jobs, 5 * rounds)
     peer.forward()
     return {
         **{f"{name.replace(' ', '_')}_per_second": t.per_second for name, t in timings.items()},
@@ -71,13 +61,13 @@ def chain_alone(rounds: int, done: Done = _nothing) -> dict[str, Any]:
 
 
 def _beside_newton(
-    ours: list[Job], peer: Any, last: Callable[[Any], Any], amount: float, rounds: int, done: Done
+    ours: list[Job], peer: Any, last: Callable[[Any], Any], amount: float, rounds: int
 ) -> dict[str, Any]:
     forward, both = peer.recorded(peer.run), peer.recorded(lambda: peer.run_both(last))
     jobs = [Job(f"samrl {job.name}", job.run, job.amount, job.finish) for job in ours]
     finish = ours[0].finish
     jobs += [Job("newton forward", forward, amount, finish), Job("newton both", both, amount, finish)]
-    timings = in_turn(jobs, rounds, done)
+    timings = in_turn(jobs, rounds)
     return {
         **{f"{name.replace(' ', '_')}_per_second": t.per_second for name, t in timings.items()},
         "ratio_forward": timings["samrl forward"].times_faster(timings["newton forward"]),
@@ -85,15 +75,13 @@ def _beside_newton(
     }
 
 
-def chain_beside_newton(
-    rounds: int, done: Done = _nothing, device: str = "cpu", environments: int = ENVIRONMENTS
-) -> dict[str, Any]:
+def chain_beside_newton(rounds: int, device: str = "cpu", environments: int = ENVIRONMENTS) -> dict[str, Any]:
     """Many chains beside Newton's Featherstone solver, both as graphs."""
     from samrl_core.benchmarks.peers import newton_physics
 
     peer = newton_physics.chain(environments, STEPS, device)
     ours = rollout_jobs(scenes.free_chain(), environments, device)
-    result = _beside_newton(ours, peer, lambda s: s.joint_q, environments * STEPS, rounds, done)
+    result = _beside_newton(ours, peer, lambda s: s.joint_q, environments * STEPS, rounds)
     end = peer.last.joint_q.numpy().reshape(environments, -1)[0]
     return {
         "environments": environments,
@@ -102,18 +90,16 @@ def chain_beside_newton(
     }
 
 
-def disc_beside_newton(
-    rounds: int, done: Done = _nothing, device: str = "cpu", environments: int = ENVIRONMENTS
-) -> dict[str, Any]:
+def disc_beside_newton(rounds: int, device: str = "cpu", environments: int = ENVIRONMENTS) -> dict[str, Any]:
     """Sliding discs beside Newton's semi-implicit solver with its general collision, per frame of 1/240 s."""
     from samrl_core.benchmarks.peers import newton_physics
 
     peer = newton_physics.disc(environments, FRAMES, device)
     ours = rollout_jobs(scenes.disc_on_plane(), environments, device)
-    result = _beside_newton(ours, peer, lambda s: s.body_q, environments * FRAMES, rounds, done)
+    result = _beside_newton(ours, peer, lambda s: s.body_q, environments * FRAMES, rounds)
     place = peer.last.body_q.numpy()[0, :3]
     seconds = FRAMES * scenes.STEP_S
-    closed = 0.5 * seconds - 0.5 * scenes.DISC_FRICTION * 9.81 * seconds**2
+    closed = scenes.DISC_SPEED * seconds - 0.5 * scenes.DISC_FRICTION * 9.81 * seconds**2
     return {
         "environments": environments,
         **result,

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 
+from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import plane
+from samrl_core.model.physics.state import PhysicsState
 from samrl_core.types.pose import Pose
 
 LINKS = 10
 LENGTH, MASS, RADIUS, DAMPING = 0.1, 0.05, 0.02, 1e-3  # [m], [kg], [m], [N m s/rad]
 DISC_RADIUS, DISC_HEIGHT, DISC_MASS = 0.08, 0.02, 0.1  # [m], [m], [kg]
 DISC_FRICTION = 0.3  # [-]
+DISC_SPEED = 0.5  # at the start [m/s]
 STEP_S = 1.0 / 240.0
 
 
@@ -64,3 +68,13 @@ def disc_on_plane(step_s: float = STEP_S, friction: float = DISC_FRICTION) -> Ph
     body = Body("disc", DISC_MASS, inertia, (Joint(JointKind.FREE),))
     pair = ContactPair(0, circle(DISC_RADIUS, -0.5 * DISC_HEIGHT, 8), WORLD, 0, friction=friction)
     return PhysicsScene((body,), (plane(),), (pair,), step_s=step_s)
+
+
+def moving_start(model: PhysicsModel, batch: int) -> PhysicsState:
+    """Every environment alike: the free chain at `chain_start`, the disc on the plane sliding along x."""
+    state = model.start_state(batch)
+    if model.scene.contacts:
+        state.q[:, 2], state.v[:, 0] = 0.5 * DISC_HEIGHT, DISC_SPEED
+    else:
+        state.q[:], state.v[:] = (torch.from_numpy(x) for x in chain_start())
+    return state

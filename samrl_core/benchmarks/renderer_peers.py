@@ -69,9 +69,7 @@ def both_ways(
     return run
 
 
-def against_mitsuba(
-    size: str, lit: bool, rounds: int, done: Callable[[], None] = lambda: None
-) -> dict[str, Any]:
+def against_mitsuba(size: str, lit: bool, rounds: int) -> dict[str, Any]:
     """Time of colour and position, forward and backward, beside Mitsuba's, and both errors.
 
     The errors are against differences of our own image of 16 x 16 samples. Lit, Mitsuba casts shadows and we
@@ -102,7 +100,7 @@ def against_mitsuba(
         Job("samrl", both_ways(renderer, scene, weights, light)),
         Job("mitsuba", lambda: [of_peer(name) for name in _TIMED]),
     ]
-    ours, theirs = in_turn(jobs, rounds, done).values()
+    ours, theirs = in_turn(jobs, rounds).values()
     errors = reference.errors(pose_gradients(scene, reference, light))
     result: dict[str, Any] = {
         "triangles": len(faces),
@@ -119,7 +117,7 @@ def against_mitsuba(
     return result
 
 
-def against_tiny_renderer(size: str, rounds: int, done: Callable[[], None] = lambda: None) -> dict[str, Any]:
+def against_tiny_renderer(size: str, rounds: int) -> dict[str, Any]:
     """One image of 128 x 128, one sample a pixel; ours has colour, position, mask and depth."""
     from samrl_core.benchmarks.peers.tiny_renderer import tiny_renderer
 
@@ -137,7 +135,7 @@ def against_tiny_renderer(size: str, rounds: int, done: Callable[[], None] = lam
         scene.translation.numpy(),
         LENS,
     )
-    mine, theirs = in_turn([Job("samrl", ours), Job("tiny", draw)], 3 * rounds, done).values()
+    mine, theirs = in_turn([Job("samrl", ours), Job("tiny", draw)], 3 * rounds).values()
     return {
         "triangles": len(scene.topology.faces),
         "samrl_ms": 1e3 * mine.seconds,

@@ -134,15 +134,20 @@ def rgb_xyz(r: Rendered) -> torch.Tensor:
     return torch.cat([r.color, r.xyz], dim=-1).double()
 
 
-def functionals(scene: ThreadScene, light: Light | None) -> dict[str, torch.Tensor]:
-    """Smooth weights and the residual to another pose, each over colour and over position, (H, W, 6)."""
+def smooth_image(channels: int) -> np.ndarray:
+    """Six waves in each channel, (H, W, C)."""
     rng = np.random.default_rng(1)
     y, x = np.meshgrid(np.arange(SIZE) / SIZE, np.arange(SIZE) / SIZE, indexing="ij")
-    smooth = np.zeros((SIZE, SIZE, 6))
-    for c in range(6):
+    smooth = np.zeros((SIZE, SIZE, channels))
+    for c in range(channels):
         for _ in range(6):
             kx, ky = 3 * rng.normal(size=2)
             smooth[..., c] += rng.normal() * np.sin(2 * np.pi * (kx * x + ky * y) + rng.uniform(0, 6))
+    return smooth
+
+
+def functionals(scene: ThreadScene, light: Light | None) -> dict[str, torch.Tensor]:
+    """Smooth weights and the residual to another pose, each over colour and over position, (H, W, 6)."""
     other = [0.01, -0.008, 0.012, 0.015, -0.01, 0.02, 0.15, -0.1, 0.2, 0.01, 0.015, -0.01]
     fine = Renderer(scene.topology, LENS, supersample=16)
     with torch.no_grad():
@@ -151,7 +156,7 @@ def functionals(scene: ThreadScene, light: Light | None) -> dict[str, torch.Tens
             moved(scene, fine, torch.tensor(other, dtype=torch.float64), light)
         )
     rgb = torch.tensor([1.0, 1, 1, 0, 0, 0], dtype=torch.float64)
-    weights = {"smooth": torch.from_numpy(smooth), "residual": residual}
+    weights = {"smooth": torch.from_numpy(smooth_image(6)), "residual": residual}
     return {f"{n} {c}": w * m for n, w in weights.items() for c, m in (("rgb", rgb), ("xyz", 1 - rgb))}
 
 

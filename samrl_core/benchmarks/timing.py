@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from statistics import median
-from typing import Any
 
 
 @dataclass(frozen=True)
@@ -17,7 +16,6 @@ class Job:
     run: Callable[[], object]
     amount: float = 1.0  # images, steps or distances per run
     finish: Callable[[], None] = lambda: None  # waits for a device; its time counts
-    facts: dict[str, Any] = field(default_factory=dict)  # anything to report beside the time
 
 
 @dataclass(frozen=True)
@@ -26,16 +24,14 @@ class Timing:
 
     name: str
     seconds: float  # median of one unit of work [s]
-    best: float  # shortest [s]
     per_second: float  # units of work, by the median [1/s]
-    facts: dict[str, Any]
 
     def times_faster(self, other: Timing) -> float:
         """How often this one does a unit while the other does one."""
         return other.seconds / self.seconds
 
 
-def in_turn(jobs: Sequence[Job], rounds: int, done: Callable[[], None] = lambda: None) -> dict[str, Timing]:
+def in_turn(jobs: Sequence[Job], rounds: int) -> dict[str, Timing]:
     """Runs every job once to warm up, then all of them one after the other, `rounds` times."""
     taken: dict[str, list[float]] = {job.name: [] for job in jobs}
     for turn in range(rounds + 1):
@@ -45,14 +41,4 @@ def in_turn(jobs: Sequence[Job], rounds: int, done: Callable[[], None] = lambda:
             job.finish()
             if turn:
                 taken[job.name].append((time.perf_counter() - start) / job.amount)
-            done()
-    return {
-        job.name: Timing(
-            job.name,
-            median(taken[job.name]),
-            min(taken[job.name]),
-            1.0 / median(taken[job.name]),
-            dict(job.facts),
-        )
-        for job in jobs
-    }
+    return {name: Timing(name, median(seconds), 1.0 / median(seconds)) for name, seconds in taken.items()}

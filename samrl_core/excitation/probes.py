@@ -26,6 +26,20 @@ _CHIRP_ACCELERATION = 0.45  # of the limit
 _REST_S = 0.2
 
 
+def _visits(
+    spec: RobotSpec, model: ArmModel, box: WorkBox, rng: np.random.Generator, joints: np.ndarray, poses: int
+) -> tuple[np.ndarray, np.ndarray, list[float]]:
+    """Poses (N, J) [rad] whose gravity loads lie far apart, ways (N - 1, J) between them, their times [s]."""
+    goals = varied_loads(box, model, rng, poses)
+    goals[:, ~joints] = box.center[~joints]
+    ways = np.diff(goals, axis=0)
+    limits = spec.limits
+    moves = [
+        max(0.3, minimum_jerk_length(w, _SHARE * limits.velocity, _SHARE * limits.acceleration)) for w in ways
+    ]
+    return goals, ways, moves
+
+
 def static(
     spec: RobotSpec,
     model: ArmModel,
@@ -42,13 +56,7 @@ def static(
         InputError: no time is left to rest.
     """
     time = sample_times(duration_s, period_s)
-    goals = varied_loads(box, model, rng, poses)
-    goals[:, ~joints] = box.center[~joints]
-    ways = np.diff(goals, axis=0)
-    limits = spec.limits
-    moves = [
-        max(0.3, minimum_jerk_length(w, _SHARE * limits.velocity, _SHARE * limits.acceleration)) for w in ways
-    ]
+    goals, ways, moves = _visits(spec, model, box, rng, joints, poses)
     rest = (duration_s - sum(moves)) / poses
     if rest < 0.3:
         raise InputError(
@@ -102,13 +110,7 @@ def micro_reversals(
         InputError: not one whole triangle fits into a visit of a pose.
     """
     time = sample_times(duration_s, period_s)
-    goals = varied_loads(box, model, rng, poses)
-    goals[:, ~joints] = box.center[~joints]
-    ways = np.diff(goals, axis=0)
-    limits = spec.limits
-    moves = [
-        max(0.3, minimum_jerk_length(w, _SHARE * limits.velocity, _SHARE * limits.acceleration)) for w in ways
-    ]
+    goals, ways, moves = _visits(spec, model, box, rng, joints, poses)
     stay = (duration_s - sum(moves) - 2 * _REST_S) / poses
     period = 4.0 * amplitude / speed
     if stay < 2.0 * period:

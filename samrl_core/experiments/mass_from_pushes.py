@@ -27,10 +27,12 @@ from samrl_core.attributes.push_record import Disc, PushRecord
 from samrl_core.errors import InputError
 from samrl_core.experiments.mass_picture import write_picture
 from samrl_core.experiments.push_driver import PushDriver, PushSettings
+from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.world.pose_sensor import PoseSensor
-from samrl_core.world.pybullet_world import TABLE_FRICTION, PyBulletWorld
+from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.table import TABLE_FRICTION
 
 SCHEMA = 2
 FORCES = (6.0, 8.0)  # of the first and the second push [N]
@@ -187,7 +189,7 @@ def main(arguments: list[str] | None = None) -> int:
         result = json.loads(path.read_text()) if path.is_file() else {}
         if result.get("schema") != SCHEMA or result.get("seed") != options.seed:
             result = run_case(case, options.seed, settings)
-            path.write_text(json.dumps(result, indent=1))
+            write_whole(path, json.dumps(result, indent=1))
         results.append(result)
         shown = "  ".join(
             f"{name} {100 * f['error']:+.2f} +- {100 * f['half_width']:.2f} % ({f['why_stopped']})"
@@ -217,7 +219,7 @@ def main(arguments: list[str] | None = None) -> int:
         "said": sentences,
         "cases": results,
     }
-    (options.out / "mass_from_pushes.json").write_text(json.dumps(record, indent=1))
+    write_whole(options.out / "mass_from_pushes.json", json.dumps(record, indent=1))
     write_picture(results, options.out / "mass_from_pushes.png")
     return 0
 

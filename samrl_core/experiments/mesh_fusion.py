@@ -31,6 +31,7 @@ from samrl_core.fusion.chamfer import Chamfer, Surface, chamfer, surface_samples
 from samrl_core.fusion.fuse import FusedMesh, FusionSettings, fuse
 from samrl_core.fusion.masked_view import MaskedView
 from samrl_core.fusion.refine import MeshRenderer, RefineSettings, refine
+from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.types.camera import Camera, Intrinsics
@@ -103,8 +104,7 @@ class Judge:
         shown: np.ndarray = np.zeros(len(samples), dtype=bool)
         for view in (_perfect(photos, camera, body.label) for camera in views):
             u, v, z = view.camera.project(samples).T
-            k = view.camera.intrinsics
-            framed = (z > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+            framed = view.camera.intrinsics.frames(u, v, z)
             row, column = np.where(framed, v, 0).astype(int), np.where(framed, u, 0).astype(int)
             shown = shown | (framed & (np.abs(view.depth[row, column] - z) < _NEAR_SURFACE))
         self.shown_share = float(shown.mean())
@@ -239,7 +239,7 @@ def main(arguments: list[str] | None = None) -> int:
         "refine": asdict(settings),
         "results": [asdict(r) for r in results],
     }
-    (options.out / "mesh_fusion.json").write_text(json.dumps(record, indent=1))
+    write_whole(options.out / "mesh_fusion.json", json.dumps(record, indent=1))
     save_picture(rows, options.out / "mesh_fusion.png")
     return 0 if worst <= TARGET_M else 1
 

@@ -24,15 +24,17 @@ import torch
 
 from samrl_core.errors import InputError
 from samrl_core.experiments.cell_driver import CellDriver
+from samrl_core.experiments.model_updating_cases import Case, line_of, read_cases, summary
 from samrl_core.experiments.model_updating_picture import write_picture
 from samrl_core.inverse.pose_fit import PoseFitSettings
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
+from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.needle_threading.task import NeedleThreading
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.types.observation import Observation
-from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import true_values
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.world import Truth
 
@@ -60,30 +62,6 @@ STUDIES = (
     Study("thread_of_colors", NeedleThreading(link_colors=HUES), 200, 20, _THREAD_SPREAD),
     Study("pancake", SpatulaFlipping(), 100, 10, _PANCAKE_SPREAD),
 )
-
-
-@dataclass(frozen=True)
-class Case:
-    """One fit from far and one as in the loop."""
-
-    study: str
-    seed: int
-    distance: list[
-        float
-    ]  # mean L1 distance of the links' centres, or that of the pancake's, at the start and
-    # after each iteration [m]
-    straight: float  # the same in a straight line at the end [m]
-    angle: list[float]  # between the pancake's axes, likewise; empty for a thread [deg]
-    deviations: float  # error at the end, root mean square in standard deviations of the estimate
-    iterations: int
-    why_stopped: str
-    wall_s: float
-    cpu_s: float
-    loop_distance: float  # after an update as in the loop, L1 [m]
-    loop_angle: float  # [deg], 0 for a thread
-    loop_iterations: int
-    loop_wall_s: float
-    loop_cpu_s: float
 
 
 class Bench:
@@ -122,7 +100,7 @@ class Bench:
         truth = self.world.truth()  # after the fits: nothing above has seen it
         scores = [self._score(v, image, truth) for v in (*way, found.values)]
         loop = self._score(looped.values, again, truth)
-        error = found.values - self._true_values(truth)
+        error = found.values - true_values(self.study.task, truth)
         surprise = float(error @ np.linalg.solve(found.covariance, error)) / error.size
         case = Case(
             self.study.name,
@@ -177,7 +155,7 @@ class Bench:
         if isinstance(task, SpatulaFlipping):
             pose = task.body_poses(values)[PANCAKE]
             offset = (pose.position - truth.body_position[PANCAKE])[None]
-            wanted = task.body_poses(self._true_values(truth))[PANCAKE]
+            wanted = task.body_poses(true_values(task, truth))[PANCAKE]
             cosine = float(np.clip(pose.rotation[:, 2] @ wanted.rotation[:, 2], -1.0, 1.0))
             angle = float(np.degrees(np.arccos(cosine)))
         else:
@@ -185,12 +163,6 @@ class Bench:
             offset, angle = _middles(points) - _middles(truth.chain_points), 0.0
         straight = float(np.linalg.norm(offset, axis=1).mean())
         return float(np.abs(offset).sum(axis=1).mean()), straight, angle
-
-    def _true_values(self, truth: Truth) -> np.ndarray:
-        task = self.study.task
-        if isinstance(task, SpatulaFlipping):
-            return task.values_of(Pose(truth.body_position[PANCAKE], truth.body_quat_xyzw[PANCAKE]))
-        return task.values_of(truth.chain_points)
 
 
 def _middles(points: np.ndarray) -> np.ndarray:
@@ -203,55 +175,6 @@ def _within(settings: PoseFitSettings, iterations: int) -> PoseFitSettings:
     return replace(
         settings, coarse=coarse, fine=replace(settings.fine, max_evaluations=iterations - iterations // 2)
     )
-
-
-def summary(cases: list[Case]) -> dict[str, float | int]:
-    """Figures of one study; medians unless named otherwise, distances in mm."""
-    end = 1e3 * np.array([c.distance[-1] for c in cases])
-    straight = 1e3 * np.array([c.straight for c in cases])
-    loop = 1e3 * np.array([c.loop_distance for c in cases])
-    result: dict[str, float | int] = {
-        "cases": len(cases),
-        "start_l1_mm": float(np.median([1e3 * c.distance[0] for c in cases])),
-        "end_l1_mm": float(np.median(end)),
-        "end_l1_mm_90": float(np.quantile(end, 0.9)),
-        "end_l1_mm_max": float(end.max()),
-        "end_straight_mm": float(np.median(straight)),
-        "end_straight_mm_max": float(straight.max()),
-        "deviations": float(np.median([c.deviations for c in cases])),
-        "iterations": float(np.median([c.iterations for c in cases])),
-        "converged": sum(c.why_stopped == "converged" for c in cases),
-        "wall_s": float(np.median([c.wall_s for c in cases])),
-        "cpu_s": float(np.median([c.cpu_s for c in cases])),
-        "loop_l1_mm": float(np.median(loop)),
-        "loop_l1_mm_90": float(np.quantile(loop, 0.9)),
-        "loop_wall_s": float(np.median([c.loop_wall_s for c in cases])),
-        "loop_cpu_s": float(np.median([c.loop_cpu_s for c in cases])),
-    }
-    if cases[0].angle:
-        result["start_deg"] = float(np.median([c.angle[0] for c in cases]))
-        result["end_deg"] = float(np.median([c.angle[-1] for c in cases]))
-        result["end_deg_max"] = max(c.angle[-1] for c in cases)
-        result["loop_deg"] = float(np.median([c.loop_angle for c in cases]))
-    return result
-
-
-def read_cases(path: Path) -> list[Case]:
-    """The cases that are done.
-
-    Raises:
-        InputError: a line is none of this study's; the last one may be cut off and is left out.
-    """
-    if not path.is_file():
-        return []
-    cases, lines = [], path.read_text().split("\n")
-    for number, line in enumerate(lines):
-        try:
-            cases.append(Case(**json.loads(line)))
-        except (ValueError, TypeError) as problem:
-            if number < len(lines) - 1:
-                raise InputError(f"{path}, line {number + 1}: {problem}; use another --out") from problem
-    return cases
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -273,7 +196,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     path = options.out / "cases.jsonl"
     cases = read_cases(path)
-    path.write_text("".join(json.dumps(asdict(c)) + "\n" for c in cases))  # without a line that was cut off
+    write_whole(path, "".join(json.dumps(asdict(c)) + "\n" for c in cases))  # without a line that was cut off
     seeds = range(options.first_seed, options.first_seed + options.cases)
     studies = [s for s in STUDIES if options.only in (None, s.name)]
     for study in studies:
@@ -293,7 +216,9 @@ def main(arguments: list[str] | None = None) -> int:
                     after=pictures["after"],
                     real=pictures["real"],
                 )
-            print(f"{study.name} {seed - options.first_seed + 1}/{options.cases}: {_line(case)}", flush=True)
+            print(
+                f"{study.name} {seed - options.first_seed + 1}/{options.cases}: {line_of(case)}", flush=True
+            )
         bench.world.close()
 
     chosen = {s.name: [c for c in cases if c.study == s.name and c.seed in seeds] for s in studies}
@@ -303,7 +228,7 @@ def main(arguments: list[str] | None = None) -> int:
         for key, value in figures.items():
             print(f"  {key:22} {value:.3g}")
     record = {"schema": 1, "summary": result, "cases": [asdict(c) for some in chosen.values() for c in some]}
-    (options.out / "model_updating.json").write_text(json.dumps(record, indent=1))
+    write_whole(options.out / "model_updating.json", json.dumps(record, indent=1))
     write_picture(
         {name: [c.distance for c in some] for name, some in chosen.items()},
         {s.name: s.iterations for s in studies},
@@ -311,15 +236,6 @@ def main(arguments: list[str] | None = None) -> int:
         options.out / "model_updating.png",
     )
     return 0
-
-
-def _line(case: Case) -> str:
-    angle = f", {case.angle[0]:.1f} -> {case.angle[-1]:.2f} deg" if case.angle else ""
-    return (
-        f"{1e3 * case.distance[0]:.1f} -> {1e3 * case.distance[-1]:.2f} mm{angle} in {case.iterations} "
-        f"({case.why_stopped}, {case.cpu_s:.2f} s CPU); loop {1e3 * case.loop_distance:.2f} mm, "
-        f"{case.loop_cpu_s:.2f} s CPU"
-    )
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.cell_driver import CellDriver
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Real2Sim, initial_estimate
+from samrl_core.report.json_report import write_whole
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.view_planning import STRATEGIES, ViewPlanner
@@ -182,7 +183,7 @@ def main(arguments: list[str] | None = None) -> int:
         "trials": [asdict(t) for t in trials],
         "comparisons": [asdict(c) for c in comparisons],
     }
-    (options.out / "view_score.json").write_text(json.dumps(record, indent=1))
+    write_whole(options.out / "view_score.json", json.dumps(record, indent=1))
     return 0
 
 

@@ -120,7 +120,7 @@ def _agreed_points(views: Sequence[MaskedView]) -> np.ndarray:
                 continue
             k = other.camera.intrinsics
             u, v, z = other.camera.project(points).T
-            framed = (z > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+            framed = k.frames(u, v, z)
             u, v = np.where(framed, u, 0.0), np.where(framed, v, 0.0)
             pixels, share = corner_weights(u, v, (k.height, k.width))
             hidden = other.depth[v.astype(np.int64), u.astype(np.int64)] < z - 0.01

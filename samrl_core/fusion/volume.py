@@ -77,12 +77,11 @@ class _ViewEvidence:
 
     def of(self, points: np.ndarray) -> _Evidence:
         """Evidence at points (N, 3) in world [m]."""
-        height, width = self._shape
         u, v, z = self._camera.project(points).T
-        framed = (z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        framed = self._camera.intrinsics.frames(u, v, z)
         u, v, z = np.where(framed, u, 0.0), np.where(framed, v, 0.0), np.where(framed, z, 1.0)
         pixels, share = corner_weights(u, v, self._shape)
-        nearest = v.astype(np.int64) * width + u.astype(np.int64)
+        nearest = v.astype(np.int64) * self._shape[1] + u.astype(np.int64)
         inside = (self._inside[pixels] * share).sum(axis=0)  # [px]
         own = framed & (inside > 0)
         along = self._depth(pixels, share, nearest) - z

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.errors import InputError
-from samrl_core.inverse.minimize import Minimum
+from samrl_core.inverse.minimize import Minimum, checked_start
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +71,9 @@ def minimize_damped(
     Raises:
         InputError: shapes disagree, a scale is not positive, a bound is crossed, or the start is not finite.
     """
-    x = np.array(start, dtype=np.float64)
-    if x.ndim != 1 or not all(np.shape(a) == x.shape for a in (scale, lower, upper)):
-        raise InputError(
-            f"start, scale, bounds must be one shape (N,), got {x.shape} {np.shape(scale)} {np.shape(lower)}"
-        )
-    if not (np.all(np.asarray(scale) > 0) and np.all(np.asarray(lower) <= np.asarray(upper))):
-        raise InputError(f"scale {scale} must be positive and lower {lower} not above upper {upper}")
-    if not np.isfinite(x).all():
-        raise InputError(f"start {x} is not finite")
     s = settings
-    x = np.clip(x, lower, upper)
-    best, here, first, damping, idle, failed = x, None, np.nan, s.first_damping, 0, 0
-    trial = x
+    best = trial = checked_start(start, scale, lower, upper)
+    here, first, damping, idle, failed = None, np.nan, s.first_damping, 0, 0
     for k in range(s.max_evaluations):
         there = objective(trial)
         if not all(np.isfinite(a).all() for a in (there.value, there.gradient, there.curvature)):

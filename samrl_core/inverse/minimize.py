@@ -61,20 +61,9 @@ def minimize(
     Raises:
         InputError: shapes disagree, a scale is not positive, a bound is crossed, or the start is not finite.
     """
-    x = np.array(start, dtype=np.float64)
-    n = x.shape
-    if x.ndim != 1 or not all(np.shape(a) == n for a in (scale, lower, upper)):
-        raise InputError(
-            f"start, scale and bounds must be one shape (N,), got {n} {np.shape(scale)} {np.shape(lower)}"
-        )
-    if not (np.all(np.asarray(scale) > 0) and np.all(np.asarray(lower) <= np.asarray(upper))):
-        raise InputError(f"scale {scale} must be positive and lower {lower} not above upper {upper}")
-    if not np.isfinite(x).all():
-        raise InputError(f"start {x} is not finite")
-
-    x = np.clip(x, lower, upper)
-    step = np.full(n, settings.first_step)
-    last_sign = np.zeros(n)
+    x = checked_start(start, scale, lower, upper)
+    step = np.full(x.shape, settings.first_step)
+    last_sign = np.zeros(x.shape)
     best, best_value, first_value = x, np.inf, np.nan
     for k in range(settings.max_evaluations):
         value, gradient = objective(x)
@@ -96,3 +85,20 @@ def minimize(
         last_sign = np.where(agree < 0, 0.0, sign)
         x = np.clip(x - step * sign * scale, lower, upper)
     return Minimum(best, float(best_value), float(first_value), settings.max_evaluations, "iteration_limit")
+
+
+def checked_start(start: np.ndarray, scale: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """The start (N,) moved into the bounds, float64.
+
+    Raises:
+        InputError: shapes disagree, a scale is not positive, a bound is crossed, or the start is not finite.
+    """
+    x = np.array(start, dtype=np.float64)
+    shapes = [np.shape(a) for a in (scale, lower, upper)]
+    if x.ndim != 1 or any(shape != x.shape for shape in shapes):
+        raise InputError(f"start, scale and bounds must be one shape (N,), got {x.shape} {shapes}")
+    if not (np.all(np.asarray(scale) > 0) and np.all(np.asarray(lower) <= np.asarray(upper))):
+        raise InputError(f"scale {scale} must be positive and lower {lower} not above upper {upper}")
+    if not np.isfinite(x).all():
+        raise InputError(f"start {x} is not finite")
+    return np.clip(x, lower, upper)

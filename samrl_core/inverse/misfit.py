@@ -37,15 +37,13 @@ class RealTarget:
         color = frame.color / 255.0
         depth = frame.depth.astype(np.float64)
         points = observation.camera.unproject(depth)
+        clear, rim = None, 1
         if reach is not None:
             far = np.linalg.norm(points - reach.center, axis=-1) > reach.radius  # not where NaN
             mask = thin_mask(color, np.where(far, np.inf, depth), mask, frame.mask == 0)
             depth = np.where(far, np.nan, depth)
-        clear = None
-        if reach is not None:
-            clear = clear_of_others(frame.mask, label, mask)
+            clear, rim = clear_of_others(frame.mask, label, mask), 0
             mask = mask & clear
-        rim = 1 if reach is None else 0
         image = TargetImage(color * mask[..., None], depth, mask, rim)
         return RealTarget(image, target_cloud(points, mask, rim), int(mask.sum()), clear)
 

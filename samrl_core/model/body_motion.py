@@ -37,7 +37,7 @@ def checked_values(values: torch.Tensor, count: int) -> np.ndarray:
 
 
 def first_order(rows: np.ndarray, slopes: Callable[[], np.ndarray], values: torch.Tensor) -> torch.Tensor:
-    """Rows (..., 12) as a tensor whose gradient by `values` (P,) is `slopes` (..., 12, P), if one is wanted."""
+    """Rows (..., 12) as a tensor whose gradient by `values` (P,) is `slopes` (..., 12, P), if wanted."""
     tensor = torch.from_numpy(rows)
     if not (values.requires_grad and torch.is_grad_enabled()):
         return tensor

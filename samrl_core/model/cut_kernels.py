@@ -20,9 +20,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.model.edge_kernels import WALK, way_out
 from samrl_core.model.kernel_types import Pixel
 from samrl_core.model.raster_kernels import ID_MASK, triangle_of, value_at
+from samrl_core.model.sight_kernels import WALK, way_out
 
 # Products and sums are rounded one by one, or a GPU would see another triangle at an edge than a CPU.
 wp.set_module_options({"fuse_fp": False})

@@ -81,7 +81,6 @@ class Model:
                 f"task {task.name} moves bodies {moved}, its scene has {sorted(set(labels) - {CHAIN})} and a "
                 f"chain of {len(chain)} links; something there must move"
             )
-        self._target_name = moved[0] if moved else ""
         self._links = ChainMotion(task, chain) if chain else None
         self._mesh = build_scene_mesh(self._scene, cell, s)
         if self._mesh.skin is not None:

@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import torch
 
 from samrl_core.errors import InputError
-from samrl_core.model.autograd import Rasterize, make_setup
+from samrl_core.model.autograd import Rasterize
 from samrl_core.model.light import Light
 from samrl_core.model.raster_kernels import MAX_FACES, MIN_NEAR
+from samrl_core.model.raster_setup import make_setup
 from samrl_core.model.topology import Topology
 from samrl_core.types.camera import Intrinsics
 from samrl_core.types.scene import Rgb

@@ -103,30 +103,32 @@ def _table(rows: list[Row]) -> str:
 
 def _apart(tables: dict[str, Any]) -> str:
     columns = ("detected", "top1_family", "top1_family_severe", "place", "false_alarms")
-    head = "".join(f"<th class='n'>{c.replace('_', ' ').replace('top1', 'top-1')}</th>" for c in columns)
-    body = "".join(
-        f"<tr><td>{escape(name)}</td><td>{escape(value)}</td>"
-        + "".join(f"<td class='n'>{share_text(shares[c])}</td>" for c in columns)
-        + "</tr>"
-        for name, table in tables.items()
-        for value, shares in table.items()
-    )
-    return f"<h2>Apart</h2><div class='scroll'><table><tr><th></th><th></th>{head}</tr>{body}</table></div>"
+    rows = [((name, value), shares) for name, table in tables.items() for value, shares in table.items()]
+    return f"<h2>Apart</h2>{_share_table(2, columns, rows)}"
 
 
 def _baselines(rows: Sequence[dict[str, Any]]) -> str:
     if not rows:
         return ""
     columns = ("top1_family", "top1_family_severe", "top1_family_place", "false_alarms", "unknown_named")
-    head = "".join(f"<th class='n'>{c.replace('_', ' ').replace('top1', 'top-1')}</th>" for c in columns)
-    body = "".join(
-        f"<tr><td>{escape(row['name'])}</td>"
-        + "".join(f"<td class='n'>{share_text(row[c])}</td>" for c in columns)
-        + "</tr>"
-        for row in rows
+    return f"<h2>Baselines, same worlds</h2>{_share_table(1, columns, [((r['name'],), r) for r in rows])}"
+
+
+def _share_table(
+    labels: int, columns: Sequence[str], rows: Sequence[tuple[tuple[str, ...], dict[str, Any]]]
+) -> str:
+    """Of shares by column, with so many labels in front of each row."""
+    head = "<th></th>" * labels + "".join(
+        f"<th class='n'>{c.replace('_', ' ').replace('top1', 'top-1')}</th>" for c in columns
     )
-    table = f"<table><tr><th></th>{head}</tr>{body}</table>"
-    return f"<h2>Baselines, same worlds</h2><div class='scroll'>{table}</div>"
+    body = "".join(
+        "<tr>"
+        + "".join(f"<td>{escape(name)}</td>" for name in names)
+        + "".join(f"<td class='n'>{share_text(shares[c])}</td>" for c in columns)
+        + "</tr>"
+        for names, shares in rows
+    )
+    return f"<div class='scroll'><table><tr>{head}</tr>{body}</table></div>"
 
 
 def share_text(s: dict[str, Any]) -> str:

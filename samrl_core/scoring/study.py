@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import shutil
 import tarfile
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.report.json_report import write_whole
 
 SETS = ("A", "B", "C")  # C is held out
 PLAN = "plan.json"
@@ -157,11 +157,9 @@ def sha256(path: Path) -> str:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Whole or not at all, also when killed."""
+    """Whole or not at all, also when killed; the folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_bytes(content)
-    temporary.replace(path)
+    write_whole(path, content)
 
 
 def move_folder(source: Path, target: Path) -> None:

@@ -101,6 +101,13 @@ class Task(ABC):
         What no parameter shows, as a disc's spin about its own axis, is left out.
         """
 
+    def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Other parameters (P,) that give the target the same shape in the same place, as a disc turned over.
+
+        No outline and no depth tells them apart, only colours do.
+        """
+        return ()
+
     @abstractmethod
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Joint positions at the start of an episode, per role (J,) [rad]."""

@@ -50,6 +50,16 @@ class Intrinsics:
             raise InputError(f"camera_info K has {len(k)} numbers, must be 9")
         return Intrinsics(width, height, k[0], k[4], k[2] + 0.5, k[5] + 0.5)
 
+    def frames(self, u: np.ndarray, v: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """Whether projected points (...) lie in front of the camera and within the image, (...) bool.
+
+        Args:
+            u: (...) to the right [px].
+            v: (...) downwards [px].
+            depth: (...) along the optical axis; may be negative [m].
+        """
+        return (depth > 0) & (u >= 0) & (u < self.width) & (v >= 0) & (v < self.height)
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:

@@ -13,9 +13,9 @@ from samrl_core.types.observation import Frame
 from samrl_core.types.scene import Body
 from samrl_core.world.pybullet_bodies import PyBulletBodies
 from samrl_core.world.pybullet_camera import Picture, TinyCamera
-from samrl_core.world.pybullet_world import TABLE_COLOR, TABLE_IN_WORLD, TABLE_SIZE
 from samrl_core.world.sensor_noise import RgbdSensor
 from samrl_core.world.settings import WorldSettings
+from samrl_core.world.table import build_table
 
 
 class BodyPhotos:
@@ -34,16 +34,7 @@ class BodyPhotos:
         self._settings = settings or WorldSettings()
         self._client = pybullet.connect(pybullet.DIRECT)
         self._closed = False
-        half = [0.5 * size for size in TABLE_SIZE]
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_BOX, halfExtents=half, rgbaColor=[*TABLE_COLOR, 1.0], physicsClientId=self._client
-        )
-        pybullet.createMultiBody(
-            0.0,
-            baseVisualShapeIndex=shape,
-            basePosition=TABLE_IN_WORLD.position.tolist(),
-            physicsClientId=self._client,
-        )
+        build_table(self._client, solid=False)
         with tempfile.TemporaryDirectory(prefix="samrl_photos_") as folder:
             try:
                 bodies = PyBulletBodies(self._client, (body,), Path(folder), self._settings)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.tasks.task import Ending
+from samrl_core.tasks.needle_threading.task import NeedleThreading
+from samrl_core.tasks.task import Ending, Task
 from samrl_core.types.pose import Pose
 from samrl_core.world.world import SimulatedWorld, Truth
 
@@ -80,9 +81,20 @@ def ending_of(entry: dict[str, Any]) -> Ending:
 def ending_now(truth: Truth) -> Ending:
     """What `Task.succeeded` judges, were the episode to end at this instant."""
     return Ending(
-        {k: Pose(v, truth.body_quat_xyzw[k]) for k, v in truth.body_position.items()},
+        _bodies(truth),
         dict(truth.body_speed),
         dict(truth.body_peak_height),
         truth.tip_position,
         truth.chain_points,
     )
+
+
+def true_values(task: Task, truth: Truth) -> np.ndarray:
+    """The task's parameters (P,) as they really are at this instant."""
+    if isinstance(task, NeedleThreading):
+        return task.values_of(truth.chain_points)
+    return task.values_at(_bodies(truth), np.zeros(0))
+
+
+def _bodies(truth: Truth) -> dict[str, Pose]:
+    return {k: Pose(v, truth.body_quat_xyzw[k]) for k, v in truth.body_position.items()}

@@ -28,12 +28,9 @@ from samrl_core.world.pybullet_camera import TinyCamera
 from samrl_core.world.pybullet_chain import PyBulletChain
 from samrl_core.world.sensor_noise import RgbdSensor
 from samrl_core.world.settings import WorldSettings
+from samrl_core.world.table import TABLE_FRICTION, build_table
 from samrl_core.world.world import SimulatedWorld, Truth
 
-TABLE_SIZE = (0.8, 1.0, 0.05)  # [m]
-TABLE_IN_WORLD = Pose(np.array([0.5, 0.0, -0.025]), np.array([0.0, 0.0, 0.0, 1.0]))  # its top is z = 0
-TABLE_COLOR = (0.55, 0.50, 0.45)
-TABLE_FRICTION = 0.3  # ASSUMPTION [-]
 ARM_LABELS = {"tool_arm": 3, "camera_arm": 4}
 # Housing of the RealSense D435 (datasheet: 90 x 25 x 25 mm); it ends short of the optical frame.
 CAMERA_HALF_EXTENTS = (0.045, 0.0125, 0.0125)  # [m]
@@ -80,7 +77,7 @@ class PyBulletWorld(SimulatedWorld):
             undo.callback(self.close)  # unless all of this succeeds
             self._configure()
             self._arms, self._models = self._build_arms()
-            self._build_table()
+            soften(self._client, build_table(self._client, solid=True), TABLE_FRICTION, self._settings)
             self._bodies = PyBulletBodies(
                 self._client, self._scene.bodies, Path(self._folder.name), self._settings
             )
@@ -256,22 +253,6 @@ class PyBulletWorld(SimulatedWorld):
             arms[role] = PyBulletArm(self._client, spec, base, load, Path(self._folder.name), chain, tip)
             models[role] = ArmModel(spec, base, Payload(load.mass, load.center_of_mass, load.inertia))
         return arms, models
-
-    def _build_table(self) -> None:
-        half = [0.5 * size for size in TABLE_SIZE]
-        table = pybullet.createMultiBody(
-            0.0,
-            pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client),
-            pybullet.createVisualShape(
-                pybullet.GEOM_BOX,
-                halfExtents=half,
-                rgbaColor=[*TABLE_COLOR, 1.0],
-                physicsClientId=self._client,
-            ),
-            TABLE_IN_WORLD.position.tolist(),
-            physicsClientId=self._client,
-        )
-        soften(self._client, table, TABLE_FRICTION, self._settings)
 
     def _labels(self) -> dict[tuple[int, int], int]:
         labels = {

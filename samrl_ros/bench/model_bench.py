@@ -102,15 +102,10 @@ def physics_parts(rounds: int, batches: Sequence[int], device: str, nimble: Path
     }
     if nimble is not None:
         parts["chain beside Nimble"] = lambda: peers.chain_beside_nimble(nimble, rounds)
-    steps: dict[str, Any] = {}
-
-    def rate(scene: str) -> Any:
-        if not steps:
-            steps.update(rates.step_rates(device, batches, rounds))
-        return steps[scene]
-
-    for scene in ("chain", "disc"):
-        parts[f"{scene}: steps per second on {device}"] = lambda scene=scene: rate(scene)
+    for scene in rates.STEPPED:
+        parts[f"{scene}: steps per second on {device}"] = lambda scene=scene: rates.step_rates(
+            scene, device, batches, rounds
+        )
     return parts
 
 

@@ -18,8 +18,13 @@ MAY_CALL_TRUTH = {
 }
 # Who may read what the log wrote.
 MAY_READ_TRUTH = {"samrl_core/world/evaluation.py", "samrl_ros/summary.py"}
-# Who may turn truth into what a task judges; the second is for tests, which stand beside the world.
-MAY_END = {"ending_of": {"samrl_ros/summary.py"}, "ending_now": set()}
+# Who may turn truth into what a task judges or estimates; the second is for tests, which stand beside the
+# world.
+MAY_END = {
+    "ending_of": {"samrl_ros/summary.py"},
+    "ending_now": set(),
+    "true_values": {"samrl_core/experiments/model_updating.py"},
+}
 # Who may draw or judge with truth through the task border.
 MAY_JUDGE = {
     "draw": {"samrl_core/world/pybullet_world.py", "samrl_core/world/mock_world.py"},

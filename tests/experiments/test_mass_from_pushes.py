@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import resource
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,16 @@ import pytest
 from samrl_core.attributes.identify import IdentifySettings, identify
 from samrl_core.attributes.push_record import Disc, PushRecord
 from samrl_core.errors import InputError, LimitError
-from samrl_core.experiments.mass_from_pushes import FRICTION_RANGE, RANGES, draw_case, main, pushing_scene
+from samrl_core.experiments import mass_from_pushes
+from samrl_core.experiments.mass_from_pushes import (
+    FRICTION_RANGE,
+    RANGES,
+    SCHEMA,
+    Case,
+    draw_case,
+    main,
+    pushing_scene,
+)
 from samrl_core.experiments.push_driver import PushDriver, PushSettings
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.spatula_flipping.task import PANCAKE
@@ -108,6 +119,36 @@ def test_cases_are_drawn_within_their_ranges_and_repeat() -> None:
 def test_no_case_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--cases"):
         main(["--cases", "0", "--light", "0", "--out", str(tmp_path)])
+
+
+class _AskedAgainError(Exception):
+    pass
+
+
+def test_a_case_whose_file_could_not_be_written_is_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No room in the middle of a case's file: the next run finds nothing, instead of half of it."""
+    made: list[str] = []
+
+    def run(case: Case, seed: int, settings: IdentifySettings) -> dict[str, Any]:
+        if made:
+            raise _AskedAgainError
+        made.append(case.name)
+        return {"schema": SCHEMA, "seed": seed, "numbers": [0.0] * 1000}
+
+    monkeypatch.setattr(mass_from_pushes, "run_case", run)
+    arguments = ["--cases", "1", "--light", "0", "--out", str(tmp_path)]
+    most, limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, limit))  # bytes of any file
+    try:
+        with pytest.raises(OSError, match="too large"):
+            main(arguments)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, limit))
+    assert made == ["heavy_00"] and not list((tmp_path / "cases").iterdir())
+    with pytest.raises(_AskedAgainError):
+        main(arguments)
 
 
 @pytest.mark.slow

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 import torch
 
+from samrl_core.benchmarks.thread_scene import ThreadScene, differences, moved, smooth_image
 from samrl_core.model.meshes import box_mesh, flatten, frustum_mesh
 from samrl_core.model.renderer import Rendered, Renderer
 from samrl_core.model.topology import Topology
@@ -19,17 +18,7 @@ LENS = Intrinsics.from_fov(128, 128, np.deg2rad(42.0))
 SPAN = np.array([2e-3] * 3 + [1.5e-3] * 3 + [1.5e-2] * 3 + [1.5e-3] * 3)
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    vertices: torch.Tensor  # (V, 3)
-    color: torch.Tensor  # (V, 3)
-    target: torch.Tensor  # (V,)
-    topology: Topology
-    rotation: torch.Tensor
-    translation: torch.Tensor
-
-
-def thread_scene() -> Scene:
+def rods_and_box() -> ThreadScene:
     """Six rods of 5 mm over a table, in colours flat per rod; the target is a two-coloured box among them."""
     rng = np.random.default_rng(3)
     table = np.array([[-0.4, -0.4, 0.0], [0.4, -0.4, 0.0], [0.4, 0.4, 0.0], [-0.4, 0.4, 0.0]])
@@ -54,7 +43,7 @@ def thread_scene() -> Scene:
         target.append(np.full(len(flat.vertices), float(k == 6)))
     v, p = np.concatenate(vertices), np.concatenate(part)
     camera = look_at(np.array([0.05, -0.42, 0.34]), np.array([0.0, -0.02, 0.04])).inverse()
-    return Scene(
+    return ThreadScene(
         torch.from_numpy(v),
         torch.from_numpy(np.concatenate(color)),
         torch.from_numpy(np.concatenate(target)),
@@ -64,70 +53,41 @@ def thread_scene() -> Scene:
     )
 
 
-def turn(w: torch.Tensor) -> torch.Tensor:
-    zero = torch.zeros((), dtype=w.dtype)
-    return torch.matrix_exp(torch.stack([zero, -w[2], w[1], w[2], zero, -w[0], -w[1], w[0], zero]).view(3, 3))
-
-
-def moved(scene: Scene, renderer: Renderer, p: torch.Tensor) -> Rendered:
-    """Camera turned and shifted by p[:6], target object by p[6:12] about its middle."""
-    is_target = scene.target[:, None] > 0
-    middle = scene.vertices[is_target[:, 0]].mean(dim=0)
-    there = (scene.vertices - middle) @ turn(p[6:9]).T + middle + p[9:12]
-    rotation = turn(p[:3]) @ scene.rotation
-    translation = turn(p[:3]) @ scene.translation + p[3:6]
-    vertices = torch.where(is_target, there, scene.vertices)
-    return renderer(vertices, scene.color, scene.target, rotation, translation)
-
-
 def stacked(r: Rendered) -> torch.Tensor:
     return torch.cat([r.color, r.xyz, r.target[..., None]], dim=-1).double()
 
 
 def smooth_weights(channels: slice) -> torch.Tensor:
-    rng = np.random.default_rng(1)
-    y, x = np.meshgrid(np.arange(128) / 128, np.arange(128) / 128, indexing="ij")
-    w = np.zeros((128, 128, 7))
-    for c in range(7):
-        for _ in range(6):
-            kx, ky = 3 * rng.normal(size=2)
-            w[..., c] += rng.normal() * np.sin(2 * np.pi * (kx * x + ky * y) + rng.uniform(0, 6))
     mask = np.zeros(7)
     mask[channels] = 1
-    return torch.from_numpy(w * mask)
+    return torch.from_numpy(smooth_image(7) * mask)
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
-    return thread_scene()
+def scene() -> ThreadScene:
+    return rods_and_box()
 
 
 @pytest.fixture(scope="module")
-def differences(scene: Scene) -> torch.Tensor:
+def slopes(scene: ThreadScene) -> torch.Tensor:
     """(12, 128, 128, 7) derivative images of the supersampled renderer."""
     fine = Renderer(scene.topology, LENS, supersample=16)
-    rows = []
-    with torch.no_grad():
-        for k in range(12):
-            p = torch.zeros(12, dtype=torch.float64)
-            p[k] = SPAN[k]
-            rows.append((stacked(moved(scene, fine, p)) - stacked(moved(scene, fine, -p))) / (2 * SPAN[k]))
-    return torch.stack(rows)
+    return differences(lambda p: stacked(moved(scene, fine, p)), SPAN)
 
 
-def pose_gradient(scene: Scene, weights: torch.Tensor) -> torch.Tensor:
+def pose_gradient(scene: ThreadScene, weights: torch.Tensor) -> torch.Tensor:
     renderer = Renderer(scene.topology, LENS, supersample=2)
     p = torch.zeros(12, dtype=torch.float64, requires_grad=True)
     (g,) = torch.autograd.grad((stacked(moved(scene, renderer, p)) * weights).sum(), p)
     return g
 
 
-def test_pose_gradient_matches_differences(scene: Scene, differences: torch.Tensor) -> None:
+def test_pose_gradient_matches_differences(scene: ThreadScene, slopes: torch.Tensor) -> None:
     """Mean relative error over blocks (camera and object, rotation and translation) and channels."""
     errors = []
     for channels in (slice(0, 3), slice(3, 6), slice(6, 7)):
         weights = smooth_weights(channels)
-        reference = (differences * weights).sum(dim=(1, 2, 3))
+        reference = (slopes * weights).sum(dim=(1, 2, 3))
         gradient = pose_gradient(scene, weights)
         for block in range(0, 12, 3):
             part = slice(block, block + 3)
@@ -137,13 +97,13 @@ def test_pose_gradient_matches_differences(scene: Scene, differences: torch.Tens
     assert np.max(errors) < 0.12
 
 
-def test_gradient_of_image_residual(scene: Scene, differences: torch.Tensor) -> None:
+def test_gradient_of_image_residual(scene: ThreadScene, slopes: torch.Tensor) -> None:
     """The residual to a displaced pose, as a least-squares loss has it, gives the descent direction."""
     fine = Renderer(scene.topology, LENS, supersample=16)
     here, there = torch.zeros(12, dtype=torch.float64), torch.from_numpy(2.0 * SPAN)
     with torch.no_grad():
         residual = stacked(moved(scene, fine, here)) - stacked(moved(scene, fine, there))
-    reference = (differences * residual).sum(dim=(1, 2, 3))
+    reference = (slopes * residual).sum(dim=(1, 2, 3))
     gradient = pose_gradient(scene, residual)
     scale = torch.from_numpy(SPAN)
     a, b = gradient * scale, reference * scale
@@ -151,7 +111,7 @@ def test_gradient_of_image_residual(scene: Scene, differences: torch.Tensor) -> 
     assert float(gradient @ there) < 0
 
 
-def test_vertex_gradient(scene: Scene) -> None:
+def test_vertex_gradient(scene: ThreadScene) -> None:
     """One free corner of the table and of an unshared box corner, against differences."""
     weights = smooth_weights(slice(0, 6))
     fine, plain = (Renderer(scene.topology, LENS, supersample=s) for s in (16, 2))
@@ -173,7 +133,7 @@ def test_vertex_gradient(scene: Scene) -> None:
     assert float((gradient - reference).norm() / reference.norm()) < 0.06
 
 
-def test_color_gradient_is_exact(scene: Scene) -> None:
+def test_color_gradient_is_exact(scene: ThreadScene) -> None:
     """The image is linear in the colours."""
     renderer = Renderer(scene.topology, LENS, supersample=2)
     weights = smooth_weights(slice(0, 3))

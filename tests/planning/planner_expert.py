@@ -11,11 +11,10 @@ from samrl_core.model.task_physics.choose import dynamics_of
 from samrl_core.model.task_physics.settings import TaskPhysicsSettings
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
-from samrl_core.tasks.needle_threading.task import NeedleThreading
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.tasks.task import Task
 from samrl_core.trajectory import TrajectorySettings, optimise
-from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import true_values
 from samrl_core.world.world import Truth
 from tests.world.scripted_expert import Episode
 from tests.world.sub_goal_expert import Choice, Pace, episodes
@@ -31,26 +30,13 @@ class Error:
     angle: float = 0.0  # [rad]
 
 
-def true_values(task: Task) -> Callable[[Truth], np.ndarray]:
-    """The task's parameters, from truth."""
-
-    def values(truth: Truth) -> np.ndarray:
-        if isinstance(task, NeedleThreading):
-            return task.values_of(truth.chain_points)
-        poses = {n: Pose(p, truth.body_quat_xyzw[n]) for n, p in truth.body_position.items()}
-        return task.values_at(poses, np.zeros(0))
-
-    return values
-
-
 def told(task: Task, error: Error, seed: int) -> Callable[[Truth], np.ndarray]:
     """The parameters with an error; a pancake is never told to be inside the table."""
     rng = np.random.default_rng(seed)
-    exact = true_values(task)
     deviation = np.array([error.place if p.unit == "m" else error.angle for p in task.parameters()])
 
     def values(truth: Truth) -> np.ndarray:
-        found = exact(truth) + deviation * rng.standard_normal(len(deviation))
+        found = true_values(task, truth) + deviation * rng.standard_normal(len(deviation))
         if isinstance(task, SpatulaFlipping):
             found[2] = max(found[2], 0.5 * task.pancake_thickness)
         return found
@@ -79,4 +65,4 @@ def run(name: str, seeds: Sequence[int], error: Error | None = None, noise: floa
     return episodes(task, CELL, values, seeds, Pace(noise=noise), planned(task))
 
 
-__all__ = ["CELL", "PANCAKE", "Error", "planned", "run", "told", "true_values"]
+__all__ = ["CELL", "PANCAKE", "Error", "planned", "run", "told"]

@@ -130,6 +130,22 @@ def test_pancake_falls_over(pancake: Bench) -> None:
     assert distance < 2e-3 and angle < np.radians(2.0)
 
 
+def test_pancake_taken_for_its_other_face(pancake: Bench) -> None:
+    """It lies turned over on the lip, where its mirror image is believed, which fits as well but for colour."""
+    task = pancake.task
+    assert isinstance(task, SpatulaFlipping)
+    known = Real2Sim(pancake.model).update(initial_estimate(pancake.model), pancake.observe(0))
+    now, mirrored = np.array([0.606, -0.007, 0.0143, 0.0, -2.96]), np.array([0.606, -0.007, 0.0143, 0.0, 0.18])
+    pancake.world._bodies.place(task.body_poses(now))
+    image = pancake.driver.observe()
+    start = replace(known, values=mirrored)
+    after = Real2Sim(pancake.model).update(start, image)
+    distance, angle = pancake.errors(after.values, image)
+    assert distance < 2e-3 and angle < np.radians(2.0)
+    shape_alone = Real2Sim(pancake.model, Real2SimSettings(other_face=0.0)).update(start, image)
+    assert pancake.errors(shape_alone.values, image)[1] > np.radians(170.0)
+
+
 def test_same_input_same_bits_and_the_watcher_sees_the_way(thread: Bench) -> None:
     """A replay must give the same estimate."""
     image = thread.observe(1)

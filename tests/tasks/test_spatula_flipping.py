@@ -92,6 +92,15 @@ def test_an_upside_down_pancake_has_values_too() -> None:
     np.testing.assert_allclose(again.rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
 
 
+def test_the_look_alike_is_the_other_face_in_the_same_place() -> None:
+    values = np.array([0.55, 0.01, 0.03, 0.2, -0.7])
+    (other,) = TASK.look_alikes(values)
+    here, turned = (TASK.body_poses(v)[PANCAKE] for v in (values, other))
+    np.testing.assert_allclose(turned.position, here.position)
+    np.testing.assert_allclose(turned.rotation[:, 2], -here.rotation[:, 2], atol=1e-12)
+    np.testing.assert_allclose(TASK.look_alikes(other)[0], values, atol=1e-12)
+
+
 def test_draws_stay_in_the_range_and_fill_it() -> None:
     """2 cm x 2 cm, flat."""
     rng = np.random.default_rng(0)

@@ -71,6 +71,15 @@ def test_unproject_inverts_project() -> None:
     np.testing.assert_allclose(projected, np.stack([u, v, depth], axis=-1), atol=1e-9)
 
 
+def test_what_lies_in_the_image() -> None:
+    """The outer corner of the first pixel belongs to the image, that of the last one does not."""
+    k = Intrinsics(8, 6, 9.0, 10.0, 4.0, 3.0)
+    u = np.array([0.0, 7.99, 8.0, -0.01, 4.0, 4.0, 4.0, np.nan])
+    v = np.array([0.0, 5.99, 3.0, 3.0, 6.0, 3.0, 3.0, 3.0])
+    depth = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.0, -1.0, 1.0])
+    np.testing.assert_array_equal(k.frames(u, v, depth), [True, True] + [False] * 6)
+
+
 def test_small_angles_are_exact() -> None:
     turned = Pose.from_rpy(np.zeros(3), (0.0, 0.0, 1e-7))
     assert Pose.identity().angle_to(turned) == pytest.approx(1e-7, rel=1e-6)

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pybullet
 import pytest
 
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
-from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import true_values
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.settings import NOISELESS
-from samrl_core.world.world import Truth
 from tests.world.sub_goal_expert import Pace, episodes
 
 CELL = default_cell()
 TASK = SpatulaFlipping()
-
-
-def true_values(truth: Truth) -> np.ndarray:
-    """The parameters of the true pancake."""
-    return TASK.values_of(Pose(truth.body_position[PANCAKE], truth.body_quat_xyzw[PANCAKE]))
+TRUE = partial(true_values, TASK)
 
 
 def test_expert_turns_the_pancake_over() -> None:
     """Within the actions allowed, gently; it comes to lie against the lip, so a little error remains."""
-    for episode in episodes(TASK, CELL, true_values, range(2), Pace()):
+    for episode in episodes(TASK, CELL, TRUE, range(2), Pace()):
         assert episode.success and episode.done
         assert episode.actions < 60
         assert episode.peak_force < 30.0
@@ -35,7 +32,7 @@ def test_expert_turns_the_pancake_over() -> None:
 def test_without_a_lip_the_pancake_is_only_pushed() -> None:
     """The same motion, with nothing that stops the pancake: the lip is what turns it."""
     (episode,) = episodes(
-        SpatulaFlipping(lip_size=(0.006, 0.240, 0.0005), max_actions=45), CELL, true_values, [0], Pace()
+        SpatulaFlipping(lip_size=(0.006, 0.240, 0.0005), max_actions=45), CELL, TRUE, [0], Pace()
     )
     assert not episode.success and not episode.done
     assert episode.error > 0.1
@@ -77,7 +74,7 @@ def test_truth_remembers_how_high_it_was_until_the_next_reset() -> None:
 @pytest.mark.timeout(600)
 def test_expert_turns_it_over_from_everywhere() -> None:
     """20 starts."""
-    found = episodes(TASK, CELL, true_values, range(20), Pace())
+    found = episodes(TASK, CELL, TRUE, range(20), Pace())
     assert sum(episode.success for episode in found) >= 18
     assert max(episode.peak_force for episode in found) < 30.0
 
@@ -86,5 +83,5 @@ def test_expert_turns_it_over_from_everywhere() -> None:
 @pytest.mark.timeout(600)
 def test_a_careless_expert_still_has_a_chance() -> None:
     """A quarter of each action is noise: with sub-goals to come back to, most episodes still succeed."""
-    found = episodes(TASK, CELL, true_values, range(8), Pace(noise=0.25))
+    found = episodes(TASK, CELL, TRUE, range(8), Pace(noise=0.25))
     assert sum(episode.success for episode in found) >= 6

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pybullet
 import pytest
@@ -12,24 +14,20 @@ from samrl_core.robots.inverse_kinematics import solve_ik
 from samrl_core.tasks.needle_threading.task import NEEDLE, NeedleThreading
 from samrl_core.tasks.needle_threading.thread import crossing_distance
 from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import true_values
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.settings import NOISELESS
-from samrl_core.world.world import Truth
 from tests.world.scripted_expert import DOWN, move_joints
 from tests.world.sub_goal_expert import Pace, episodes, follow
 
 CELL = default_cell()
 TASK = NeedleThreading()
-
-
-def true_values(truth: Truth) -> np.ndarray:
-    """The parameters of the true thread."""
-    return TASK.values_of(truth.chain_points)
+TRUE = partial(true_values, TASK)
 
 
 def test_expert_threads_the_needle() -> None:
     """Within the actions allowed, and so that it hangs in the eye after half a second of rest."""
-    for episode in episodes(TASK, CELL, true_values, range(2), Pace()):
+    for episode in episodes(TASK, CELL, TRUE, range(2), Pace()):
         assert episode.success and episode.done
         assert episode.actions < 60
         assert episode.error < TASK.eye_radius
@@ -41,10 +39,10 @@ def test_the_thread_starts_at_rest_where_it_was_drawn() -> None:
     for seed in range(3):
         world.reset(seed)
         drawn = TASK.draw(np.random.default_rng(seed).spawn(3)[0]).chain_angles
-        np.testing.assert_allclose(true_values(world.truth()), drawn, atol=2e-3)
+        np.testing.assert_allclose(TRUE(world.truth()), drawn, atol=2e-3)
         for _ in range(150):
             world.advance()
-        np.testing.assert_allclose(true_values(world.truth()), drawn, atol=2e-3)
+        np.testing.assert_allclose(TRUE(world.truth()), drawn, atol=2e-3)
     world.close()
 
 
@@ -73,7 +71,7 @@ def test_the_eye_holds_the_thread() -> None:
     """Threaded and pulled 20 mm aside, the thread bends at the eye instead of passing through its wall."""
 
     world = PyBulletWorld(TASK, CELL, NOISELESS)
-    assert follow(world, TASK, CELL, true_values, 0).success
+    assert follow(world, TASK, CELL, TRUE, 0).success
     tool = TASK.scene(CELL).tool
     load = Payload(tool.mass, tool.center_of_mass, tool.inertia)
     model = ArmModel(CELL.tool_arm, CELL.tool_base_in_world, load)
@@ -94,7 +92,7 @@ def test_the_eye_holds_the_thread() -> None:
 @pytest.mark.timeout(900)
 def test_expert_threads_it_from_everywhere() -> None:
     """20 threads."""
-    found = episodes(TASK, CELL, true_values, range(20), Pace())
+    found = episodes(TASK, CELL, TRUE, range(20), Pace())
     assert sum(episode.success for episode in found) >= 18
 
 
@@ -102,5 +100,5 @@ def test_expert_threads_it_from_everywhere() -> None:
 @pytest.mark.timeout(900)
 def test_a_careless_expert_still_threads_it() -> None:
     """A quarter of each action is noise."""
-    found = episodes(TASK, CELL, true_values, range(8), Pace(noise=0.25))
+    found = episodes(TASK, CELL, TRUE, range(8), Pace(noise=0.25))
     assert sum(episode.success for episode in found) >= 6

@@ -144,5 +144,5 @@ def disc(environments: int, frames: int, device: str = "cpu") -> NewtonRollout:
     steps = round(frames * scenes.STEP_S / DISC_STEP_S)
     solvers = [newton.solvers.SolverSemiImplicit(model) for _ in range(steps)]
     rollout = NewtonRollout(model, solvers, DISC_STEP_S, collide=True)
-    rollout.begin(None, np.tile([0.5, 0.0, 0.0, 0.0, 0.0, 0.0], environments))
+    rollout.begin(None, np.tile([scenes.DISC_SPEED, 0.0, 0.0, 0.0, 0.0, 0.0], environments))
     return rollout

@@ -1,6 +1,9 @@
 """Nimble's chain, the paper's simulator. It needs numpy < 2, so it runs in an environment of its own:
 
-    python nimble_chain.py '{"xml or numbers": ...}'   (called by `samrl_core.benchmarks.physics_peers`)
+    python nimble_chain.py '{"links": 10, ...}'   (called by `samrl_core.benchmarks.physics_peers`)
+
+The argument is JSON: links, length and mass of each [m], [kg], its inertia (3, 3) [kg m^2], damping
+[N m s/rad], step_s [s], the start q and v [rad], [rad/s], and how many steps and rounds.
 
 Imports nothing of this project. Prints seconds of forward, and of forward and backward, per step, as JSON.
 """

@@ -38,7 +38,7 @@ class PhysicsModel:
         where = "cpu" if torch.device(device).type == "cpu" else f"cuda:{torch.device(device).index or 0}"
         self._constants = Constants(scene, self.layout, dtype == torch.float64, where)
         self._workspaces: dict[tuple[int, int], Workspace] = {}
-        self._checked: list[tuple[torch.Tensor, int]] = []  # parameters found good, and their versions
+        self._checked: dict[str, tuple[torch.Tensor, int]] = {}  # parameters found good, and their versions
 
     def parameters(self, batch: int) -> PhysicsParameters:
         """The scene's own values."""
@@ -121,14 +121,22 @@ class PhysicsModel:
             length = state.q.detach()[:, first : first + 4].norm(dim=1)
             if bool(((length - 1.0).abs() > 1e-3).any()):
                 raise InputError(f"quaternion lengths {length.tolist()} must be 1; normalise them")
-        # Checking costs more than a rollout of some steps: once for the same unchanged tensors.
-        now = [(value, value._version) for value in parameters.tensors()]
-        same = len(self._checked) == len(now) and all(
-            a is b and i == k for (a, i), (b, k) in zip(self._checked, now, strict=True)
-        )
-        if not same:
-            parameters.check()
-            self._checked = now
+        # Checking costs as much as some steps: once for the same unchanged numbers, which a caller may expand
+        # anew for every rollout.
+        now = {name: (value, value._version) for name, value in vars(parameters).items()}
+        known = self._checked
+        changed = [
+            name
+            for name, (value, version) in now.items()
+            if name not in known or known[name][1] != version or not _same_place(value, known[name][0])
+        ]
+        parameters.check(changed)
+        self._checked = now
+
+
+def _same_place(a: torch.Tensor, b: torch.Tensor) -> bool:
+    """Whether two tensors are the same view of the same memory, which neither lets go."""
+    return a.data_ptr() == b.data_ptr() and a.shape == b.shape and a.stride() == b.stride()
 
 
 class _Rollout(torch.autograd.Function):

@@ -23,6 +23,7 @@ from samrl_core.types.scene import Scene, Tool
 
 PANCAKE = "pancake"
 LIP = "lip"
+_TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
 
 @dataclass(frozen=True)
@@ -146,6 +147,10 @@ class SpatulaFlipping(Task):
         angle = math.atan2(sine, axis[2])
         direction = lever / sine if sine > 1e-12 else np.array([0.0, 1.0])
         return np.concatenate([pancake_in_world.position, angle * direction])
+
+    def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The pancake turned over where it is."""
+        return (self.values_of(self.body_poses(values)[PANCAKE] @ _TURNED_OVER),)
 
     def chain_angles(self, values: np.ndarray) -> np.ndarray:
         """None: the tool is rigid."""

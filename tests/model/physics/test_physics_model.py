@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import contact_cases
@@ -14,7 +15,7 @@ from samrl_core.errors import InputError, SolveError
 from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import plane
-from samrl_core.model.physics.state import PhysicsAction, PhysicsState
+from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState
 
 
 def prepare(case: Case, dtype: torch.dtype) -> tuple[PhysicsModel, PhysicsState, PhysicsAction]:
@@ -126,6 +127,37 @@ def test_impossible_parameters_are_refused(field: str, value: float, message: st
     bad = replace(parameters, **{field: torch.full_like(getattr(parameters, field), value)})
     with pytest.raises(InputError, match=message):
         model.rollout(state, action, bad)
+
+
+def test_parameters_are_looked_at_again_where_they_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expanded anew they are the same numbers; written over, or in other memory, they are not."""
+    model = PhysicsModel(contact_cases.disc(1, 0.0, 0.5).scene, torch.float64)
+    own, state, action = model.parameters(1), model.start_state(2), model.no_action(2, 1)
+    state.q[:, 2] = 0.1
+    looked: list[set[str]] = []
+    check = PhysicsParameters.check
+
+    def watched(self: PhysicsParameters, names: Collection[str] | None = None) -> None:
+        looked.append(set(vars(self) if names is None else names))
+        check(self, names)
+
+    monkeypatch.setattr(PhysicsParameters, "check", watched)
+
+    def run(rest: torch.Tensor) -> set[str]:
+        fields = {n: v.expand(2, *v.shape[1:]) for n, v in vars(own).items()}
+        model.rollout(state, action, PhysicsParameters(**fields | {"joint_rest": rest.expand(2, -1)}))
+        return looked.pop()
+
+    assert run(own.joint_rest) == set(vars(own))
+    assert run(own.joint_rest) == set()
+    assert run(own.joint_rest.clone()) == {"joint_rest"}
+    own.inertia.mul_(1.1)
+    assert run(own.joint_rest) == {"joint_rest", "inertia"}
+    own.mass.neg_()
+    for _ in range(2):  # what was refused once is not taken for good
+        with pytest.raises(InputError, match="mass"):
+            run(own.joint_rest)
+        assert looked.pop() == {"mass"}
 
 
 def test_wrong_states_and_shapes_are_refused() -> None:

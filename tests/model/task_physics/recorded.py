@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -13,10 +13,9 @@ from samrl_core.model.task_physics.task_physics import TaskPhysics
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks.needle_threading.task import NeedleThreading
 from samrl_core.tasks.task import Task
-from samrl_core.types.pose import Pose
+from samrl_core.world.evaluation import true_values
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.settings import NOISELESS
-from samrl_core.world.world import Truth
 from tests.world.sub_goal_expert import Pace, follow
 
 CELL = default_cell()
@@ -43,28 +42,16 @@ class _Watched(PyBulletWorld):
         self.history.append(self.truth())
 
 
-def values_of(task: Task) -> Callable[[Truth], np.ndarray]:
-    """The task's parameters, from truth."""
-
-    def values(truth: Truth) -> np.ndarray:
-        if isinstance(task, NeedleThreading):
-            return task.values_of(truth.chain_points)
-        poses = {n: Pose(p, truth.body_quat_xyzw[n]) for n, p in truth.body_position.items()}
-        return task.values_at(poses, np.zeros(0))
-
-    return values
-
-
 def recorded(task: Task, seed: int, noise: float = 0.0) -> Recorded:
     """An episode of the expert that follows the task's sub-goals, `noise` as in `Pace`; exact sensors."""
     world = _Watched(task, CELL, NOISELESS)
-    follow(world, task, CELL, values_of(task), seed, Pace(noise=noise))
+    follow(world, task, CELL, partial(true_values, task), seed, Pace(noise=noise))
     history = world.history
     world.close()
     at = np.round(np.arange(0.0, (len(history) - 1) / 1000.0, 1.0 / 240.0) * 1000.0).astype(int)
     truths = [history[i] for i in at]
     return Recorded(
-        np.array([t.tip_position for t in truths]), np.array([values_of(task)(t) for t in truths])
+        np.array([t.tip_position for t in truths]), np.array([true_values(task, t) for t in truths])
     )
 
 

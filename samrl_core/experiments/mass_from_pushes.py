@@ -148,6 +148,7 @@ def aggregate(results: list[dict[str, Any]]) -> dict[str, Any]:
                 "error_median": float(np.median(error)),
                 "error_90": float(np.quantile(error, 0.9)),
                 "error_max": float(error.max()),
+                "error_mean": float(np.mean([f["error"] for f in fits])),
                 "within_5_percent": int((error <= 0.05).sum()),
                 "half_width_median": float(np.median([f["half_width"] for f in fits])),
                 "covered": int(sum(f["covered"] for f in fits)),

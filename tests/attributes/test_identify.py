@@ -44,6 +44,18 @@ def test_what_a_push_cannot_show_is_said(two: list[PushRecord]) -> None:
     assert found.attribute("inertia_ratio").value == pytest.approx(1.0, rel=0.02)
 
 
+def test_a_second_push_goes_on_where_the_first_ended(two: list[PushRecord]) -> None:
+    """Sooner there, and the same: the prior is still the guess's."""
+    first = identify(two[:1], pushes.DISC, 0.5 * MASS, pushes.SETTINGS)
+    anew = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS)
+    on = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS, first)
+    assert on.mass_path[0] == pytest.approx(first.attribute("mass").value)
+    assert len(on.mass_path) <= len(anew.mass_path)
+    mass, other = on.attribute("mass"), anew.attribute("mass")
+    assert abs(np.log(mass.value / other.value)) < 0.3 * np.log(mass.upper / mass.value)
+    assert first.attribute("mass").half_width > mass.half_width
+
+
 def test_without_the_slide_only_a_combination_is_known() -> None:
     """A push that is watched only while the blade is at the disc: is it heavy, or rough?"""
     short = pushes.made_push(MASS, FRICTION, 7.0, push_s=0.16, total_s=0.18)

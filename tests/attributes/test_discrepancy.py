@@ -79,7 +79,7 @@ def test_white_residuals_leave_little_room_for_straying() -> None:
 
 def test_responses_are_those_of_a_changed_bin() -> None:
     """All bins together give the parameter's slope; one alone is its own difference."""
-    push = pushes.drive(7.0, 0.16, 0.3)
+    push = pushes.drive(7.0, 0.12, 0.18)
     scene, at = PushScene(pushes.DISC, push, pushes.CONTACT), pushes.theta(0.6, 0.35)
     rows = Comparison(scene, 1e-4, 1e-3, 0.010)
     found = sensitivity(scene, at)

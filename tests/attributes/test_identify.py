@@ -45,15 +45,13 @@ def test_what_a_push_cannot_show_is_said(two: list[PushRecord]) -> None:
 
 
 def test_a_second_push_goes_on_where_the_first_ended(two: list[PushRecord]) -> None:
-    """Sooner there, and the same: the prior is still the guess's."""
     first = identify(two[:1], pushes.DISC, 0.5 * MASS, pushes.SETTINGS)
-    anew = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS)
-    on = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS, first)
-    assert on.mass_path[0] == pytest.approx(first.attribute("mass").value)
-    assert len(on.mass_path) <= len(anew.mass_path)
-    mass, other = on.attribute("mass"), anew.attribute("mass")
-    assert abs(np.log(mass.value / other.value)) < 0.3 * np.log(mass.upper / mass.value)
-    assert first.attribute("mass").half_width > mass.half_width
+    both = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS, first)
+    assert both.why_stopped == "converged"
+    assert both.mass_path[0] == pytest.approx(first.attribute("mass").value)
+    mass, before = both.attribute("mass"), first.attribute("mass")
+    assert mass.value == pytest.approx(MASS, rel=0.05) and mass.lower < MASS < mass.upper
+    assert mass.half_width < before.half_width
 
 
 def test_without_the_slide_only_a_combination_is_known() -> None:

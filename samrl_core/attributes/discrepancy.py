@@ -76,11 +76,11 @@ def responses(
     step_of = steps // max(1, round(bin_s / step_s))
     blade, disc = scene.coordinates, scene.coordinates + 1
     touches = found.by_state[:, blade, disc] != 0  # the blade's speed follows the disc's
-    both = [
-        rows.response(found.response(column, step_of, where).numpy(), latency)
-        for column, where in ((TABLE_FRICTION, torch.ones_like(touches)), (FORCE_RATIO, touches))
-    ]
-    return Responses(*both, np.arange(int(step_of[-1]) + 1) * bin_s)
+    always = torch.ones_like(touches)
+    friction = found.response(TABLE_FRICTION, step_of, always).numpy()
+    force = found.response(FORCE_RATIO, step_of, touches).numpy()
+    time_s = np.arange(int(step_of[-1]) + 1) * bin_s
+    return Responses(rows.response(friction, latency), rows.response(force, latency), time_s)
 
 
 def wandering(

@@ -2,7 +2,8 @@
 
 Eq. 10 compares one final pose and eq. 11 follows its gradient. Here every sighting of the disc and every
 reading of the arm counts by its noise, and the step is Gauss-Newton's with damping, on the slopes of the
-physics model. What the data leave open is filled by priors, and said.
+physics model. What the model gets wrong is estimated from what the fit leaves over (`discrepancy`), and what
+the data leave open is filled by priors, and said.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
+from samrl_core.attributes.comparison import Comparison
+from samrl_core.attributes.discrepancy import Wander, WanderSettings, responses, wandering
 from samrl_core.attributes.identifiability import Attribute, Combination, attributes_of, combinations_of
 from samrl_core.attributes.push_record import Disc, PushRecord
-from samrl_core.attributes.push_scene import MASS, NAMES, START, ContactSettings, PushScene
-from samrl_core.attributes.sensitivity import sensitivity, trajectory
+from samrl_core.attributes.push_scene import LATENCY, MASS, NAMES, START, ContactSettings, PushScene
+from samrl_core.attributes.sensitivity import Sensitivity, sensitivity, trajectory
 from samrl_core.errors import InputError
 from samrl_core.inverse.least_squares import LeastSquaresSettings, least_squares
 
@@ -36,8 +39,12 @@ class Priors:
     blade_friction_spread: float = 0.7
     blade_stiffness: float = 1.0e5  # between blade and rim [N/m]
     blade_stiffness_spread: float = 1.0
+    blade_dissipation: float = 50.0  # dough hardly bounces [s/m]
+    blade_dissipation_spread: float = 1.0
     arm_mass_spread: float = 0.01  # of the arm's effective mass by its URDF
     force_spread: float = 0.01  # of the drives' force; also where on the rim the blade touches
+    # Of the readings behind the drive's action: where in a control period each of them falls is not known.
+    latency_spread: float = 0.001  # [s]
     start_spread: float = 0.005  # of the disc's start about its first sighting [m]
 
 
@@ -49,8 +56,10 @@ class IdentifySettings:
     tip_noise: float = 1.0e-4  # of the tip: encoders, and what the model leaves out of the contact [m]
     tip_period_s: float = 0.010  # between readings of the tip that are compared [s]
     priors: Priors = field(default_factory=Priors)
+    wander: WanderSettings = field(default_factory=WanderSettings)
     contact: ContactSettings = field(default_factory=ContactSettings)
-    solver: LeastSquaresSettings = field(default_factory=LeastSquaresSettings)
+    # A step of 0.3 standard deviations may be left: the step to what the wandering makes of it takes it too.
+    solver: LeastSquaresSettings = field(default_factory=lambda: LeastSquaresSettings(small_gain=0.1))
 
     def __post_init__(self) -> None:
         if not (self.seen_noise > 0 and self.tip_noise > 0 and self.tip_period_s > 0):
@@ -66,9 +75,10 @@ class Identified:
 
     attributes: tuple[Attribute, ...]  # in the order of `push_scene.NAMES`
     combinations: tuple[Combination, ...]  # of mass and table friction, the best determined first
-    mass_path: np.ndarray  # (K + 1,) mass after each iteration, the guess first [kg]
+    mass_path: np.ndarray  # (K,) at the start, after each iteration, and with the model's errors [kg]
     misfit: float  # mean squared residual in units of the noise, 1 when the model explains the data [-]
     why_stopped: str  # converged | iteration_limit | no_descent | diverged | no_motion
+    wander: Wander  # by how much the contacts' forces stray from the model's
 
     @property
     def explained(self) -> bool:
@@ -81,19 +91,24 @@ class Identified:
 
 
 def identify(
-    pushes: Sequence[PushRecord], disc: Disc, mass_guess: float, settings: IdentifySettings | None = None
+    pushes: Sequence[PushRecord],
+    disc: Disc,
+    mass_guess: float,
+    settings: IdentifySettings | None = None,
+    before: Identified | None = None,
 ) -> Identified:
     """Fit all attributes to all pushes together.
 
-    Intervals are of 95 %, from the information of the data and the priors where the fit ended, widened by
-    the misfit where that is above 1. When no push has moved the disc, nothing is fitted: "no_motion", and the
-    intervals are the priors'.
+    Intervals are of 95 %, from the information of the data and the priors where the fit ended, with the
+    model's errors as the recording shows them. When no push has moved the disc, nothing is fitted:
+    "no_motion", and the intervals are the priors'.
 
     Args:
         pushes: one or more, of the same disc on the same table.
         disc: its shape.
         mass_guess: where the fit begins and the median of the mass's prior [kg].
         settings: noise, priors and contacts.
+        before: what the first few of these pushes said, where the search begins; the priors stay the guess's.
 
     Raises:
         InputError: no push, or a guess that is no mass.
@@ -104,55 +119,72 @@ def identify(
     if not (np.isfinite(mass_guess) and mass_guess > 0):
         raise InputError(f"mass guess {mass_guess} kg must be positive and finite")
     median, spread = _prior(s.priors, mass_guess, pushes)
-    nothing = np.zeros((len(spread), len(spread)))
     if not any(push.has_moved(s.seen_noise) for push in pushes):
-        return _identified(median, spread, nothing, np.array([mass_guess]), 1.0, "no_motion")
+        return _unknown(median, spread, np.array([mass_guess]), 1.0, "no_motion")
 
     scenes = [PushScene(disc, push, s.contact) for push in pushes]
+    compared = [Comparison(scene, s.tip_noise, s.seen_noise, s.tip_period_s) for scene in scenes]
+
+    newest: list[Sensitivity] = []
 
     def residual(theta: np.ndarray) -> np.ndarray:
         parts = [
-            _compared(scene, trajectory(scene, _own(theta, i)).numpy(), s) for i, scene in enumerate(scenes)
+            rows.residual(trajectory(scene, _own(theta, i)).numpy(), theta[LATENCY])
+            for i, (scene, rows) in enumerate(zip(scenes, compared, strict=True))
         ]
         return np.concatenate([*parts, (theta - median) / spread])
 
     def slopes(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        parts, rows = [], []
-        for i, scene in enumerate(scenes):
-            states, change = (t.numpy() for t in sensitivity(scene, _own(theta, i)))
-            parts.append(_compared(scene, states, s))
-            here = _whitened(scene, change, s)  # (M, START + 1)
-            row = np.zeros((len(here), theta.size))
-            row[:, :START], row[:, START + i] = here[:, :START], here[:, START]
-            rows.append(row)
+        parts, blocks = [], []
+        newest[:] = [sensitivity(scene, _own(theta, i)) for i, scene in enumerate(scenes)]
+        for i, (found, rows) in enumerate(zip(newest, compared, strict=True)):
+            states, change = found.states.numpy(), found.slopes.numpy()
+            parts.append(rows.residual(states, theta[LATENCY]))
+            here = rows.slopes(states, change, theta[LATENCY])  # (M, START + 1)
+            block = np.zeros((len(here), theta.size))
+            block[:, :START], block[:, START + i] = here[:, :START], here[:, START]
+            blocks.append(block)
         whole = np.concatenate([*parts, (theta - median) / spread])
-        return whole, np.concatenate([*rows, np.diag(1.0 / spread)])
+        return whole, np.concatenate([*blocks, np.diag(1.0 / spread)])
 
-    found = least_squares(residual, slopes, median, s.solver)
+    begin = median.copy()
+    if before is not None:
+        begin[: before.wander.parameters.size] = before.wander.parameters
+    found = least_squares(residual, slopes, begin, s.solver)
     path = np.exp(found.path[:, MASS])
     if found.why_stopped == "diverged":
-        return _identified(median, spread, nothing, path, np.inf, "diverged")
+        return _unknown(found.parameters, spread, path, np.inf, "diverged")
     data = len(found.residual) - len(spread)
     # Parameters that the data settle take up as many residuals; the priors' own rows stand against the rest.
     misfit = float(found.residual @ found.residual) / max(1, data)
-    of_data = found.jacobian[:data].T @ found.jacobian[:data] / max(1.0, misfit)
-    return _identified(found.parameters, spread, of_data, path, misfit, found.why_stopped)
+    latency = float(found.parameters[LATENCY])
+    of_pushes = [
+        responses(scene, slope, rows, latency, s.wander.bin_s)
+        for scene, slope, rows in zip(scenes, newest, compared, strict=True)
+    ]
+    wander = wandering(
+        found.residual[:data], found.jacobian[:data], found.parameters, median, spread, of_pushes, s.wander
+    )
+    return _identified(wander, spread, path, misfit, found.why_stopped)
 
 
 def _prior(p: Priors, mass_guess: float, pushes: Sequence[PushRecord]) -> tuple[np.ndarray, np.ndarray]:
     """Medians and standard deviations of theta."""
-    logs = np.log([mass_guess, p.table_friction, 1.0, p.blade_friction, p.blade_stiffness, 1.0, 1.0])
+    medians = [mass_guess, p.table_friction, 1.0, p.blade_friction, p.blade_stiffness, p.blade_dissipation]
+    logs = np.log([*medians, 1.0, 1.0])
     spreads = [
         p.mass_spread,
         p.table_friction_spread,
         p.inertia_ratio_spread,
         p.blade_friction_spread,
         p.blade_stiffness_spread,
+        p.blade_dissipation_spread,
         p.arm_mass_spread,
         p.force_spread,
+        p.latency_spread,
     ]
     starts = [float(push.seen[0]) for push in pushes]
-    return np.concatenate([logs, starts]), np.array([*spreads, *[p.start_spread] * len(pushes)])
+    return np.concatenate([logs, [0.0], starts]), np.array([*spreads, *[p.start_spread] * len(pushes)])
 
 
 def _own(theta: np.ndarray, push: int) -> torch.Tensor:
@@ -160,31 +192,11 @@ def _own(theta: np.ndarray, push: int) -> torch.Tensor:
     return torch.as_tensor(np.append(theta[:START], theta[START + push]))
 
 
-def _tip_steps(push: PushRecord, s: IdentifySettings) -> np.ndarray:
-    # Only while the force acts: after that the arm is held, and its place says nothing of the disc.
-    every = max(1, round(s.tip_period_s / push.period_s))
-    return np.arange(every, push.push_steps, every)
+def _identified(wander: Wander, spread: np.ndarray, path: np.ndarray, misfit: float, why: str) -> Identified:
+    attributes = attributes_of(NAMES, wander.parameters, wander.covariance, spread)
+    path = np.append(path, attributes[MASS].value)
+    return Identified(attributes, combinations_of(wander.covariance, NAMES), path, misfit, why, wander)
 
 
-def _compared(scene: PushScene, states: np.ndarray, s: IdentifySettings) -> np.ndarray:
-    """Model less measurement, in units of noise (M,)."""
-    push, steps = scene.push, _tip_steps(scene.push, s)
-    measured = np.zeros((len(states), 2))
-    measured[steps * scene.substeps, 0] = push.tip[steps]
-    measured[push.seen_step * scene.substeps, 1] = push.seen
-    return _whitened(scene, states[:, :2] - measured, s)
-
-
-def _whitened(scene: PushScene, values: np.ndarray, s: IdentifySettings) -> np.ndarray:
-    """Rows of the tip, then of the sightings, of states or slopes (steps + 1, Q + D, ...)."""
-    # Coordinates begin with the blade's place and the disc's, both along the line.
-    tip, seen = _tip_steps(scene.push, s) * scene.substeps, scene.push.seen_step * scene.substeps
-    return np.concatenate([values[tip, 0] / s.tip_noise, values[seen, 1] / s.seen_noise])
-
-
-def _identified(
-    theta: np.ndarray, spread: np.ndarray, of_data: np.ndarray, path: np.ndarray, misfit: float, why: str
-) -> Identified:
-    covariance = np.linalg.inv(of_data + np.diag(1.0 / spread**2))
-    attributes = attributes_of(NAMES, theta, covariance, spread)
-    return Identified(attributes, combinations_of(covariance, NAMES), path, misfit, why)
+def _unknown(theta: np.ndarray, spread: np.ndarray, path: np.ndarray, misfit: float, why: str) -> Identified:
+    return _identified(Wander(theta, np.diag(spread**2), 0.0, 0.0, 0.0), spread, path, misfit, why)

@@ -21,18 +21,19 @@ from samrl_core.types.pose import Pose
 
 BLADE, DISC = 0, 1  # bodies
 RIM_POINTS = 8
-# Logarithms of these are fitted, then one start per push.
+# Logarithms of these are fitted, then the latency and one start per push.
 NAMES = (
     "mass",
     "table_friction",
     "inertia_ratio",
     "blade_friction",
     "blade_stiffness",
+    "blade_dissipation",
     "arm_mass_ratio",
     "force_ratio",
 )
-MASS, TABLE_FRICTION, INERTIA_RATIO, BLADE_FRICTION, BLADE_STIFFNESS = range(5)
-ARM_MASS_RATIO, FORCE_RATIO, START = range(5, 8)
+MASS, TABLE_FRICTION, INERTIA_RATIO, BLADE_FRICTION, BLADE_STIFFNESS, BLADE_DISSIPATION = range(6)
+ARM_MASS_RATIO, FORCE_RATIO, LATENCY, START = range(6, 10)
 
 
 @dataclass(frozen=True)
@@ -47,15 +48,14 @@ class ContactSettings:
     blade_half_height: float = 0.025  # [m]
     # First touch must be smooth over about the way of one step: otherwise it would matter where in a step it
     # falls, the trajectory would follow the disc's start in steps too, and the fit would stop in one of them.
-    touch_softness: float = 2.0e-4  # depth over which first touch is smooth [m]
-    blade_dissipation: float = 20.0  # dough hardly bounces [s/m]
+    touch_softness: float = 4.0e-4  # depth over which first touch is smooth [m]
     table_stiffness: float = 1.0e4  # per point of the rim [N/m]
     table_dissipation: float = 10.0  # [s/m]
-    substeps: int = 3  # of the model in each of the arm's periods
+    substeps: int = 1  # of the model in each of the arm's periods
 
 
 class PushScene:
-    """One push as a physics model; theta is (B, 8), whose last column is the start of this push.
+    """One push as a physics model; theta is (B, 10), whose last column is the start of this push.
 
     Args:
         disc: its shape.
@@ -80,6 +80,18 @@ class PushScene:
         )
         force = np.repeat(self.arm_mass * push.free_acceleration, self.substeps)
         self._force = torch.as_tensor(force)  # (T substeps,) [N]
+
+    @property
+    def coordinates(self) -> int:
+        """Of a state: so many places, then velocities."""
+        return len(self.model.layout.start_q)
+
+    @property
+    def in_plane(self) -> list[int]:
+        """Numbers of a state that can change when the push goes through the disc's middle: place of the
+        blade, x, z and pitch of the disc (y and w of its quaternion), and their speeds.
+        """
+        return [0, 1, 3, 5, 7, *(self.coordinates + i for i in (0, 1, 3, 5))]
 
     @property
     def steps(self) -> int:
@@ -124,6 +136,9 @@ class PushScene:
             contact_stiffness=torch.stack(
                 [nominal.contact_stiffness[:, 0], values[:, BLADE_STIFFNESS]], dim=1
             ),
+            contact_dissipation=torch.stack(
+                [nominal.contact_dissipation[:, 0], values[:, BLADE_DISSIPATION]], dim=1
+            ),
         )
 
 
@@ -148,7 +163,6 @@ def _scene(disc: Disc, arm_mass: float, step_s: float, contact: ContactSettings)
             BLADE,
             0,
             disc.radius,
-            dissipation=contact.blade_dissipation,
         ),
     )
     return PhysicsScene(

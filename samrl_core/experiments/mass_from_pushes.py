@@ -1,8 +1,9 @@
 """Mass of a pancake from pushes (the paper's Fig. 10), the stand-in world as the real one.
 
 Each case draws a mass and a friction, builds a world with them, pushes twice with different forces, and fits
-from a guess that is 50 % off: to the first push alone, and to both. What the fit gets is what drivers and
-Real2Sim give; sightings are the true place with white noise. Truth is read here alone, after the fits.
+from a guess that is 50 % off: to the first push alone, then from there on to both. What the fit gets is what
+drivers and Real2Sim give; sightings are the true place with white noise. Truth is read here alone, after the
+fits.
 Run it with `python -m samrl_core.experiments.mass_from_pushes --out DIR`; a second run goes on where the
 first one ended.
 """
@@ -33,7 +34,7 @@ from samrl_core.world.pose_sensor import PoseSensor
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.table import TABLE_FRICTION
 
-SCHEMA = 1
+SCHEMA = 2
 FORCES = (6.0, 8.0)  # of the first and the second push [N]
 START_GAP = 0.004  # between blade and rim, at least [m]
 HALF_RANGE = 0.003  # of the pancake's start about its middle [m]
@@ -98,10 +99,10 @@ def run_case(case: Case, seed: int, settings: IdentifySettings) -> dict[str, Any
     task = pushing_scene(1.0, 1.0)
     disc = Disc(task.pancake_radius, task.pancake_thickness, task.pancake_radius - task.pancake_rounding)
     pushes = push_twice(case, seed, settings)
-    fits = {}
+    fits, found = {}, None
     for name, used in (("one_push", pushes[:1]), ("two_pushes", pushes)):
         began = time.process_time()
-        found = identify(used, disc, case.guess, settings)
+        found = identify(used, disc, case.guess, settings, found)
         fits[name] = summary(found, case) | {"cpu_s": time.process_time() - began}
     return {"schema": SCHEMA, "seed": seed, "case": asdict(case), "fits": fits}
 
@@ -113,6 +114,7 @@ def summary(found: Identified, case: Case) -> dict[str, Any]:
         "why_stopped": found.why_stopped,
         "misfit": found.misfit,
         "mass_path_kg": found.mass_path.tolist(),
+        "wander": {n: getattr(found.wander, n) for n in ("friction", "force", "time_s")},
         "start_error": abs(case.guess / case.mass - 1),
         "error": mass.value / case.mass - 1,
         "half_width": mass.half_width,
@@ -146,6 +148,7 @@ def aggregate(results: list[dict[str, Any]]) -> dict[str, Any]:
                 "error_median": float(np.median(error)),
                 "error_90": float(np.quantile(error, 0.9)),
                 "error_max": float(error.max()),
+                "error_mean": float(np.mean([f["error"] for f in fits])),
                 "within_5_percent": int((error <= 0.05).sum()),
                 "half_width_median": float(np.median([f["half_width"] for f in fits])),
                 "covered": int(sum(f["covered"] for f in fits)),

@@ -17,13 +17,14 @@ FITS = {"one_push": ("one push", "tab:orange"), "two_pushes": ("two pushes", "ta
 
 
 def write_picture(results: list[dict[str, Any]], path: Path) -> None:
-    """Left: relative error of the mass over the iterations of the fit to two pushes, without sign. Right:
-    mass and friction of each case, less the truth, with 95 % intervals.
+    """Left: relative error of the mass over the iterations of the fits, without sign. Right: mass and
+    friction of each case, less the truth, with 95 % intervals.
     """
     figure, axes = plt.subplots(1, 3, figsize=(14, 4.5), width_ratios=(1, 1.3, 1.3), layout="constrained")
     for result in results:
-        fit, mass = result["fits"]["two_pushes"], result["case"]["mass"]
-        error = 100 * np.abs(np.array(fit["mass_path_kg"]) / mass - 1)
+        mass = result["case"]["mass"]
+        masses = np.concatenate([result["fits"][name]["mass_path_kg"] for name in FITS])
+        error = 100 * np.abs(masses / mass - 1)
         color = "tab:blue" if result["case"]["group"] == "heavy" else "tab:green"
         axes[0].semilogy(np.maximum(error, 0.05), color=color, alpha=0.6, lw=1)
     for limit, style, text in ((20.0, ":", "paper's 20 %"), (5.0, "--", "5 %")):
@@ -33,7 +34,7 @@ def write_picture(results: list[dict[str, Any]], path: Path) -> None:
         )
     axes[0].plot([], [], color="tab:blue", label=GROUPS["heavy"])
     axes[0].plot([], [], color="tab:green", label=GROUPS["light"])
-    axes[0].set(xlabel="iteration", ylabel="error of the mass, two pushes [%]")
+    axes[0].set(xlabel="iteration", ylabel="error of the mass, one push, then two [%]")
     axes[0].legend(fontsize=8)
     truth_keys = (("mass", "mass"), ("table_friction", "friction"))
     for axis, (name, truth_key) in zip(axes[1:], truth_keys, strict=True):

@@ -35,9 +35,8 @@ def drive(force: float, push_s: float, total_s: float) -> PushRecord:
 
 def theta(mass: float, friction: float, start: float = 0.053) -> torch.Tensor:
     """Parameters of a uniform disc; the blade's face is 1 mm before its tip, so it stands 2 mm off."""
-    return torch.tensor(
-        [*np.log([mass, friction, 1.0, 0.15, STIFFNESS, 1.0, 1.0]), start], dtype=torch.float64
-    )
+    logs = np.log([mass, friction, 1.0, 0.15, STIFFNESS, 20.0, 1.0, 1.0])
+    return torch.tensor([*logs, 0.0, start], dtype=torch.float64)
 
 
 def made_push(

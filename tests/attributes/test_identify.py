@@ -44,6 +44,16 @@ def test_what_a_push_cannot_show_is_said(two: list[PushRecord]) -> None:
     assert found.attribute("inertia_ratio").value == pytest.approx(1.0, rel=0.02)
 
 
+def test_a_second_push_goes_on_where_the_first_ended(two: list[PushRecord]) -> None:
+    first = identify(two[:1], pushes.DISC, 0.5 * MASS, pushes.SETTINGS)
+    both = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS, first)
+    assert both.why_stopped == "converged"
+    assert both.mass_path[0] == pytest.approx(first.attribute("mass").value)
+    mass, before = both.attribute("mass"), first.attribute("mass")
+    assert mass.value == pytest.approx(MASS, rel=0.05) and mass.lower < MASS < mass.upper
+    assert mass.half_width < before.half_width
+
+
 def test_without_the_slide_only_a_combination_is_known() -> None:
     """A push that is watched only while the blade is at the disc: is it heavy, or rough?"""
     short = pushes.made_push(MASS, FRICTION, 7.0, push_s=0.16, total_s=0.18)

@@ -32,10 +32,11 @@ def test_slopes_are_those_of_the_whole_trajectory() -> None:
     """Against central differences, through impact, push, release and rest."""
     scene = PushScene(pushes.DISC, pushes.drive(7.0, 0.16, 0.4), pushes.CONTACT)
     at = pushes.theta(0.6, 0.35)
-    states, slopes = sensitivity(scene, at)
+    found = sensitivity(scene, at)
+    states, slopes = found.states, found.slopes
     assert torch.equal(states, trajectory(scene, at))
     places = slice(0, 2)  # of blade and disc
-    for i, h in enumerate([1e-6] * START + [1e-8]):
+    for i, h in enumerate([1e-6] * START + [1e-8]):  # the latency is none of the trajectory's
         step = torch.zeros_like(at)
         step[i] = h
         difference = (trajectory(scene, at + step) - trajectory(scene, at - step)) / (2 * h)
@@ -47,7 +48,7 @@ def test_slopes_are_those_of_the_whole_trajectory() -> None:
 def test_what_cannot_show_does_not() -> None:
     """A round disc pushed at its middle: its inertia moves nothing, its mass moves a lot."""
     scene = PushScene(pushes.DISC, pushes.drive(7.0, 0.16, 0.4), pushes.CONTACT)
-    _, slopes = sensitivity(scene, pushes.theta(0.6, 0.35))
+    slopes = sensitivity(scene, pushes.theta(0.6, 0.35)).slopes
     of = {name: float(slopes[-1, 1, i].abs()) for i, name in enumerate(NAMES)}
     assert of["inertia_ratio"] < 1e-3 * of["mass"] and of["blade_friction"] < 0.02 * of["mass"]
     assert of["mass"] > 0.02 and of["table_friction"] > 0.01

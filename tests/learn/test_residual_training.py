@@ -101,7 +101,7 @@ def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
     toy_cell.start(tmp_path, SETTINGS, 30)
     training = trained(tmp_path, 2)
     with torch.no_grad():
-        training.learner.critic.encoder.out.bias[0] = math.nan
+        training.learner.critic.get_parameter("encoder.out.bias")[0] = math.nan
     assert training.due()
     with pytest.raises(SolveError, match="not|nan"):
         training.step()

@@ -167,12 +167,14 @@ def train(
     device: Annotated[str, typer.Option(help="cpu, or cuda:0.")] = "cpu",
     states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = 12_000,
     rounds: Annotated[int, typer.Option(help="Of labelling the actor's own states.", min=0)] = 1,
-    episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=2)] = 512,
-    actor_epochs: Annotated[int, typer.Option(min=1)] = 40,
-    q_epochs: Annotated[int, typer.Option(min=1)] = 15,
-    batch_size: Annotated[int, typer.Option(min=1)] = 128,
+    episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=256)] = 512,
+    actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
+    q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
+    batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
     max_actions: Annotated[int, typer.Option(help="Of an episode in the model; 0: the task's.", min=0)] = 0,
-    workers: Annotated[int, typer.Option(help="Processes for states; 0: free cores.", min=0)] = 0,
+    workers: Annotated[
+        int, typer.Option(help="Processes for states, labels and episodes; 0: free cores.", min=0)
+    ] = 0,
 ) -> None:
     """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
     from samrl_ros.train_command import TrainOptions, train_task

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from samrl_core.errors import InputError
 from samrl_core.learn.fit_settings import FitSettings
 from samrl_core.learn.train import SUMMARY, train
 from samrl_core.learn.train_picture import write_picture
@@ -32,7 +33,12 @@ class TrainOptions:
 
 
 def train_task(options: TrainOptions) -> int:
-    """Run what is left of a training; 130 when interrupted, and the same command goes on."""
+    """Run what is left of a training. After an interrupt the same command goes on.
+
+    Raises:
+        InputError: the settings cannot be met, or the folder is of another training or cannot be written.
+        KeyboardInterrupt: interrupted.
+    """
     console = Console()
     bfloat16 = options.device.startswith("cuda")
     common = {"batch_size": options.batch_size, "device": options.device, "bfloat16": bfloat16}
@@ -57,6 +63,10 @@ def train_task(options: TrainOptions) -> int:
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
         raise
+    except OSError as error:
+        raise InputError(
+            f"cannot write the training to {options.out} ({error}); give another --out"
+        ) from error
     picture = options.out / "summary.png"
     write_picture(options.out, summary, picture)
     for name, found in summary["success"].items():

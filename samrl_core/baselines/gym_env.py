@@ -61,12 +61,14 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         bound[:3] = paint
         limit = self._task.action_limit
         self.action_space = spaces.Box(-limit, limit, (3,), np.float32)
-        self.observation_space = spaces.Dict(
+        # Any: Gymnasium types a Dict space by its spaces, an Env's by what they contain.
+        observed: Any = spaces.Dict(
             {
                 "image": spaces.Box(-bound, bound, dtype=np.float32),
                 "tip": spaces.Box(-TIP_LIMIT, TIP_LIMIT, (3,), np.float32),
             }
         )
+        self.observation_space = observed
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
 
 import numpy as np
 import torch
@@ -17,9 +16,9 @@ from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
 from samrl_core.learn.looks import LookSettings
 from samrl_core.learn.networks import SimActor
-from samrl_core.learn.prepare import one_thread
 from samrl_core.learn.rollouts import Rollouts, RolloutSettings, held, new_each_step, roll_out
 from samrl_core.learn.views import draw_views
+from samrl_core.learn.workers import worker_pool
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
@@ -57,7 +56,7 @@ def run_groups(
         for k, job in enumerate(jobs):
             yield k, _run(*job)
         return
-    with ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn"), initializer=one_thread) as pool:
+    with worker_pool(min(workers, len(jobs))) as pool:
         running = {pool.submit(_run, *job): k for k, job in enumerate(jobs)}
         for future in as_completed(running):
             yield running[future], future.result()

@@ -89,7 +89,7 @@ class _Fit:
         self.epoch_loss = 0.0  # sum over this epoch's steps so far
         self.rows: list[dict[str, float]] = []
         # What must be the same for going on; how often to write and where to compute may change.
-        same = asdict(replace(settings, checkpoint_every=1, device="cpu"))
+        same = asdict(replace(settings, checkpoint_every=1, device="cpu", bfloat16=False))
         self.identity = {**same, "train": len(train), "validation": len(validation)}
 
     def run(self) -> FitResult:

@@ -6,14 +6,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +24,7 @@ from samrl_core.learn.explore import ExploreSettings, Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.shards import DataInfo, ShardFolder
 from samrl_core.learn.states import StateSamples
+from samrl_core.learn.workers import free_cores, worker_pool
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
@@ -79,7 +78,7 @@ def prepare_states(
             done += info.size(job[2])
             progress(done, count)
     else:
-        with ProcessPoolExecutor(workers, get_context("spawn"), initializer=one_thread) as pool:
+        with worker_pool(workers) as pool:
             running = {pool.submit(_shard, *job): job[2] for job in jobs}
             for future in as_completed(running):
                 data.write(running[future], future.result())
@@ -122,18 +121,13 @@ def label_all(
             found += _labels(task, values[chunk], tips[chunk])
             progress(len(found))
         return found
-    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=one_thread) as pool:
+    with worker_pool(workers) as pool:
         for few in pool.map(
             _labels, [task] * len(chunks), [values[c] for c in chunks], [tips[c] for c in chunks]
         ):
             found += few
             progress(len(found))
     return found
-
-
-def free_cores() -> int:
-    """Cores that this process may use and that nobody else keeps busy, at least 1."""
-    return max(1, len(os.sched_getaffinity(0)) - round(os.getloadavg()[0]))
 
 
 def _recorded(task: str, settings: ExploreSettings, given: Starts | None) -> dict[str, object]:
@@ -146,11 +140,6 @@ def _recorded(task: str, settings: ExploreSettings, given: Starts | None) -> dic
 def _model(task: str) -> Model:
     """One per process: kernels are compiled once."""
     return Model(task_named(task), default_cell())
-
-
-def one_thread() -> None:
-    """What a process does first that shares the machine with others like it."""
-    torch.set_num_threads(1)
 
 
 def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> list[Label]:
@@ -175,7 +164,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--workers", type=int, default=0, help="processes; 0: as many as there are free cores"
     )
     a = parser.parse_args(arguments)
-    one_thread()
+    torch.set_num_threads(1)
     begun = time.monotonic()
 
     def tell(done: int, wanted: int) -> None:

@@ -10,7 +10,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, astuple, dataclass, field, fields
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.whole_file import write_whole
 
 KIND = "residual_training"
-KEPT_VERSIONS = 5  # of the weight files; readers load the newest when it is announced
+KEPT_VERSIONS = 50  # weight files, 0.5 MB each: the node may be some versions behind
 RECENT_EPISODES = 20  # of the success rate in the summary
 IDLE_S = 0.2  # between looks at the replay while no update is due
 
@@ -83,7 +83,12 @@ def announced(folder: Path, task: str) -> Announcement:
         raise InputError(f"cannot read {path} ({error}); remove it to begin anew") from error
     if found.task != task:
         raise InputError(f"{folder} holds the residual of {found.task!r}, not of {task!r}; give another")
-    return found
+    if not found.version:
+        return found
+    file = folder.resolve() / found.file  # a folder may be moved between two runs
+    if not file.is_file():
+        raise InputError(f"{path} announces {file}, which is not there; put it back, or remove {path.name}")
+    return replace(found, file=str(file))
 
 
 def replay_of(folder: Path, task: str, cell: CellSpec, settings: TrainingSettings) -> tuple[Path, ReplayInfo]:
@@ -140,7 +145,12 @@ class ResidualTraining:
         assert self._transitions is not None
         learner = self._learner
         size, generator = learner.settings.batch, learner.generator
-        batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
+        try:
+            batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
+        except InputError:
+            # The cell goes on beside this: a full ring's oldest step may have gone since `due` looked.
+            self.due()
+            batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         try:
             figures = learner.update(batch)
         except SolveError as error:
@@ -203,7 +213,7 @@ class ResidualTraining:
         save_weights(file, self._learner.actor, info)
         self.version = version
         self.save()
-        said = Announcement(self._task, version, str(file), sha256_of(file))
+        said = Announcement(self._task, version, file.name, sha256_of(file))
         write_whole(self._folder / "announced.json", json.dumps(asdict(said)).encode())
         for old in sorted(self._folder.glob("residual_v*.safetensors"))[:-KEPT_VERSIONS]:
             old.unlink()

@@ -17,6 +17,7 @@ from __future__ import annotations
 import io
 import json
 import subprocess
+import zipfile
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -30,7 +31,7 @@ from samrl_core.learn.episodes import Group, run_groups
 from samrl_core.learn.fit import Progress
 from samrl_core.learn.imitation import fit_actor
 from samrl_core.learn.networks import SensingQ, SimActor
-from samrl_core.learn.prepare import free_cores, label_all, prepare_states
+from samrl_core.learn.prepare import label_all, prepare_states
 from samrl_core.learn.rendered_samples import RenderedSamples, Scenes
 from samrl_core.learn.rollouts import Rollouts
 from samrl_core.learn.samples import ACTION, RETURN
@@ -38,6 +39,7 @@ from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
 from samrl_core.learn.weights import WeightsInfo, save_weights
+from samrl_core.learn.workers import free_cores
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
@@ -45,7 +47,6 @@ from samrl_core.whole_file import write_whole
 
 Tell = Callable[[str, dict[str, float]], None]  # stage, its figures so far
 CONFIG, SUMMARY = "train.json", "summary.json"
-_LEVELS = 4  # of noise on the actions of Q's episodes, from none
 _STREAMS = {"round": 1, "episodes": 2, "judged": 3}  # one source of randomness each, besides the states'
 
 
@@ -102,24 +103,27 @@ class _Training:
         return summary
 
     def _check_folder(self) -> None:
+        """Writes down settings and commit of a new training; one that goes on must have the same settings."""
         config = asdict(replace(self.settings, device="", workers=0))
-        for part in ("actor", "q"):
-            config[part]["device"] = ""
-        wanted = json.loads(json.dumps({"schema": 1, "task": self.task.name, **config}))
+        for part in ("actor", "q"):  # where it is computed, and how precisely, may change on the way
+            config[part] |= {"device": "", "bfloat16": False}
+        wanted = _flat(json.loads(json.dumps({"schema": 1, "task": self.task.name, **config})))
         path = self.folder / CONFIG
         if not path.exists():
-            write_whole(path, (json.dumps(wanted, indent=1) + "\n").encode())
+            self.commit = _commit()
+            write_whole(path, json.dumps({"commit": self.commit, **wanted}, indent=1) + "\n")
             return
         try:
-            found = json.loads(path.read_text())
-        except ValueError as error:
+            found = dict(json.loads(path.read_text()))
+        except (ValueError, TypeError) as error:
             raise InputError(f"{path} cannot be read ({error}); take another folder") from error
-        different = sorted(k for k in wanted.keys() | found.keys() if wanted.get(k) != found.get(k))
+        self.commit = str(found.pop("commit", ""))
+        different = [k for k in {**wanted, **found} if wanted.get(k) != found.get(k)]
         if different:
-            k = different[0]
+            listed = ", ".join(f"{k} {found.get(k)!r} (asked for: {wanted.get(k)!r})" for k in different)
             raise InputError(
-                f"{self.folder} holds another training: its {k} is {found.get(k)!r}, asked for is "
-                f"{wanted.get(k)!r}; take another folder, or ask for the same to go on"
+                f"{self.folder} holds another training: {listed}; take another folder, or ask for the same "
+                f"to go on"
             )
 
     def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:
@@ -190,7 +194,7 @@ class _Training:
                 (_STREAMS["episodes"], k),
                 self._sizes(s.episodes)[k],
                 True,
-                s.action_noise * (k % _LEVELS) / (_LEVELS - 1),
+                s.action_noise * (k % s.levels) / (s.levels - 1),
                 noisy=True,
             )
             for k in missing
@@ -205,12 +209,7 @@ class _Training:
 
     def _q(self, groups: list[dict[str, np.ndarray]]) -> tuple[SensingQ, dict[str, float]]:
         s = self.settings
-        looked_at = max(_LEVELS, round(s.validation * len(groups)))  # of each level of noise
-        if len(groups) <= looked_at:
-            raise InputError(
-                f"{len(groups)} groups of episodes for Q, {looked_at} of them to validate; at least "
-                f"{looked_at + 1} are needed: ask for more episodes than {looked_at * s.group}"
-            )
+        looked_at = max(1, round(s.validation * len(groups) / s.levels)) * s.levels  # each level of noise
         parts = (groups[:-looked_at], groups[-looked_at:])
         train, validation = (self._samples(_of_returns(part), 3 + i) for i, part in enumerate(parts))
         fit = replace(s.q, seed=s.seed, device=s.device)
@@ -259,7 +258,7 @@ class _Training:
     def _keep(self, network: SimActor | SensingQ, figures: dict[str, float]) -> None:
         kind = "sim_actor" if isinstance(network, SimActor) else "sensing_q"
         lens, limit = self.model.cell.intrinsics, self.task.action_limit
-        info = WeightsInfo(kind, self.task.name, lens, limit, self.settings.seed, figures, _commit())
+        info = WeightsInfo(kind, self.task.name, lens, limit, self.settings.seed, figures, self.commit)
         save_weights(self.folder / f"{self.task.name}_{kind}.safetensors", network, info)
 
 
@@ -280,6 +279,14 @@ def _of_returns(groups: list[dict[str, np.ndarray]]) -> Scenes:
     return Scenes(columns["frames"], columns["tip_in_base"], targets, columns["view"])
 
 
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings by dotted names, so that a refusal can name the one that differs."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
+    return flat
+
+
 def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)  # pyright: ignore[reportArgumentType]
@@ -287,8 +294,11 @@ def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as file:
-        return {name: file[name] for name in file.files}
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} cannot be read ({error}); remove it, and it is made again") from error
 
 
 def _commit() -> str:

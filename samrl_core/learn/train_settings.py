@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from samrl_core.errors import InputError
 from samrl_core.learn.explore import ExploreSettings
@@ -14,7 +15,7 @@ class TrainSettings:
     """Sizes of all stages. The defaults take about two hours on two cores, minutes on a GPU.
 
     Raises:
-        InputError: a count below its least value.
+        InputError: a count below its least value, or one that a later stage could not use.
     """
 
     states: int = 12_000  # labelled states that are drawn
@@ -23,7 +24,7 @@ class TrainSettings:
     rounds: int = 1  # of DAgger: the actor's own states are labelled and added (Ross et al. 2011)
     round_episodes: int = 128  # of each round, half of them with a view held
     episodes: int = 512  # for Q (eq. 24), each with a view held
-    action_noise: float = 0.3  # most of theirs, per axis, standard deviation [action limits]
+    action_noise: float = 0.3  # highest level of theirs, per axis, standard deviation [action limits]
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
     max_actions: int = 0  # of an episode; 0 takes the task's
@@ -32,6 +33,8 @@ class TrainSettings:
     seed: int = 0
     device: str = "cpu"  # torch's name; draws and trains
     workers: int = 0  # processes that draw and label states and run episodes; 0 takes the free cores
+
+    levels: ClassVar[int] = 4  # of noise on the actions of Q's episodes, from none; one per group in turn
 
     def __post_init__(self) -> None:
         least = {
@@ -51,4 +54,18 @@ class TrainSettings:
         if self.workers < 0 or self.action_noise < 0.0:
             raise InputError(
                 f"workers {self.workers} and action_noise {self.action_noise} must be at least 0"
+            )
+        known = round((1.0 - self.validation) * self.states)
+        if known < self.actor.batch_size:
+            raise InputError(
+                f"{self.states} states leave {known} to learn from, a batch of the actor has "
+                f"{self.actor.batch_size}; ask for more states or a smaller batch"
+            )
+        least_episodes = (
+            2 * self.levels * self.group
+        )  # to learn from, and to validate, at each level of noise
+        if self.episodes < least_episodes:
+            raise InputError(
+                f"episodes is {self.episodes}, must be at least {least_episodes}: {self.levels} levels of "
+                f"noise, groups of {self.group}, half of them to validate; ask for more or smaller groups"
             )

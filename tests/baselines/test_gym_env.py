@@ -28,6 +28,8 @@ def test_gymnasium_finds_nothing_wrong(task: str) -> None:
 
 
 def test_observations_rewards_and_refusals() -> None:
+    from gymnasium import spaces
+
     from samrl_core.baselines.gym_env import CellEnv
 
     env = CellEnv("peg_insertion")
@@ -38,6 +40,7 @@ def test_observations_rewards_and_refusals() -> None:
     assert np.array_equal(first["image"], again["image"])
     assert not np.allclose(first["image"][3:], other["image"][3:], atol=0.05)
     env.reset(seed=3)
+    assert isinstance(env.action_space, spaces.Box)
     limit = float(env.action_space.high[0])
     down = np.array([0.0, 0.0, -limit], dtype=np.float32)
     seen, reward, terminated, truncated, info = env.step(down)

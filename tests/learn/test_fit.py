@@ -131,7 +131,7 @@ def test_another_seed_is_another_training(tmp_path: Path, whole: Path) -> None:
     assert not torch.equal(other.state_dict()["head.0.weight"], same["network.head.0.weight"])
 
 
-@pytest.mark.parametrize("change", [{"seed": 4}, {"epochs": 5}, {"learning_rate": 1e-3}, {"bfloat16": True}])
+@pytest.mark.parametrize("change", [{"seed": 4}, {"epochs": 5}, {"learning_rate": 1e-3}])
 def test_a_checkpoint_of_another_training_is_refused(whole: Path, change: dict) -> None:
     with pytest.raises(InputError, match=f"another training: {next(iter(change))} differ"):
         fit_actor(TRAIN, VALIDATION, tiny.LIMIT, replace(tiny.SETTINGS, **change), whole)
@@ -222,3 +222,8 @@ def test_a_missing_cuda_device_is_named() -> None:
         pytest.skip("there is a CUDA device")
     with pytest.raises(InputError, match="no CUDA device"):
         FitSettings(device="cuda")
+
+
+def test_a_device_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match="cuda:0"):
+        FitSettings(device="gpu")

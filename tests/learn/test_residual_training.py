@@ -14,6 +14,7 @@ import pytest
 import torch
 
 from samrl_core.errors import InputError, SolveError
+from samrl_core.learn import residual_training
 from samrl_core.learn.checkpoint import load_checkpoint
 from samrl_core.learn.residual import ResidualSettings
 from samrl_core.learn.residual_training import KIND, ResidualTraining, TrainingSettings, announced
@@ -55,7 +56,8 @@ def test_versions_are_named_announced_and_loadable(tmp_path: Path) -> None:
     assert float(table[-1]["critic_loss"]) >= 0 and table[0]["actor_value"] == ""
 
 
-def test_old_versions_make_room(tmp_path: Path) -> None:
+def test_old_versions_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(residual_training, "KEPT_VERSIONS", 5)
     toy_cell.start(tmp_path, SETTINGS, 30)
     trained(tmp_path, 14)
     files = sorted(file.name for file in tmp_path.glob("residual_v*"))

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +25,7 @@ SMALL = TrainSettings(
     states=100,
     rounds=1,
     round_episodes=2,
-    episodes=10,
+    episodes=16,
     judged=1,
     group=2,
     actor=FitSettings(epochs=1, batch_size=16),
@@ -34,15 +38,47 @@ def test_a_folder_of_another_training_is_refused(tmp_path: Path) -> None:
     (tmp_path / CONFIG).write_text(json.dumps({"schema": 1, "task": "peg_insertion", "seed": 5}))
     with pytest.raises(InputError, match="another training"):
         train("peg_insertion", tmp_path, SMALL)
-    (tmp_path / CONFIG).write_text("{")
-    with pytest.raises(InputError, match="cannot be read"):
-        train("peg_insertion", tmp_path, SMALL)
+    for broken in ("{", "[1]"):
+        (tmp_path / CONFIG).write_text(broken)
+        with pytest.raises(InputError, match="cannot be read"):
+            train("peg_insertion", tmp_path, SMALL)
 
 
 @pytest.mark.parametrize("name", ["states", "rounds", "episodes", "judged", "group"])
 def test_sizes_below_their_least_are_refused(name: str) -> None:
     with pytest.raises(InputError, match=name):
         replace(SMALL, **{name: -1})
+
+
+def test_what_a_later_stage_could_not_use_is_refused_at_once() -> None:
+    with pytest.raises(InputError, match="at least 16"):
+        replace(SMALL, episodes=15)
+    with pytest.raises(InputError, match="smaller batch"):
+        replace(SMALL, actor=FitSettings(batch_size=96))
+
+
+def test_workers_end_with_their_training(tmp_path: Path) -> None:
+    """Also when it is killed outright."""
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import os, time\nfrom samrl_core.learn.workers import worker_pool\n"
+        "if __name__ == '__main__':\n"
+        "    with worker_pool(1) as pool:\n"
+        "        print(pool.submit(os.getpid).result(), flush=True)\n"
+        "        time.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        os.kill(worker, 0)  # it is there
+        parent.kill()
+    deadline = time.monotonic() + 10.0
+    while Path(f"/proc/{worker}/status").exists() and time.monotonic() < deadline:
+        if "Z (zombie)" in Path(f"/proc/{worker}/status").read_text():
+            break
+        time.sleep(0.05)
+    else:
+        assert not Path(f"/proc/{worker}").exists()
 
 
 @pytest.mark.slow

@@ -200,7 +200,8 @@ def test_a_restart_goes_on_in_the_same_replay(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(InputError, match="another process"):
         FakeCell(tmp_path, monkeypatch)
     first.trainer.stop()
-    said = Announcement("peg_insertion", 7, str(tmp_path / "residual_v000007.safetensors"), "ab")
+    (tmp_path / "residual_v000007.safetensors").write_bytes(b"weights")
+    said = Announcement("peg_insertion", 7, "residual_v000007.safetensors", "ab")
     (tmp_path / "announced.json").write_text(json.dumps(said.__dict__))
     second = FakeCell(tmp_path, monkeypatch)
     assert [w["version"] for w in first.ears.weights + second.ears.weights] == [0, 7]
@@ -213,13 +214,15 @@ def test_a_restart_goes_on_in_the_same_replay(tmp_path: Path, monkeypatch: pytes
 def test_a_new_version_is_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cell = FakeCell(tmp_path, monkeypatch)
     cell.act(0, 0)
+    file = tmp_path.resolve() / "x"
+    file.write_bytes(b"weights")
     (tmp_path / "announced.json").write_text(
-        json.dumps(Announcement("peg_insertion", 1, "/x", "ab").__dict__)
+        json.dumps(Announcement("peg_insertion", 1, file.name, "ab").__dict__)
     )
     cell.act(0, 1)
     cell.act(0, 2)
     assert [w["version"] for w in cell.ears.weights] == [0, 1]
-    assert cell.ears.weights[1] == {"task": "peg_insertion", "version": 1, "file": "/x", "sha256": "ab"}
+    assert cell.ears.weights[1] == {"task": "peg_insertion", "version": 1, "file": str(file), "sha256": "ab"}
 
 
 def test_zero_residuals_alone_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 import torch
@@ -17,6 +15,7 @@ from samrl_core.tasks import task_named
 from samrl_core.types.camera import Camera
 from samrl_core.types.observation import ArmReading, Frame, Observation
 from samrl_core.types.pose import Pose
+from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
 
 class ModelPlant:
@@ -58,15 +57,6 @@ class ModelPlant:
         flange = self._tool.flange_in_base(self.joints["tool_arm"])
         moved = Pose(flange.position + displacement, flange.quat_xyzw)
         self.joints["tool_arm"] = solve_ik(self._tool, moved, self.joints["tool_arm"])
-
-
-@pytest.fixture(scope="session", autouse=True)
-def one_thread() -> Iterator[None]:
-    """Torch's threads wait for each other at every small image on a busy machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="session")

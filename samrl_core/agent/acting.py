@@ -8,14 +8,14 @@ import numpy as np
 import torch
 
 from samrl_core.agent.settings import AgentSettings, Tell, required, silent
-from samrl_core.errors import InputError, SolveError
+from samrl_core.errors import InputError
+from samrl_core.learn.expert import label_of
 from samrl_core.learn.network_image import observed_image
 from samrl_core.learn.networks import ResidualActor
 from samrl_core.learn.residual import explored
 from samrl_core.learn.sensing_value import Networks, SensingValue
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate
-from samrl_core.trajectory import optimise
 from samrl_core.types.observation import Observation
 
 
@@ -73,19 +73,10 @@ class Acting:
 
     def _planned(self, values: np.ndarray, tip: np.ndarray) -> tuple[str, np.ndarray]:
         """Name of the next sub-goal, and the first action (3,) [m] of a plan; "none" and 0 when done."""
-        task, dynamics = self._model.task, self._model.dynamics
-        try:
-            plan = optimise(dynamics, task, dynamics.start(values, tip), self._settings.plan)
-        except SolveError as error:
-            self._tell(f"no plan, straight to the next sub-goal instead: {error}")
-            goals = task.sub_goals(values, tip)
-            if not goals:
-                return "none", np.zeros(3)
-            way = goals[0].tip_position - tip
-            return goals[0].name, way * min(1.0, goals[0].max_step / max(float(np.linalg.norm(way)), 1e-9))
-        if not plan.sub_goals:
-            return "none", np.zeros(3)
-        return plan.sub_goals[0], plan.actions[0]
+        label = label_of(self._model.dynamics, self._model.task, values, tip, self._settings.plan)
+        if label.why_straight:
+            self._tell(f"no plan, straight to the next sub-goal instead: {label.why_straight}")
+        return label.sub_goal, label.action
 
     def _imitated(
         self, networks: Networks, estimate: Estimate, tip: np.ndarray, observation: Observation

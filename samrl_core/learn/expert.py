@@ -22,6 +22,7 @@ class Label:
     sub_goal: str  # that it heads for; "none" when the task is done
     action: np.ndarray  # (3,) displacement of the tip [m]
     solved: bool  # the model reaches the sub-goal; else this is the best found, or the straight line
+    why_straight: str = ""  # why the model could follow no way, so that this is the straight line
 
 
 def label_of(
@@ -48,10 +49,10 @@ def label_of(
         return Label("none", np.zeros(3), True)
     try:
         plan = optimise(dynamics, task, dynamics.start(values, tip), settings)
-    except SolveError:
+    except SolveError as error:
         way = goals[0].tip_position - tip
         length = max(float(np.linalg.norm(way)), 1e-9)
-        return Label(goals[0].name, way * min(1.0, goals[0].max_step / length), False)
+        return Label(goals[0].name, way * min(1.0, goals[0].max_step / length), False, str(error))
     if not len(plan.actions):  # all goals are within their tolerances
         return Label("none", np.zeros(3), True)
     return Label(plan.sub_goals[0], plan.actions[0], plan.why_stopped != "out_of_reach")

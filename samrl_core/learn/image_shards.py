@@ -20,13 +20,13 @@ from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.image_noise import ImageNoiseSettings, noisy
 from samrl_core.learn.looks import draw_looks
 from samrl_core.learn.network_image import network_image
+from samrl_core.learn.packed_images import DEPTH_UNIT, world_points
 from samrl_core.learn.rendered_samples import DrawSettings, Scenes, rng_of
 from samrl_core.learn.samples import IMAGE
 from samrl_core.learn.shards import DataInfo, ShardFolder
 from samrl_core.learn.views import cameras_of, draw_views
 from samrl_core.robots.robot import CellSpec
 
-DEPTH_UNIT = 1e-4  # [m] per step of stored depth, 0 where nothing is seen
 SHARD_SIZE = 1000
 _TARGET = "target_"  # before the name of what an image is to teach
 
@@ -156,12 +156,13 @@ class ImageSamples:
         which = np.asarray(indices, dtype=np.int64)
         few = {name: torch.from_numpy(array) for name, array in self._rows(which).items()}
         color = few["color"].to(device, torch.float32) / 255.0
-        steps = few["depth"].to(device)
-        depth = torch.where(steps > 0, DEPTH_UNIT * steps.to(torch.float64), torch.inf)
+        metres = DEPTH_UNIT * few["depth"].to(device, torch.float64)
+        seen = metres > 0
+        depth = torch.where(seen, metres, torch.inf)
         rotation, translation = cameras_of(few["view"].to(device))
         eye = -(rotation.mT @ translation[..., None])[..., 0]
-        xyz = self._points(depth, rotation, eye)
-        seen = torch.isfinite(depth)
+        points = world_points(metres, rotation.mT, eye, self._cell.intrinsics)
+        xyz = torch.where(seen[..., None], points, torch.zeros_like(points)).float()
         if self._noise is not None:
             seed = int(rng_of(self._seed, which).integers(2**62))
             generator = torch.Generator(device).manual_seed(seed)
@@ -176,15 +177,3 @@ class ImageSamples:
         names = [n for n in self._arrays if n in ("color", "view") or n.startswith(_TARGET)]
         depth = self._arrays["depth"][which].astype(np.int32)
         return {**{name: self._arrays[name][which] for name in names}, "depth": depth}
-
-    def _points(self, depth: torch.Tensor, rotation: torch.Tensor, eye: torch.Tensor) -> torch.Tensor:
-        """World points (B, H, W, 3) float32 [m]; 0 where depth is infinite."""
-        k = self._cell.intrinsics
-        u = (torch.arange(k.width, device=depth.device, dtype=depth.dtype) + 0.5 - k.cx) / k.fx
-        v = (torch.arange(k.height, device=depth.device, dtype=depth.dtype) + 0.5 - k.cy) / k.fy
-        rays = torch.stack(
-            [u.expand(k.height, -1), v[:, None].expand(-1, k.width), torch.ones_like(depth[0])], -1
-        )
-        z = torch.where(torch.isfinite(depth), depth, torch.zeros_like(depth))
-        world = (rays @ rotation[:, None]) * z[..., None] + eye[:, None, None]  # rows: R^T ray
-        return torch.where(torch.isfinite(depth)[..., None], world, torch.zeros_like(world)).float()

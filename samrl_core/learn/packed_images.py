@@ -13,6 +13,7 @@ import torch
 from samrl_core.errors import InputError
 from samrl_core.learn.network_image import network_image, upright
 from samrl_core.robots.robot import CellSpec
+from samrl_core.types.camera import Intrinsics
 from samrl_core.types.pose import Pose
 
 DEPTH_UNIT = 1e-4  # [m] per count of a stored depth; 0 is unmeasured
@@ -68,18 +69,26 @@ def network_images(
     tip_in_world = torch.from_numpy(cell.tool_base_in_world.apply(tip_in_base)).to(device)
     counts = torch.from_numpy(depth.astype(np.int32)).to(device)
     metres = counts.double() * DEPTH_UNIT  # in float64: XYZ in world cancels against the tip
-    points = _rays(cell, device) * metres[..., None]
     place = torch.from_numpy(np.ascontiguousarray(camera_rows[:, :3])).to(device)
-    turn = torch.from_numpy(rotation).to(device)
-    xyz = torch.einsum("bhwi,bji->bhwj", points, turn) + place[:, None, None, :]
+    xyz = world_points(metres, torch.from_numpy(rotation).to(device), place, k)
     paint = torch.from_numpy(color).to(device).double() / 255.0
     return upright(network_image(paint, xyz, counts > 0, tip_in_world, cell.tool_base_in_world), rotation)
 
 
-def _rays(cell: CellSpec, device: torch.device | str) -> torch.Tensor:
-    """Directions (H, W, 3) of the pixel centres, of unit depth."""
-    k = cell.intrinsics
-    u = (torch.arange(k.width, dtype=torch.float64, device=device) + 0.5 - k.cx) / k.fx
-    v = (torch.arange(k.height, dtype=torch.float64, device=device) + 0.5 - k.cy) / k.fy
+def world_points(
+    depth: torch.Tensor, camera_in_world: torch.Tensor, place: torch.Tensor, lens: Intrinsics
+) -> torch.Tensor:
+    """Points (B, H, W, 3) in world [m] of depth images.
+
+    Args:
+        depth: (B, H, W) along the optical axis [m].
+        camera_in_world: rotations (B, 3, 3), columns are the camera's axes.
+        place: (B, 3) of the cameras in world [m].
+        lens: of all of them.
+    """
+    u = (torch.arange(lens.width, dtype=depth.dtype, device=depth.device) + 0.5 - lens.cx) / lens.fx
+    v = (torch.arange(lens.height, dtype=depth.dtype, device=depth.device) + 0.5 - lens.cy) / lens.fy
     grid_v, grid_u = torch.meshgrid(v, u, indexing="ij")
-    return torch.stack([grid_u, grid_v, torch.ones_like(grid_u)], dim=-1)
+    rays = torch.stack([grid_u, grid_v, torch.ones_like(grid_u)], dim=-1)  # of unit depth
+    points = rays * depth[..., None]
+    return torch.einsum("bhwi,bji->bhwj", points, camera_in_world) + place[:, None, None, :]

@@ -16,7 +16,6 @@ from samrl_core.errors import InputError
 from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.image_noise import ImageNoiseSettings
 from samrl_core.learn.looks import LookSettings, draw_looks
-from samrl_core.learn.rollouts import Rollouts
 from samrl_core.learn.samples import ACTION, IMAGE, RETURN
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.views import ViewSettings, draw_views
@@ -60,10 +59,13 @@ class Scenes:
         return Scenes(states.frames, states.tip_in_base, {ACTION: states.action}, views)
 
     @staticmethod
-    def of_rollouts(rollouts: Rollouts) -> Scenes:
-        """Actions with their returns (eq. 24), each from the view that it was taken from."""
-        targets = {ACTION: rollouts.action, RETURN: rollouts.returns}
-        return Scenes(rollouts.frames, rollouts.tip_in_base, targets, rollouts.view)
+    def of_returns(rows: Mapping[str, np.ndarray]) -> Scenes:
+        """Actions with their returns (eq. 24), each from the view that it was taken from.
+
+        `rows` are those of `Rollouts.per_action`.
+        """
+        targets = {ACTION: rows["action"], RETURN: rows["returns"]}
+        return Scenes(rows["frames"], rows["tip_in_base"], targets, rows["view"])
 
 
 def rng_of(seed: int, indices: np.ndarray) -> np.random.Generator:

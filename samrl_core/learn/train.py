@@ -34,7 +34,7 @@ from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.learn.prepare import label_all, prepare_states
 from samrl_core.learn.rendered_samples import RenderedSamples, Scenes
 from samrl_core.learn.rollouts import Rollouts
-from samrl_core.learn.samples import ACTION, RETURN
+from samrl_core.learn.samples import ACTION
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
@@ -274,9 +274,7 @@ def _joined(parts: list[Scenes]) -> Scenes:
 
 
 def _of_returns(groups: list[dict[str, np.ndarray]]) -> Scenes:
-    columns = {name: np.concatenate([g[name] for g in groups]) for name in groups[0]}
-    targets = {ACTION: columns["action"], RETURN: columns["returns"]}
-    return Scenes(columns["frames"], columns["tip_in_base"], targets, columns["view"])
+    return Scenes.of_returns({name: np.concatenate([g[name] for g in groups]) for name in groups[0]})
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

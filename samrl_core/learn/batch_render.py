@@ -14,7 +14,7 @@ import torch
 from samrl_core.errors import InputError
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings, noisy
-from samrl_core.learn.looks import Looks, fixed_colors, own_looks
+from samrl_core.learn.looks import Looks, own_looks
 from samrl_core.learn.network_image import network_image
 from samrl_core.learn.views import cameras_of
 from samrl_core.model.body_motion import TensorPose
@@ -63,7 +63,7 @@ class BatchRenderer:
                 pose = mesh.fixed[piece.frame]
                 vertices, normals, frame = pose.apply(vertices), normals @ pose.rotation.T, -1
             self._pieces.append(_Piece(frame, self._tensor(vertices), self._tensor(normals)))
-        colors, which = fixed_colors(model)
+        colors, which = mesh.palette
         self._fixed, self._which = self._tensor(colors), torch.from_numpy(which).to(self.device)
         self._group = mesh.group.to(self.device)
         self._is_grouped = mesh.is_grouped.to(self.device)[:, None]

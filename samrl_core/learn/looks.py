@@ -50,18 +50,12 @@ class Looks:
         return Looks(*(part.to(device) for part in vars(self).values()))
 
 
-def fixed_colors(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """The distinct fixed colours (C, 3) of a model, and which one each vertex has (V,)."""
-    colors, which = np.unique(model.mesh.fixed_color, axis=0, return_inverse=True)
-    return colors, which.reshape(-1)
-
-
 def own_looks(model: Model, count: int) -> Looks:
     """The model's own look, `count` times."""
     light = np.array(model.settings.towards_light)
     return _looks(
         np.tile(model.initial_colors(), (count, 1, 1)),
-        np.ones((count, len(fixed_colors(model)[0]), 3)),
+        np.ones((count, len(model.mesh.palette[0]), 3)),
         np.tile(light / np.linalg.norm(light), (count, 1)),
         np.full(count, model.settings.ambient),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +54,12 @@ class SceneMesh:
     group: torch.Tensor  # (V,) int64, 0 where the colour is fixed
     is_grouped: torch.Tensor  # (V,) bool
     fixed_color: np.ndarray  # (V, 3)
+
+    @cached_property
+    def palette(self) -> tuple[np.ndarray, np.ndarray]:
+        """The distinct fixed colours (C, 3), and which one each vertex has (V,)."""
+        colors, which = np.unique(self.fixed_color, axis=0, return_inverse=True)
+        return colors, which.reshape(-1)
 
     def target_of(self, frames: Collection[str]) -> np.ndarray:
         """1 on the vertices in any of the frames, else 0, (V,) float32."""

@@ -198,6 +198,33 @@ def train(
 
 
 @app.command()
+def experiment(
+    name: Annotated[str | None, typer.Argument(help="Which; without it, a list.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of this experiment; out/NAME by default. Goes on from it.")
+    ] = None,
+    task: Annotated[list[str] | None, typer.Option(help="Only this task; may be repeated.")] = None,
+    count: Annotated[
+        int, typer.Option(help="Episodes or states per condition; 0: the experiment's.", min=0)
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Of the first episode or state.", min=0)] = 0,
+    device: Annotated[str, typer.Option(help="Of images drawn in batches: cpu, or cuda:0.")] = "cpu",
+    workers: Annotated[int, typer.Option(help="Processes; 0: free cores.", min=0)] = 0,
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
+    ] = None,
+) -> None:
+    """Make one table or figure: cases, JSON and a picture; resumable."""
+    from samrl_core.experiments.experiment import Options
+    from samrl_ros.experiment_command import list_experiments, run_experiment
+
+    if name is None:
+        raise typer.Exit(list_experiments())
+    options = Options(out or Path("out") / name, tuple(task or ()), count, seed, device, workers, weights)
+    raise typer.Exit(run_experiment(name, options))
+
+
+@app.command()
 def effects(
     family: Annotated[str | None, typer.Argument(help="One family in full; without it, the table.")] = None,
 ) -> None:

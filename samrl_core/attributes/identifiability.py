@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.types.share import NORMAL_95
 
-NORMAL_95 = 1.959964  # two-sided 95 % point of the normal distribution
 DETERMINED = 0.5  # the data must leave less than this share of the prior's standard deviation
 NOT_SEPARATED = 5.0  # the worst combination of mass and friction is that much less known than the best
 PAIR = ("mass", "table_friction")

@@ -8,7 +8,7 @@ import numpy as np
 
 from samrl_core.scoring.outcome import Outcome
 from samrl_core.scoring.parameters import comparable
-from samrl_core.scoring.statistics import Share
+from samrl_core.types.share import Share
 
 ONSET_TOLERANCE = 0.5  # [s]
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from samrl_core.scoring.outcome import Outcome
 from samrl_core.scoring.statistics import (
-    Share,
     auroc,
     brier,
     expected_calibration_error,
     rejected_at,
     risk_coverage,
 )
+from samrl_core.types.share import Share
 
 
 def refusal(single: list[Outcome], outside: list[Outcome], left_out: list[Outcome]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from samrl_core.scoring.effect_scores import ambiguity, intervals, localisation,
 from samrl_core.scoring.outcome import CRASHED, Outcome
 from samrl_core.scoring.refusal_scores import calibration, refusal, risk_and_coverage
 from samrl_core.scoring.shrink_scores import shrink_scores
-from samrl_core.scoring.statistics import Share
+from samrl_core.types.share import Share
 
 MEDIAN_SEVERITY = 0.5  # quantile of the catalogue's range
 SEVERITY_EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from samrl_core.scoring.statistics import (
-    Share,
     auroc,
     brier,
     expected_calibration_error,
     rejected_at,
     risk_coverage,
     summary,
-    wilson,
 )
+from samrl_core.types.share import Share, wilson
 
 
 def test_wilson_agrees_with_values_worked_out_by_hand() -> None:

@@ -1,0 +1,23 @@
+"""The experiments by name; each one's module is read when it is asked for."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from samrl_core.errors import InputError
+from samrl_core.experiments.experiment import Experiment
+
+MODULES: dict[str, str] = {}  # module of `samrl_core.experiments`, by the experiment's name
+
+
+def experiment_named(name: str) -> Experiment:
+    """The experiment.
+
+    Raises:
+        InputError: there is none of this name.
+    """
+    if name not in MODULES:
+        raise InputError(f"no experiment is named {name!r}; there are: {', '.join(sorted(MODULES))}")
+    found = import_module(f"samrl_core.experiments.{MODULES[name]}").EXPERIMENT
+    assert isinstance(found, Experiment)
+    return found

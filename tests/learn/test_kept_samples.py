@@ -17,7 +17,7 @@ CPU = torch.device("cpu")
 
 
 class Numbers:
-    """Stands in for drawn scenes: an image is full of scene / 1024 + drawing."""
+    """Stands in for drawn scenes: channels tell the scene and the drawing."""
 
     def __init__(self, drawing: int = -1) -> None:
         self.drawing = drawing

@@ -12,6 +12,7 @@ from samrl_core.errors import InputError
 from samrl_core.learn.network_image import rendered_image, upright
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.model.model import CameraPose, Model, world_to_camera
+from samrl_core.model.renderer import Rendered
 from samrl_core.real2sim import Estimate
 from samrl_core.types.pose import Pose
 
@@ -43,11 +44,7 @@ class SensingValue:
         Differentiable in both.
         """
         rendered = self._model.render(self._values, self._colors, camera, self._joints)
-        # Beside what shows nothing a pixel's mean point mixes with 0, so that its slope says nothing true.
-        unseen = (~torch.isfinite(rendered.depth)).to(torch.float32)
-        beside = functional.max_pool2d(unseen[:, None], 3, stride=1, padding=1)[:, 0] > 0
-        xyz = torch.where(beside[..., None], rendered.xyz.detach(), rendered.xyz)
-        return rendered_image(replace(rendered, xyz=xyz), self._tip, self._model.cell)
+        return rendered_image(with_true_slopes(rendered), self._tip, self._model.cell)
 
     def view(self, camera_in_world: Pose) -> torch.Tensor:
         """The network image (1, 6, H, W) from a camera as it stands, turned with its top up."""
@@ -56,20 +53,35 @@ class SensingValue:
             return upright(self.image((rotation[None], translation[None])), camera_in_world.rotation)
 
     def q(self, image: torch.Tensor, through_action: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
-        """Eq. 12 and Q of it: returns (B,) and actions (B, 3) [m] of images (B, 6, H, W).
+        """See `value_of`."""
+        return value_of(self._networks, image, through_action)
 
-        Args:
-            image: network images with the camera's top up.
-            through_action: False: the gradient takes the action as given, eq. 17; True: as the actor's, so
-                that it is the slope of what line 10 compares.
 
-        Raises:
-            InputError: the networks say something that is not finite.
-        """
-        action = self._networks.actor(image)
-        value = self._networks.q(image, action if through_action else action.detach())
-        if not (torch.isfinite(action).all() and torch.isfinite(value).all()):
-            raise InputError(
-                f"networks gave action {action.tolist()} and Q {value.tolist()}; train them anew"
-            )
-        return value, action
+def with_true_slopes(rendered: Rendered) -> Rendered:
+    """The same images, without slopes of points where they say nothing true.
+
+    Beside what shows nothing a pixel's mean point mixes with 0.
+    """
+    unseen = (~torch.isfinite(rendered.depth)).to(torch.float32)
+    beside = functional.max_pool2d(unseen[:, None], 3, stride=1, padding=1)[:, 0] > 0
+    return replace(rendered, xyz=torch.where(beside[..., None], rendered.xyz.detach(), rendered.xyz))
+
+
+def value_of(
+    networks: Networks, image: torch.Tensor, through_action: bool = False
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Eq. 12 and Q of it: returns (B,) and actions (B, 3) [m] of images (B, 6, H, W).
+
+    Args:
+        image: network images with the camera's top up.
+        through_action: False: the gradient takes the action as given, eq. 17; True: as the actor's, so
+            that it is the slope of what line 10 compares.
+
+    Raises:
+        InputError: the networks say something that is not finite.
+    """
+    action = networks.actor(image)
+    value = networks.q(image, action if through_action else action.detach())
+    if not (torch.isfinite(action).all() and torch.isfinite(value).all()):
+        raise InputError(f"networks gave action {action.tolist()} and Q {value.tolist()}; train them anew")
+    return value, action

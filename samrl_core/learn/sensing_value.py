@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch.nn import functional
 
 from samrl_core.errors import InputError
 from samrl_core.learn.network_image import rendered_image, upright
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.model.model import CameraPose, Model, world_to_camera
-from samrl_core.model.renderer import Rendered
 from samrl_core.real2sim import Estimate
 from samrl_core.types.pose import Pose
 
@@ -44,7 +42,7 @@ class SensingValue:
         Differentiable in both.
         """
         rendered = self._model.render(self._values, self._colors, camera, self._joints)
-        return rendered_image(with_true_slopes(rendered), self._tip, self._model.cell)
+        return rendered_image(rendered, camera, self._tip, self._model.cell)
 
     def view(self, camera_in_world: Pose) -> torch.Tensor:
         """The network image (1, 6, H, W) from a camera as it stands, turned with its top up."""
@@ -55,16 +53,6 @@ class SensingValue:
     def q(self, image: torch.Tensor, through_action: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
         """See `value_of`."""
         return value_of(self._networks, image, through_action)
-
-
-def with_true_slopes(rendered: Rendered) -> Rendered:
-    """The same images, without slopes of points where they say nothing true.
-
-    Beside what shows nothing a pixel's mean point mixes with 0.
-    """
-    unseen = (~torch.isfinite(rendered.depth)).to(torch.float32)
-    beside = functional.max_pool2d(unseen[:, None], 3, stride=1, padding=1)[:, 0] > 0
-    return replace(rendered, xyz=torch.where(beside[..., None], rendered.xyz.detach(), rendered.xyz))
 
 
 def value_of(

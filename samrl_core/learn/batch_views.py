@@ -35,6 +35,19 @@ class Scenes:
     looks: Looks | None = None  # of B images; None: the model's own
 
 
+def model_images(
+    renderer: BatchRenderer, scenes: Scenes, which: np.ndarray, camera: CameraPose
+) -> torch.Tensor:
+    """What the model shows of states `which` (N,) from N cameras with their top up, all at once.
+
+    Returns:
+        Network images (N, 6, H, W) on the renderer's device, differentiable in the camera.
+    """
+    looks = scenes.looks or own_looks(renderer.model, len(scenes.values))
+    rendered = renderer.render(scenes.frames[which], camera, looks.rows(which))
+    return rendered_image(rendered, camera, scenes.tip_in_base[which], renderer.model.cell)
+
+
 class BatchViewAscent:
     """Chooses views of one model's states by its networks, on the renderer's device.
 
@@ -91,13 +104,6 @@ class BatchViewAscent:
             answers = self._answers(scenes, requests)
         return [found[k] for k in range(count)]
 
-    def images(self, scenes: Scenes, which: np.ndarray, camera: CameraPose) -> torch.Tensor:
-        """What the model shows of states `which` (N,) from N cameras, (N, 6, H, W), differentiable."""
-        model = self._renderer.model
-        looks = scenes.looks or own_looks(model, len(scenes.values))
-        rendered = self._renderer.render(scenes.frames[which], camera, looks.rows(which))
-        return rendered_image(rendered, camera, scenes.tip_in_base[which], model.cell)
-
     def _present(self, scenes: Scenes, positions: np.ndarray) -> np.ndarray:
         """Q of where the cameras are (B,)."""
         poses = [self._reach.camera_at(here) for here in positions]
@@ -106,7 +112,8 @@ class BatchViewAscent:
             cameras = [world_to_camera(poses[k]) for k in few]
             rotation, translation = (torch.stack(part) for part in zip(*cameras, strict=True))
             with torch.no_grad():
-                image = self.images(scenes, few, (self._tensor(rotation), self._tensor(translation)))
+                camera = (self._tensor(rotation), self._tensor(translation))
+                image = model_images(self._renderer, scenes, few, camera)
                 image = upright(image, np.array([poses[k].rotation for k in few]))
                 found.append(value_of(self._networks, image)[0].cpu().numpy())
         return np.concatenate(found)
@@ -133,7 +140,8 @@ class BatchViewAscent:
         """Q (N,) and its slopes (N, 3) by the place."""
         variable = self._tensor(torch.from_numpy(places)).requires_grad_(with_slope)
         with torch.set_grad_enabled(with_slope):
-            image = self.images(scenes, which, place_camera(variable, self._region.target))
+            camera = place_camera(variable, self._region.target)
+            image = model_images(self._renderer, scenes, which, camera)
             q, _ = value_of(self._networks, image, self._settings.through_action)
         slopes = np.zeros(places.shape)
         if with_slope:

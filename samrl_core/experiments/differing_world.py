@@ -2,7 +2,8 @@
 
 Three things differ from the nominal world, none of which the model or its calibration is told. The tool arm's
 impedance is soft, its joints have friction and its gravity compensation falls short, so that small
-displacements are lost and the tool gives way. The light falls from another side and bodies cast shadows. Depth and colour are noisier.
+displacements are lost and the tool gives way. The light falls from another side and bodies cast shadows.
+Depth and colour are noisier.
 """
 
 from __future__ import annotations

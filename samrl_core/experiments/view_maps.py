@@ -57,7 +57,7 @@ def view_grid(region: ViewRegion, azimuths: int = AZIMUTHS, elevations: int = EL
 
 
 def reachable(model: Model, of: ViewGrid) -> np.ndarray:
-    """Which views (V,) bool the camera arm takes, clear of the table and the bodies at their nominal poses."""
+    """Which views (V,) bool the camera arm takes, clear of table and bodies at their nominal poses."""
     task, cell = model.task, model.cell
     reach = ViewReach(cell, task)
     start = task.start_joints(cell)["camera_arm"]

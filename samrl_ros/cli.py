@@ -168,6 +168,9 @@ def train(
     states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = 12_000,
     rounds: Annotated[int, typer.Option(help="Of labelling the actor's own states.", min=0)] = 1,
     episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=256)] = 512,
+    q_target: Annotated[
+        str, typer.Option(help="What Q learns: return (of an episode), or action (how near to the expert's).")
+    ] = "return",
     actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
     batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
@@ -191,6 +194,7 @@ def train(
         states,
         rounds,
         episodes,
+        q_target,
         actor_epochs,
         q_epochs,
         batch_size,

@@ -25,6 +25,7 @@ class TrainOptions:
     states: int
     rounds: int
     episodes: int
+    q_target: str
     actor_epochs: int
     q_epochs: int
     batch_size: int
@@ -47,6 +48,7 @@ def train_task(options: TrainOptions) -> int:
         states=options.states,
         rounds=options.rounds,
         episodes=options.episodes,
+        q_target=options.q_target,
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
         seed=options.seed,

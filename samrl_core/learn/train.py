@@ -27,6 +27,7 @@ import numpy as np
 import torch
 
 from samrl_core.errors import InputError
+from samrl_core.learn.acted_samples import ActedSamples
 from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.episodes import Group, run_groups
 from samrl_core.learn.fit import Progress
@@ -97,7 +98,7 @@ class _Training:
             parts.append(self._round(k, actor))
             actor, figures = self._actor(k + 1, parts, validation)
         self._keep(actor, figures)
-        q, q_figures = self._q(self._episodes(actor))
+        q, q_figures = self._q(self._episodes(actor), actor)
         self._keep(q, q_figures)
         judged = self._judged(actor)
         summary = {"schema": 1, "task": self.task.name, "actor": figures, "q": q_figures, "success": judged}
@@ -179,24 +180,31 @@ class _Training:
             np.concatenate([getattr(one, name) for one in seen])
             for name in ("values", "tip_in_base", "frames")
         )
-        # Episodes that got stuck fill it with the same places: no more of them than of the states before.
-        rng = np.random.default_rng([s.seed, _STREAMS["round"], k])
-        which = np.sort(rng.choice(len(values), min(len(values), s.states), replace=False))
+        rows = {"values": values, "tip_in_base": tips, "frames": frames}
+        _write(path, self._labelled(rows, s.states, (_STREAMS["round"], k), stage))
+
+    def _labelled(
+        self, rows: dict[str, np.ndarray], most: int, stream: tuple[int, ...], stage: str
+    ) -> dict[str, np.ndarray]:
+        """At most so many states with the optimiser's action there.
+
+        Episodes that got stuck fill the rows with the same places, so that more of them teach nothing.
+        """
+        s = self.settings
+        count = len(rows["values"])
+        rng = np.random.default_rng([s.seed, *stream])
+        which = np.sort(rng.choice(count, min(count, most), replace=False))
+        chosen = {name: array[which] for name, array in rows.items()}
         labels = label_all(
             self.task.name,
-            values[which],
-            tips[which],
+            chosen["values"],
+            chosen["tip_in_base"],
             s.workers,
             lambda n: self.tell(stage, {"labelled": n, "of": len(which)}),
         )
         left = np.array([label.sub_goal != "none" for label in labels])
-        rows = {
-            "values": values[which],
-            "tip_in_base": tips[which],
-            "frames": frames[which],
-            "action": np.array([label.action for label in labels]),
-        }
-        _write(path, {name: array[left] for name, array in rows.items()})
+        chosen["action"] = np.array([label.action for label in labels])
+        return {name: array[left] for name, array in chosen.items()}
 
     def _episodes(self, actor: SimActor) -> list[dict[str, np.ndarray]]:
         """For Q: with more and more noise on the actions, so that it also sees bad ones; views are held."""
@@ -221,15 +229,33 @@ class _Training:
             self.tell("episodes", {"groups": done, "of": len(paths), "success": float(run.success.mean())})
         return [_read(path) for path in paths]
 
-    def _q(self, groups: list[dict[str, np.ndarray]]) -> tuple[SensingQ, dict[str, float]]:
+    def _q(self, groups: list[dict[str, np.ndarray]], actor: SimActor) -> tuple[SensingQ, dict[str, float]]:
         s = self.settings
         looked_at = max(1, round(s.validation * len(groups) / s.levels)) * s.levels  # each level of noise
         parts = (groups[:-looked_at], groups[-looked_at:])
-        train = self._to_learn_from(_of_returns(parts[0]), 3, "q")
-        validation = self._samples(_of_returns(parts[1]), 4)
+        if s.q_target == "return":
+            train = self._to_learn_from(_of_returns(parts[0]), 3, "q")
+            validation: Samples = self._samples(_of_returns(parts[1]), 4)
+        else:
+            drawn = self._to_learn_from(self._acted("q", parts[0]), 3, "q")
+            train = ActedSamples(drawn, actor, 10 * s.seed + 3)
+            validation = ActedSamples(
+                self._samples(self._acted("check", parts[1]), 4), actor, 10 * s.seed + 4
+            )
         fit = replace(s.q, seed=s.seed, device=s.device)
         q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"))
         return q, result.figures
+
+    def _acted(self, name: str, groups: list[dict[str, np.ndarray]]) -> Scenes:
+        """States of episodes, which the actor never learnt from, with the optimiser's action there."""
+        path = self.folder / "episodes" / f"labelled_{name}.npz"
+        if not path.exists():
+            columns = ("values", "tip_in_base", "frames")
+            rows = {c: np.concatenate([g[c] for g in groups]) for c in columns}
+            stream = (_STREAMS["episodes"], 0, int(name == "q"))
+            _write(path, self._labelled(rows, self.settings.states, stream, "episodes"))
+        rows = _read(path)
+        return Scenes(rows["frames"], rows["tip_in_base"], {ACTION: rows["action"]})
 
     def _judged(self, actor: SimActor) -> dict[str, dict[str, float]]:
         """Success in the model, by its own judgement, of views held and of new ones for every action."""

@@ -17,7 +17,7 @@ from samrl_core.errors import InputError
 from samrl_core.learn.fit_settings import FitSettings
 from samrl_core.learn.train import CONFIG, train
 from samrl_core.learn.train_picture import write_picture
-from samrl_core.learn.train_settings import TrainSettings
+from samrl_core.learn.train_settings import Q_TARGETS, TrainSettings
 from samrl_core.learn.weights import load_weights
 from samrl_core.robots.cell import default_cell
 
@@ -48,6 +48,11 @@ def test_a_folder_of_another_training_is_refused(tmp_path: Path) -> None:
 def test_sizes_below_their_least_are_refused(name: str) -> None:
     with pytest.raises(InputError, match=name):
         replace(SMALL, **{name: -1})
+
+
+def test_an_unknown_target_of_q_is_refused() -> None:
+    with pytest.raises(InputError, match="q_target"):
+        replace(SMALL, q_target="luck")
 
 
 def test_what_a_later_stage_could_not_use_is_refused_at_once() -> None:
@@ -83,8 +88,10 @@ def test_workers_end_with_their_training(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_training_that_stopped_goes_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("q_target", Q_TARGETS)
+def test_a_training_that_stopped_goes_on(tmp_path: Path, q_target: str) -> None:
     """Stopped when the episodes begin; then the rest, to the same weights as one in one go."""
+    small = replace(SMALL, q_target=q_target)
 
     class Stop(Exception):
         pass
@@ -94,11 +101,11 @@ def test_a_training_that_stopped_goes_on(tmp_path: Path) -> None:
             raise Stop
 
     with pytest.raises(Stop):
-        train("peg_insertion", tmp_path / "two", SMALL, stop)
+        train("peg_insertion", tmp_path / "two", small, stop)
     stages: list[str] = []
-    summary = train("peg_insertion", tmp_path / "two", SMALL, lambda stage, row: stages.append(stage))
+    summary = train("peg_insertion", tmp_path / "two", small, lambda stage, row: stages.append(stage))
     assert "round-0" not in stages  # what is there is not made again
-    train("peg_insertion", tmp_path / "one", SMALL)
+    train("peg_insertion", tmp_path / "one", small)
     for kind in ("sim_actor", "sensing_q"):
         one, two = (
             load_weights(

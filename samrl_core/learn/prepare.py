@@ -18,6 +18,7 @@ import numpy as np
 import torch
 
 from samrl_core.errors import SamrlError
+from samrl_core.folder_lock import folder_lock
 from samrl_core.learn.draw_states import draw_states
 from samrl_core.learn.expert import Label, label_of
 from samrl_core.learn.explore import ExploreSettings, Starts
@@ -171,7 +172,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"{a.task}: {done} of {wanted} states, {time.monotonic() - begun:.0f} s", flush=True)
 
     try:
-        states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=tell)
+        with folder_lock(a.out):
+            states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=tell)
     except SamrlError as error:
         print(error, file=sys.stderr)
         return 1

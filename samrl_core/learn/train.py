@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.folder_lock import folder_lock
 from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.episodes import Group, run_groups
 from samrl_core.learn.fit import Progress
@@ -63,10 +64,11 @@ def train(
 
     Raises:
         InputError: the folder holds a training of another task or with other settings, or what is in it is
-            damaged.
+            damaged, or another process is training there.
         SolveError: a loss or gradient is not finite; the state before it is in the folder.
     """
-    return _Training(task, folder, settings, tell).run()
+    with folder_lock(folder):
+        return _Training(task, folder, settings, tell).run()
 
 
 class _Training:

@@ -87,9 +87,9 @@ class Rollouts:
     success: np.ndarray  # (E,) bool, by `Task.is_done`
     actions: np.ndarray  # (E,) int64 how many were taken
 
-    def per_action(self) -> dict[str, np.ndarray]:
-        """Fields with one row per action, by name, as a shard stores them."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("success", "actions")}
+
+# Fields with one row per action, as a training keeps them.
+PER_ACTION = tuple(f.name for f in fields(Rollouts) if f.name not in ("success", "actions"))
 
 
 def roll_out(
@@ -224,7 +224,7 @@ class _Episodes:
         return action * np.minimum(1.0, limit / np.maximum(length, 1e-12))
 
     def _result(self) -> Rollouts:
-        names = [f.name for f in fields(Rollouts) if f.name not in ("returns", "success", "actions")]
+        names = [name for name in PER_ACTION if name != "returns"]
         if not self._taken:
             raise InputError("all episodes were done, or out of the arm's reach, before their first action")
         columns = {name: np.concatenate([one[name] for one in self._taken]) for name in names}

@@ -15,7 +15,15 @@ from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
 from samrl_core.learn.looks import LookSettings
-from samrl_core.learn.rollouts import Moment, Rollouts, RolloutSettings, held, new_each_step, roll_out
+from samrl_core.learn.rollouts import (
+    PER_ACTION,
+    Moment,
+    Rollouts,
+    RolloutSettings,
+    held,
+    new_each_step,
+    roll_out,
+)
 from samrl_core.learn.views import draw_views
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
@@ -87,7 +95,7 @@ def test_returns_of_success_and_failure() -> None:
         way = np.diff(found.tip_in_base[mine], axis=0)
         np.testing.assert_allclose(way[high], found.action[mine][:-1][high], atol=1e-9)
     assert [len(batch) for batch in actor.images[:2]] == [3, 3] and len(actor.images[-1]) == 1
-    arrays = found.per_action()
+    arrays = {name: getattr(found, name) for name in PER_ACTION}
     assert {len(array) for array in arrays.values()} == {len(found.action)}
 
 

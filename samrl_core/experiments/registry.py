@@ -8,7 +8,9 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.experiment import Experiment
 
 MODULES: dict[str, str] = {  # module of `samrl_core.experiments`, by the experiment's name
+    "fig6": "fig6",
     "fig8d": "fig8d",
+    "table1": "table1",
     "table1_world": "table1_world",
 }
 

@@ -7,7 +7,10 @@ from importlib import import_module
 from samrl_core.errors import InputError
 from samrl_core.experiments.experiment import Experiment
 
-MODULES: dict[str, str] = {"fig6": "fig6"}  # module of `samrl_core.experiments`, by the experiment's name
+MODULES: dict[str, str] = {
+    "fig6": "fig6",
+    "fig7": "fig7",
+}  # module of `samrl_core.experiments`, by the experiment's name
 
 
 def experiment_named(name: str) -> Experiment:

@@ -65,7 +65,8 @@ class ActedSamples:
         batch = self._samples.batch(indices, device)
         rng = rng_of(self._seed, np.asarray(indices, dtype=np.int64))
         count = len(indices)
-        size = np.exp(rng.uniform(*np.log(s.noise), (count, 1))) * (rng.random((count, 1)) >= s.exact_share)
+        low, high = np.log(s.noise)
+        size = np.exp(rng.uniform(low, high, (count, 1))) * (rng.random((count, 1)) >= s.exact_share)
         noise = torch.from_numpy(limit * size * rng.standard_normal((count, 3)))
         self._actor.to(device).eval()
         with torch.no_grad():

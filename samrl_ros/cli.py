@@ -175,6 +175,9 @@ def train(
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
     batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
     max_actions: Annotated[int, typer.Option(help="Of an episode in the model; 0: the task's.", min=0)] = 0,
+    actor: Annotated[
+        Path | None, typer.Option(help="Weights of an actor: its Q is trained, and nothing before.")
+    ] = None,
     kept: Annotated[
         int, typer.Option(help="Images of each state, drawn once and kept in memory; 0: new ones.", min=0)
     ] = 0,
@@ -201,6 +204,7 @@ def train(
         max_actions,
         kept,
         workers,
+        actor,
     )
     raise typer.Exit(train_task(options))
 

@@ -32,6 +32,7 @@ class TrainOptions:
     max_actions: int
     kept: int
     workers: int
+    actor: Path | None = None  # weights of one; only its Q is trained then
 
 
 def train_task(options: TrainOptions) -> int:
@@ -63,7 +64,7 @@ def train_task(options: TrainOptions) -> int:
         console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
 
     try:
-        summary = train(options.task, options.out, settings, tell)
+        summary = train(options.task, options.out, settings, tell, options.actor)
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
         raise

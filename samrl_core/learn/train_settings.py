@@ -27,7 +27,7 @@ class TrainSettings:
     round_episodes: int = 128  # of each round, half of them with a view held
     episodes: int = 512  # for Q (eq. 24), each with a view held
     action_noise: float = 0.3  # highest level of theirs, per axis, standard deviation [action limits]
-    q_target: str = "return"  # what Q learns: "return" of episodes, or worth of the "action" in their states
+    q_target: str = "action"  # what Q learns: worth of the "action" in its state, or "return" of episodes
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
     max_actions: int = 0  # of an episode; 0 takes the task's

@@ -11,4 +11,4 @@ STRATEGIES = (
 # The strategy that goes with a policy unless another one is asked for.
 STRATEGY_OF = {"learned": "q", "optimised": "best"}
 
-DEFAULT_POLICY = "optimised"  # needs no trained weights
+DEFAULT_POLICY = "learned"  # with the networks of the package

@@ -49,7 +49,12 @@ def wilson(successes: int, n: int, z: float = 1.959964) -> tuple[float, float]:
 
 
 def summarise(
-    folder: Path, task: Task, settings: dict[str, Any], wall_time_s: dict[int, float], error: str = ""
+    folder: Path,
+    task: Task,
+    settings: dict[str, Any],
+    wall_time_s: dict[int, float],
+    marks: dict[int, list[tuple[float, str]]],
+    error: str = "",
 ) -> dict[str, Any]:
     """Read `folder/bag` and `folder/evaluation/truth.jsonl` and join them per episode.
 
@@ -58,6 +63,8 @@ def summarise(
         task: for its definition of success.
         settings: what was asked for, recorded as it is.
         wall_time_s: wall time per finished episode [s].
+        marks: per episode, when by the wall clock each of its phases began: seconds since it was laid out,
+            and a mark of the topic `phase`, or "move" when the action was known.
         error: why the run ended early, empty when it did not.
 
     Raises:
@@ -74,6 +81,7 @@ def summarise(
     truth = read_truth(truth_file) if truth_file.is_file() else {}
     episodes = [
         _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
+        | {"marks": [[round(s, 4), what] for s, what in marks.get(number, [])]}
         for number, topics in sorted(messages.items())
         if topics[OUTCOME]
     ]

@@ -79,8 +79,11 @@ def announced(folder: Path, task: str) -> Announcement:
         return Announcement(task)
     try:
         found = Announcement(**json.loads(path.read_text()))
-    except (ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise InputError(f"cannot read {path} ({error}); remove it to begin anew") from error
+    texts = (found.task, found.file, found.sha256)
+    if type(found.version) is not int or found.version < 0 or not all(isinstance(t, str) for t in texts):
+        raise InputError(f"{path} announces {found}, which is no version and file; remove it to begin anew")
     if found.task != task:
         raise InputError(f"{folder} holds the residual of {found.task!r}, not of {task!r}; give another")
     if not found.version:

@@ -148,16 +148,19 @@ class ResidualTraining:
         assert self._transitions is not None
         learner = self._learner
         size, generator = learner.settings.batch, learner.generator
+        before = generator.get_state()
         try:
             batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         except InputError:
             # The cell goes on beside this: a full ring's oldest step may have gone since `due` looked.
             self.due()
+            before = generator.get_state()
             batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         try:
             figures = learner.update(batch)
         except SolveError as error:
-            save_checkpoint(self._folder / "stopped.safetensors", KIND, learner.state(), self._about)
+            state = {**learner.state(), "generator": before}  # draws the same batch and noise once more
+            save_checkpoint(self._folder / "stopped.safetensors", KIND, state, self._about)
             self._summarise(str(error))
             raise
         self._figures = figures

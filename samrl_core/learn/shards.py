@@ -215,8 +215,9 @@ def _checked(listed: Any, info: DataInfo, path: Path) -> dict[int, dict[str, Any
     found: dict[int, dict[str, Any]] = {}
     for one in listed if isinstance(listed, list) else [listed]:
         shard = one.get("shard") if isinstance(one, dict) else None
-        known = type(shard) is int and 0 <= shard < info.shards and shard not in found
-        if not known or one != info.entry(shard, str(one.get("sha256"))):
+        if not isinstance(shard, int) or shard not in range(info.shards) or shard in found:
+            raise InputError(f"{path} is damaged: it lists {one!r}; delete the folder and make it anew")
+        if one != info.entry(shard, str(one.get("sha256"))):
             raise InputError(f"{path} is damaged: it lists {one!r}; delete the folder and make it anew")
         found[shard] = one
     return found

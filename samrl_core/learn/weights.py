@@ -20,6 +20,7 @@ from samrl_core.errors import InputError
 from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor, TwinCritic
 from samrl_core.learn.tensor_file import read_tensors, write_tensors
 from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks import plain_name
 from samrl_core.types.camera import Intrinsics
 
 Kind = Literal["sim_actor", "sensing_q", "residual_actor", "twin_critic"]
@@ -101,12 +102,14 @@ def save_weights(path: Path, module: nn.Module, info: WeightsInfo) -> None:
 def load_weights(path: Path, kind: Kind, task: str, cell: CellSpec) -> tuple[nn.Module, WeightsInfo]:
     """Read a network for one use; it comes on the CPU, in float32 and in evaluation mode.
 
+    A variant of a task takes the networks of the plain task, too.
+
     Raises:
         InputError: no such file, no weight file of ours, truncated, damaged, of another kind or task, trained
             for another image size or lens, tensors that do not fit, or a weight that is not finite.
     """
     tensors, info = _read(path)
-    if info.kind != kind or info.task != task:
+    if info.kind != kind or info.task not in (task, plain_name(task)):
         raise InputError(
             f"{path} holds {info.kind} of {info.task}, wanted is {kind} of {task}; name the file for that"
         )

@@ -147,8 +147,8 @@ def test_other_samples_and_other_networks_are_refused(tmp_path: Path, whole: Pat
     for changed, said, message in (
         ({moment: torch.zeros(3)}, {}, "optimiser's state"),
         ({"adam.x.step": torch.zeros(())}, {}, "no state of an optimiser"),
-        ({}, {"step": "x"}, "lacks what it should say"),
-        ({}, {"identity": 3}, "lacks what it should say"),
+        ({}, {"step": "x"}, "says too little of itself"),
+        ({}, {"identity": 3}, "says too little of itself"),
     ):
         save_checkpoint(tmp_path / CHECKPOINT, "regression", {**tensors, **changed}, {**about, **said})
         with pytest.raises(InputError, match=message):

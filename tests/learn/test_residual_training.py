@@ -99,8 +99,24 @@ def test_updates_wait_for_steps(tmp_path: Path) -> None:
     assert training.due()
 
 
+def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
+    toy_cell.start(tmp_path, SETTINGS, 30)
+    training = trained(tmp_path, 2)
+    with torch.no_grad():
+        training.learner.critic.get_parameter("encoder.out.bias")[0] = math.nan
+    assert training.due()
+    with pytest.raises(SolveError, match="not|nan"):
+        training.step()
+    tensors, _ = load_checkpoint(tmp_path / "stopped.safetensors", KIND)
+    assert bool(torch.isnan(tensors["critic.encoder.out.bias"][0])) and int(tensors["updates"]) == 2
+    assert "nan" in json.loads((tmp_path / "summary.json").read_text())["stopped"]
+    good, _ = load_checkpoint(tmp_path / "checkpoint.safetensors", KIND)
+    assert all(bool(torch.isfinite(value.double()).all()) for value in good.values())
+    assert announced(tmp_path, toy_cell.TASK).version == 1
+
+
 @pytest.mark.parametrize("who", ["critic", "actor"])
-def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path, who: str) -> None:
+def test_from_the_state_of_a_stop_the_same_batch_is_drawn_again(tmp_path: Path, who: str) -> None:
     toy_cell.start(tmp_path, SETTINGS, 30)
     training = trained(tmp_path, 2)
     with torch.no_grad():
@@ -109,15 +125,10 @@ def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path, who: str)
     before = training.learner.state()
     with pytest.raises(SolveError, match=f"update 2: the {who}'s loss is nan"):
         training.step()
-    tensors, _ = load_checkpoint(tmp_path / "stopped.safetensors", KIND)
-    assert tensors.keys() == before.keys()
-    for name, value in tensors.items():  # the generator as well: the same batch can be drawn again
+    saved, _ = load_checkpoint(tmp_path / "stopped.safetensors", KIND)
+    assert saved.keys() == before.keys()
+    for name, value in saved.items():  # no weight was changed, and the generator is as it was
         assert torch.equal(value.nan_to_num(7.0), before[name].nan_to_num(7.0)), name
-    assert bool(torch.isnan(tensors[f"{who}.encoder.out.bias"][0])) and int(tensors["updates"]) == 2
-    assert "nan" in json.loads((tmp_path / "summary.json").read_text())["stopped"]
-    good, _ = load_checkpoint(tmp_path / "checkpoint.safetensors", KIND)
-    assert all(bool(torch.isfinite(value.double()).all()) for value in good.values())
-    assert announced(tmp_path, toy_cell.TASK).version == 1
 
 
 def test_what_is_corrupt_or_foreign_is_refused(tmp_path: Path) -> None:

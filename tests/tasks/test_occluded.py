@@ -76,6 +76,8 @@ def test_half_of_the_reachable_views_do_not_see_the_goal(name: str) -> None:
     print(f"{name}: hidden over starts {of_starts.mean():.2f}, best view {of_starts.mean(axis=0).min():.2f}")
     assert of_starts.mean() >= 0.5
     assert not of_starts.all(axis=1).any()
+    if isinstance(task, PegInsertion):  # where the goal lies differs enough for no view to see all of them
+        assert of_starts.mean(axis=0).min() >= 0.2
 
 
 @EVERY

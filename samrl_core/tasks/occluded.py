@@ -43,14 +43,20 @@ def _peg() -> Task:
 
 
 def _flipping() -> Task:
-    """Two plates."""
+    """A fence towards the start view, a wide plate on the other side.
+
+    A gap shows the pancake as it lies, or where it turns, or as it lies in the end, but not all of these.
+    """
     task = SpatulaFlipping()
     target = task.view_region().target
-    plates = (
-        beside(target, math.radians(60.0), 0.12, 0.35, 0.34),
-        beside(target, math.radians(-75.0), 0.18, 0.25, 0.28),
+    slats = fence(target, math.radians(60.0), 0.12, 0.12, 0.24, gap=0.06, slats=range(-1, 2))
+    plate = beside(target, math.radians(-90.0), 0.20, 0.40, 0.24, shift=0.08)
+    return replace(
+        task,
+        name=task.name + OCCLUDED,
+        view_elevation=(math.radians(20.0), math.radians(34.0)),
+        screens=(*slats, plate),
     )
-    return replace(task, name=task.name + OCCLUDED, screens=plates)
 
 
 def _threading() -> Task:

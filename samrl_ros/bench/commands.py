@@ -32,6 +32,19 @@ def cell(
     raise typer.Exit(bench_cell(out, seed, episodes, real_time_factor))
 
 
+@bench_app.command("actions")
+def actions(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of finished `samrl cell` runs.")],
+    out: Annotated[Path, typer.Option(help="Folder of time_per_action.json and .png.")] = Path(
+        "out/bench-actions"
+    ),
+) -> None:
+    """How long an action takes, split into updating, looking for a view, acting and moving."""
+    from samrl_ros.bench.action_times import bench_actions
+
+    raise typer.Exit(bench_actions(runs, out))
+
+
 ModelOut = Annotated[Path, typer.Option("--out", help="Folder of the results; they must not be there yet.")]
 Rounds = Annotated[int, typer.Option(help="Turns of every alternative; the median counts.", min=1)]
 Device = Annotated[str, typer.Option(help="torch's name of the device whose rates are measured.")]

@@ -9,18 +9,16 @@ grid, state by state, and by what the view of highest Q loses against the grid's
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
-from samrl_core.agent.settings import trained_networks
 from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
 from samrl_core.experiments.expert_states import PHASES, expert_states
 from samrl_core.experiments.fig6_picture import write_picture
 from samrl_core.experiments.intervals import bootstrap_ci
+from samrl_core.experiments.view_bench import model_of, processes, view_bench
 from samrl_core.experiments.view_maps import (
     DRAWS,
     rank_correlation,
@@ -29,14 +27,9 @@ from samrl_core.experiments.view_maps import (
     view_grid,
     view_maps,
 )
-from samrl_core.learn.batch_render import BatchRenderer
-from samrl_core.learn.sensing_value import Networks
-from samrl_core.model.model import Model
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import TASKS, task_named
+from samrl_core.tasks import TASKS
 
 COUNT = 20  # episodes per task
-DEVICE_WORKERS = 8  # processes that share a GPU
 MAPS = ("q", "error", "noisy_q", "noisy_error")
 # What is correlated: which Q with which error. Q of the clean image is what the view is chosen by; the error
 # under noise is what a camera of such noise would bring.
@@ -59,12 +52,6 @@ class Job:
     size: tuple[int, int]  # azimuths and elevations
 
 
-@dataclass(frozen=True, eq=False)
-class _Bench:
-    renderer: BatchRenderer
-    networks: Networks
-
-
 def keys_of(task: str, seed: int) -> list[str]:
     """Of the cases of one episode."""
     return [f"{task}/{seed}/{phase}" for phase in PHASES]
@@ -72,7 +59,7 @@ def keys_of(task: str, seed: int) -> list[str]:
 
 def run_job(job: Job) -> list[Case]:
     """Maps and figures of one episode's states."""
-    bench = _bench(job.task, job.device, job.weights)
+    bench = view_bench(job.task, job.device, job.weights)
     model = bench.renderer.model
     grid = view_grid(model.task.view_region(), *job.size)
     cases: list[Case] = []
@@ -97,12 +84,11 @@ def run(options: Options, tell: Tell, draws: int = DRAWS, size: tuple[int, int] 
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
     ]
-    workers = options.processes if options.device == "cpu" else min(options.processes, DEVICE_WORKERS)
-    cases = run_cases(CaseLog(options.out), run_job, jobs, workers, tell)
+    cases = run_cases(CaseLog(options.out), run_job, jobs, processes(options), tell)
     summary: dict[str, Any] = {"episodes": count, "draws_of_noise": draws, "grid": list(size), "tasks": {}}
     reached = {}
     for task in options.tasks:
-        model = _model(task)
+        model = model_of(task)
         reached[task] = reachable(model, view_grid(model.task.view_region(), *size))
         of_task = [case for case in cases if case["task"] == task]
         summary["tasks"][task] = _summary(of_task, reached[task], options.seed)
@@ -155,22 +141,6 @@ def _alike(maps: np.ndarray) -> float:
     """Median rank correlation of the errors of two states: how much of a map another state's tells."""
     pairs = [rank_correlation(maps[i], maps[j]) for i in range(len(maps)) for j in range(i)]
     return float(np.median(pairs)) if pairs else 1.0
-
-
-@cache
-def _model(task: str) -> Model:
-    return Model(task_named(task), default_cell())
-
-
-@cache
-def _bench(task: str, device: str, weights: Path | None) -> _Bench:
-    """One per process and task."""
-    model = _model(task)
-    renderer = BatchRenderer(model, device)
-    networks = trained_networks(task, model.cell, weights)
-    for network in (networks.actor, networks.q):
-        network.to(torch.device(device))
-    return _Bench(renderer, networks)
 
 
 EXPERIMENT = Experiment(

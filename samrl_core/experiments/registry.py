@@ -9,6 +9,7 @@ from samrl_core.experiments.experiment import Experiment
 
 MODULES: dict[str, str] = {  # module of `samrl_core.experiments`, by the experiment's name
     "fig6": "fig6",
+    "fig7": "fig7",
     "fig8d": "fig8d",
     "table1": "table1",
     "table1_world": "table1_world",

@@ -15,8 +15,8 @@ from samrl_core.robots.urdf import numbers, origin_of, read_urdf
 from samrl_core.types.pose import Pose
 from samrl_core.types.scene import Box, Capsule, Cylinder, Part
 
-WIDE = 0.05  # second longest half edge of a box that is cut into strips for its capsules [m]
-STRIP = 0.01  # half width of such a strip at most [m]
+WIDE = 0.05  # second longest half edge from which on a thin box is a plate, cut into strips [m]
+STRIP = 0.01  # half width of such a strip at most; a plate is thinner than that [m]
 
 
 def link_shapes(spec: RobotSpec) -> dict[str, tuple[Part, ...]]:
@@ -111,12 +111,12 @@ class Capsules:
 
 
 def _strips(part: Part) -> tuple[Part, ...]:
-    """A box whose second longest half edge exceeds `WIDE`, cut across that edge; any other part as it is."""
+    """A plate, cut across its second longest edge; any other part as it is."""
     if not isinstance(part, Box):
         return (part,)
-    _, across, _ = np.argsort(part.half_extents)
+    thin, across, _ = np.argsort(part.half_extents)
     width = part.half_extents[across]
-    if width <= WIDE:
+    if width <= WIDE or part.half_extents[thin] >= STRIP:
         return (part,)
     count = math.ceil(width / STRIP)
     half = np.array(part.half_extents)

@@ -159,13 +159,15 @@ def test_the_camera_is_where_it_is_held(monkeypatch: pytest.MonkeyPatch) -> None
     seen: list[np.ndarray] = []
 
     def episode(agent: Any, plant: Any, loop: Any, watch: Any) -> Any:
+        assert (loop.view_period, loop.looks, loop.max_actions) == (2, 0, 100)
         seen.append(plant.observe().camera_arm.position)
         return SimpleNamespace(ended="done")
 
     monkeypatch.setattr(world_episodes, "run_episode", episode)
     start = world_episodes.task_named(TASK).start_joints(world_episodes.default_cell())["camera_arm"]
     stops = (start + 0.03, start + 0.05)
-    job = EpisodeJob("k", TASK, "held", JOB.condition, 2, 0, tuple(tuple(s.tolist()) for s in stops))
+    condition = Condition("optimised", HELD, view_period=2)
+    job = EpisodeJob("k", TASK, "held", condition, 2, 0, tuple(tuple(s.tolist()) for s in stops))
     case = episode_cases(job)[0]
     np.testing.assert_allclose(seen[0], stops[-1], atol=3e-3)
     assert case["simulated_s"] == pytest.approx(0.3, abs=1e-3)

@@ -8,11 +8,15 @@ Depth and colour are noisier.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
+from samrl_core.types.pose import Pose
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.sensor_noise import RgbdNoise
 from samrl_core.world.settings import WorldSettings
@@ -58,6 +62,13 @@ def differing_cell(cell: CellSpec) -> CellSpec:
         damping=STIFFNESS_SHARE**0.5 * nominal.damping,
     )
     return replace(cell, tool_arm=replace(cell.tool_arm, controller=soft))
+
+
+def miscalibrated(cell: CellSpec, offset: Sequence[float]) -> CellSpec:
+    """The cell as it is when the camera arm's base stands off by (3,) [m] in world."""
+    base = cell.camera_base_in_world
+    moved = Pose(base.position + np.asarray(offset, dtype=np.float64), base.quat_xyzw)
+    return replace(cell, camera_base_in_world=moved)
 
 
 def differing_world(task: Task, cell: CellSpec | None = None) -> PyBulletWorld:

@@ -85,6 +85,7 @@ def run_episode(agent: Agent, plant: Plant, settings: LoopSettings | None = None
     task = agent.model.task
     loop = settings or LoopSettings(task.max_actions)
     agent.updating.begin()
+    agent.acting.begin()
     state = LoopState()
     steps: list[Step] = []
     while True:

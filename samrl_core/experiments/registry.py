@@ -7,7 +7,9 @@ from importlib import import_module
 from samrl_core.errors import InputError
 from samrl_core.experiments.experiment import Experiment
 
-MODULES: dict[str, str] = {}  # module of `samrl_core.experiments`, by the experiment's name
+MODULES: dict[str, str] = {  # module of `samrl_core.experiments`, by the experiment's name
+    "sample_efficiency": "sample_efficiency",
+}
 
 
 def experiment_named(name: str) -> Experiment:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
@@ -196,15 +195,6 @@ class ResidualLearner:
 def shortened(vectors: torch.Tensor, limit: float) -> torch.Tensor:
     """Rows (B, 3), those longer than `limit` cut to it."""
     return vectors * (limit / vectors.norm(dim=1, keepdim=True).clamp(min=limit))
-
-
-def explored(residual: np.ndarray, noise: float, limit: float, rng: np.random.Generator) -> np.ndarray:
-    """A residual (3,) with Gaussian noise of `noise` per axis, no longer than `limit` [m].
-
-    Without noise a zero residual would never be varied, and no critic could tell what another would do.
-    """
-    tried = torch.from_numpy(residual + noise * rng.standard_normal(3))
-    return shortened(tried[None], limit)[0].numpy()
 
 
 def _apply(adam: torch.optim.Adam, module: nn.Module, slopes: tuple[torch.Tensor, ...]) -> None:

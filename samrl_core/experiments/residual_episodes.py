@@ -86,13 +86,14 @@ def miscalibrated(cell: CellSpec, offset: Sequence[float]) -> CellSpec:
 
 
 class Stage:
-    """A world with its agent, kept from episode to episode."""
+    """An agent kept from episode to episode; each episode has a world of its own, so that it is the same
+    whichever process runs it.
+    """
 
     def __init__(self, place: Place) -> None:
-        """Builds both."""
+        """Builds the model and compiles what the agent needs."""
         self._cell, self._task = default_cell(), task_named(place.task)
-        self._world = differing_world(self._task, miscalibrated(self._cell, place.offset))
-        self._plant = _PatientPlant(WorldPlant(self._world, self._task, self._cell))
+        self._real_cell = miscalibrated(self._cell, place.offset)
         self._settings = AgentSettings(policy=place.policy, strategy=STRATEGY_OF[place.policy])
         self._networks: Networks | None = None
         if self._settings.needs_networks:
@@ -104,20 +105,19 @@ class Stage:
     def play(self, order: Order) -> Played:
         """One episode from its scene on."""
         self._agent.acting = self._acting(order)
-        self._plant.begin(order.seed)
+        world = differing_world(self._task, self._real_cell)
+        plant = _PatientPlant(WorldPlant(world, self._task, self._cell))
+        plant.begin(order.seed)
         steps: tuple[Step, ...] = ()
         ended, why = "error", ""
         try:
-            episode = run_episode(self._agent, self._plant, LoopSettings(order.max_actions or self._task.max_actions))
+            episode = run_episode(self._agent, plant, LoopSettings(order.max_actions or self._task.max_actions))
             steps, ended = self._steps(episode), episode.ended
         except SamrlError as error:
             why = str(error)
-        judged = judged_now(self._world, self._task)
+        judged = judged_now(world, self._task)
+        world.close()
         return Played(steps, ended, why, judged.success, judged.final_error)
-
-    def close(self) -> None:
-        """Release the world."""
-        self._world.close()
 
     def _acting(self, order: Order) -> Acting:
         settings = replace(

@@ -111,7 +111,9 @@ class Stage:
         steps: tuple[Step, ...] = ()
         ended, why = "error", ""
         try:
-            episode = run_episode(self._agent, plant, LoopSettings(order.max_actions or self._task.max_actions))
+            episode = run_episode(
+                self._agent, plant, LoopSettings(order.max_actions or self._task.max_actions)
+            )
             steps, ended = self._steps(episode), episode.ended
         except SamrlError as error:
             why = str(error)

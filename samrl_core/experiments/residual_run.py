@@ -44,7 +44,9 @@ class RunSettings:
     exploration: float = 0.0015  # standard deviation per axis of what is tried [m]
     memory: float = 0.9  # of the exploration from action to action
     evaluated: int = 20  # episodes per evaluation
-    max_actions: int = 40  # of a training's episode: a nominal one takes about half; evaluation has the task's
+    max_actions: int = (
+        40  # of a training's episode: a nominal one takes about half; evaluation has the task's
+    )
 
     def __post_init__(self) -> None:
         if not self.points or list(self.points) != sorted(set(self.points)) or self.points[0] < 0:
@@ -143,15 +145,15 @@ class ResidualRun:
         """The residual as a weight file."""
         limit = self._settings.learner.limit
         about = {"steps": float(self.steps), "updates": float(self._learner.updates), **figures}
-        info = WeightsInfo("residual_actor", self._place.task, self._cell.intrinsics, limit, self._seed, about)
+        info = WeightsInfo(
+            "residual_actor", self._place.task, self._cell.intrinsics, limit, self._seed, about
+        )
         save_weights(path, self._learner.actor, info)
 
     def _round(self) -> None:
         s = self._settings
         first = self._episodes
-        played = self._play(
-            [self._order(_TRAINING, first + k, s.max_actions) for k in range(s.episodes)]
-        )
+        played = self._play([self._order(_TRAINING, first + k, s.max_actions) for k in range(s.episodes)])
         for number, one in enumerate(played, first):
             self._store(number, one)
         self._episodes += s.episodes

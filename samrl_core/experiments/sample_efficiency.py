@@ -62,7 +62,11 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
     _run_all(left, settings, options, log, tell)
     cases = [log.cases[_key(place, seed, n)] for place, seed in jobs for n in settings.points]
     summary = {
-        "settings": {**asdict(settings), "offset": OFFSET, "policies": {t: p.policy for t, p in places.items()}},
+        "settings": {
+            **asdict(settings),
+            "offset": OFFSET,
+            "policies": {t: p.policy for t, p in places.items()},
+        },
         "tasks": {t: summary_of([c for c in cases if c["task"] == t]) for t in options.tasks},
         "cases": cases,
     }

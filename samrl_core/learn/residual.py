@@ -38,6 +38,7 @@ class ResidualSettings:
     average: float = 0.01  # share of the new weights in the targets, per update of the actor
     target_noise: float = 0.2  # standard deviation per axis, of the limit
     target_noise_clip: float = 0.5  # of the limit
+    effort: float = 0.0  # return that a residual of full length must be worth, quadratic in its length
     delay: int = 2  # updates of the critics per update of the actor
     warm_up: int = 200  # updates of the critics before the first one of the actor
     shift: int = 4  # images are shifted by up to this [px]
@@ -50,7 +51,7 @@ class ResidualSettings:
         for name in ("gamma", "average", "critic_rate", "actor_rate", "limit"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InputError(f"{name} is {getattr(self, name)}, must be above 0 and at most 1")
-        for name in ("warm_up", "shift", "target_noise", "target_noise_clip"):
+        for name in ("warm_up", "shift", "target_noise", "target_noise_clip", "effort"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} is {getattr(self, name)}, must not be negative")
 
@@ -100,7 +101,8 @@ class ResidualLearner:
             action = self.actor(image, batch.nominal)
             # The state's features stand still here: the actor is to climb the critic, not to move it.
             value = self.critic.values(features.detach(), action)[0].mean()
-            actor_slopes = self._slopes(-value, self.actor, "actor")
+            effort = s.effort * (action / s.limit).square().sum(dim=1).mean()
+            actor_slopes = self._slopes(effort - value, self.actor, "actor")
             actor_value, residual = value.item(), action.detach().norm(dim=1).mean().item()
         _apply(self._critic_adam, self.critic, critic_slopes)
         if actor_slopes is not None:

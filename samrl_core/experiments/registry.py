@@ -8,7 +8,9 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.experiment import Experiment
 
 MODULES: dict[str, str] = {  # module of `samrl_core.experiments`, by the experiment's name
+    "fig8d": "fig8d",
     "sample_efficiency": "sample_efficiency",
+    "table1_world": "table1_world",
 }
 
 

@@ -9,7 +9,7 @@ round: a run that was stopped goes on at the last whole one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +37,9 @@ class RunSettings:
     """
 
     points: tuple[int, ...]  # real steps at which is evaluated; the last one ends the run
-    learner: ResidualSettings = field(default_factory=ResidualSettings)
+    learner: ResidualSettings = ResidualSettings(n_step=5, warm_up=600, effort=0.1)
     episodes: int = 4  # per round
-    first_steps: int = 100  # in the replay before the first update
+    first_steps: int = 250  # in the replay before the first update
     updates_per_step: float = 2.0  # each step beyond the first ones allows so many
     exploration: float = 0.0015  # standard deviation per axis of what is tried [m]
     memory: float = 0.9  # of the exploration from action to action
@@ -144,7 +144,8 @@ class ResidualRun:
     def save_weights(self, path: Path, figures: dict[str, float]) -> None:
         """The residual as a weight file."""
         limit = self._settings.learner.limit
-        about = {"steps": float(self.steps), "updates": float(self._learner.updates), **figures}
+        off = dict(zip(("offset_x", "offset_y", "offset_z"), self._place.offset, strict=True))
+        about = {"steps": float(self.steps), "updates": float(self._learner.updates), **off, **figures}
         info = WeightsInfo(
             "residual_actor", self._place.task, self._cell.intrinsics, limit, self._seed, about
         )

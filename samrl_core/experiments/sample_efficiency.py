@@ -3,7 +3,8 @@
 Per task and training seed, episodes of the agent in a PyBullet world that its model does not know fill a
 replay, and TD3 trains the residual on it (eqs. 13 to 16). The model's own verdict is the reward. At each
 point of the curve, the first one before any real step, episodes of other scenes are judged by the truth;
-they explore nothing, are not learnt from and not counted as steps. `count` is the number of real steps.
+they explore nothing, are not learnt from and not counted as steps. `count` is the number of real steps. How
+far the calibration is off in that world is found first, see `calibration_gap`.
 
 Episodes of all runs share the worker processes; the learners are threads of this process and update on
 `device`, so that one accelerator serves them all.
@@ -15,12 +16,13 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from samrl_core.experiments.calibration_gap import gaps, offset_of
 from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options, Tell
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played, play
 from samrl_core.experiments.residual_run import Evaluated, ResidualRun, RunSettings
@@ -34,8 +36,6 @@ NAME = "sample_efficiency"
 SEEDS = 3  # trainings per task
 BUDGET = 8000  # real steps
 POINTS = (0, 250, 500, 1000, 2000, 4000, 8000)
-# ASSUMPTION: how well two arms' bases are known to each other, without a calibration of its own for the tool.
-OFFSET = (0.0018, 0.0024, 0.0)  # 3 mm [m]
 
 
 def points_up_to(budget: int) -> tuple[int, ...]:
@@ -53,20 +53,21 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
     """All runs side by side; see the module."""
     budget = options.count or BUDGET
     settings = RunSettings(points_up_to(budget))
-    places = {t: Place(t, policy_for(t, options.weights), options.weights, OFFSET) for t in options.tasks}
-    for place in places.values():
-        tell(f"{place.task}: nominal actions are {place.policy}")
     log = CaseLog(options.out)
-    jobs = [(place, options.seed + k) for k in range(SEEDS) for place in places.values()]
+    calibrated = [
+        Place(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0)) for t in options.tasks
+    ]
+    for place in calibrated:
+        tell(f"{place.task}: nominal actions are {place.policy}")
+    found = gaps(log, calibrated, options.processes, tell)
+    places = [replace(p, offset=offset_of(float(found[p.task]["length"]))) for p in calibrated]
+    jobs = [(place, options.seed + k) for k in range(SEEDS) for place in places]
     left = [(p, s) for p, s in jobs if any(_key(p, s, n) not in log.cases for n in settings.points)]
     _run_all(left, settings, options, log, tell)
     cases = [log.cases[_key(place, seed, n)] for place, seed in jobs for n in settings.points]
     summary = {
-        "settings": {
-            **asdict(settings),
-            "offset": OFFSET,
-            "policies": {t: p.policy for t, p in places.items()},
-        },
+        "settings": asdict(settings),
+        "gap": found,
         "tasks": {t: summary_of([c for c in cases if c["task"] == t]) for t in options.tasks},
         "cases": cases,
     }

@@ -22,7 +22,7 @@ from samrl_core.learn.weights import load_weights
 from tests.learn import toy_cell
 from tests.learn.small_cell import SMALL
 
-PLACE = Place("toy", "optimised", None, (0.0, 0.0, 0.0))
+PLACE = Place("toy", "optimised", None, (0.001, 0.0, -0.002))
 LEARNER = ResidualSettings(batch=4, n_step=2, warm_up=1, delay=1, shift=2)
 SETTINGS = RunSettings(
     (0, 12, 20), LEARNER, episodes=2, first_steps=5, updates_per_step=0.3, evaluated=3, max_actions=3
@@ -89,7 +89,8 @@ def test_a_run_collects_trains_and_counts(tmp_path: Path) -> None:
     assert after.residual > 0.0
     one.save_weights(tmp_path / "w.safetensors", {"success": 0.5})
     _, info = load_weights(tmp_path / "w.safetensors", "residual_actor", "toy", SMALL)
-    assert info.figures == {"steps": one.steps, "updates": after.updates, "success": 0.5}
+    wanted = {"steps": one.steps, "updates": after.updates, "success": 0.5, "offset_z": -0.002}
+    assert wanted.items() <= info.figures.items()
 
 
 @pytest.mark.parametrize("stopped", [1, 3, 6])
@@ -143,9 +144,8 @@ def test_settings_out_of_range_are_refused(bad: dict) -> None:
 
 def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every point of every seed once, the picture, the weights, and nothing done twice."""
-    from samrl_core.experiments import sample_efficiency
+    from samrl_core.experiments import calibration_gap, sample_efficiency
     from samrl_core.experiments.experiment import Options
-    from tests.learn import toy_cell as toy
 
     cells: list[FakeCell] = []
 
@@ -157,7 +157,11 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
     monkeypatch.setattr(sample_efficiency, "_here", here)
     monkeypatch.setattr(sample_efficiency, "RunSettings", lambda points: replace(SETTINGS, points=points))
     monkeypatch.setattr(sample_efficiency, "POINTS", (0, 6))
-    assert toy.TASK == PLACE.task
+
+    def nominal(order: Order) -> Played:
+        return Played((), "done", "", order.place.offset[0] < 0.48 * 0.0045, 0.0)
+
+    monkeypatch.setattr(calibration_gap, "play", nominal)
     told: list[str] = []
     results = []
     for _ in range(2):
@@ -171,4 +175,14 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
     assert all(one["success"]["trials"] == 9 and len(one["by_seed"]) == 3 for one in curve)
     assert (tmp_path / "sample_efficiency.png").stat().st_size > 1000
     assert len(list((tmp_path / "weights").rglob("peg_insertion_residual_actor.safetensors"))) == 3
-    assert sum("success" in line for line in told) == 9
+    assert found["gap"]["peg_insertion"]["length"] == 0.005
+    assert {order.place.offset for order in cells[0].orders} == {calibration_gap.offset_of(0.005)}
+    assert sum("real steps" in line for line in told) == 9
+
+
+def test_the_gap_is_the_smallest_at_which_nominal_actions_fail() -> None:
+    from samrl_core.experiments.calibration_gap import AT_MOST, chosen
+
+    assert chosen({0.0: 1.0, 0.002: AT_MOST + 0.01, 0.004: AT_MOST, 0.006: 0.0}) == 0.004
+    assert chosen({0.0: 0.2, 0.002: 0.0}) == 0.0  # it fails without an error: none is added
+    assert chosen({0.0: 1.0, 0.002: 0.9}) == 0.002  # none is large enough: the largest is taken

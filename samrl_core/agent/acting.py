@@ -55,8 +55,7 @@ class Acting:
             )
         self._model, self._settings, self._tell = model, settings, tell
         self._networks = required(networks, "policy 'learned'") if settings.policy == "learned" else None
-        rng = np.random.default_rng(settings.seed)
-        self._exploration = Exploration(settings.exploration, settings.exploration_memory, rng)
+        self.explore_from(0)
         self.residual: ResidualActor | None = None  # None is the zero residual of eq. 15
 
     def prepare(self) -> None:
@@ -67,6 +66,12 @@ class Acting:
     def begin(self) -> None:
         """An episode starts."""
         self._exploration.begin()
+
+    def explore_from(self, steps: int) -> None:
+        """Draw the exploration of a run that begins with so many steps collected: no two runs have the same."""
+        s = self._settings
+        rng = np.random.default_rng([s.seed, steps])
+        self._exploration = Exploration(s.exploration, s.exploration_memory, rng)
 
     def choose(self, estimate: Estimate, observation: Observation) -> ActionChoice:
         """The next action, in the state of the estimate and the observation's joints.

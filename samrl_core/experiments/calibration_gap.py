@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class _Job:
     seed: int
 
 
-def gaps(log: CaseLog, places: Sequence[Place], workers: int, tell: Tell) -> dict[str, dict[str, object]]:
+def gaps(log: CaseLog, places: Sequence[Place], workers: int, tell: Tell) -> dict[str, dict[str, Any]]:
     """For each place's task the error that is taken, and what it was chosen by.
 
     Returns:
@@ -52,7 +53,7 @@ def gaps(log: CaseLog, places: Sequence[Place], workers: int, tell: Tell) -> dic
         for k in range(EPISODES)
     ]
     cases = run_cases(log, _episode, [((job.key,), job) for job in jobs], workers, tell)
-    found: dict[str, dict[str, object]] = {}
+    found: dict[str, dict[str, Any]] = {}
     for place in places:
         mine = [c for c in cases if c["task"] == place.task]
         success = {n: Share.of([c["success"] for c in mine if c["length"] == n]) for n in LADDER}

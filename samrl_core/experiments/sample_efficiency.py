@@ -60,7 +60,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
     for place in calibrated:
         tell(f"{place.task}: nominal actions are {place.policy}")
     found = gaps(log, calibrated, options.processes, tell)
-    places = [replace(p, offset=offset_of(float(found[p.task]["length"]))) for p in calibrated]
+    places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
     jobs = [(place, options.seed + k) for k in range(SEEDS) for place in places]
     left = [(p, s) for p, s in jobs if any(_key(p, s, n) not in log.cases for n in settings.points)]
     _run_all(left, settings, options, log, tell)

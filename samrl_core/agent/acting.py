@@ -68,7 +68,7 @@ class Acting:
         self._exploration.begin()
 
     def explore_from(self, steps: int) -> None:
-        """Draw the exploration of a run that begins with so many steps collected: no two runs have the same."""
+        """Draw what a run explores with, which begins with so many steps collected: no two have the same."""
         s = self._settings
         rng = np.random.default_rng([s.seed, steps])
         self._exploration = Exploration(s.exploration, s.exploration_memory, rng)

@@ -25,12 +25,14 @@ class TrainOptions:
     states: int
     rounds: int
     episodes: int
+    q_target: str
     actor_epochs: int
     q_epochs: int
     batch_size: int
     max_actions: int
     kept: int
     workers: int
+    actor: Path | None = None  # weights of one; only its Q is trained then
 
 
 def train_task(options: TrainOptions) -> int:
@@ -47,6 +49,7 @@ def train_task(options: TrainOptions) -> int:
         states=options.states,
         rounds=options.rounds,
         episodes=options.episodes,
+        q_target=options.q_target,
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
         seed=options.seed,
@@ -61,7 +64,7 @@ def train_task(options: TrainOptions) -> int:
         console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
 
     try:
-        summary = train(options.task, options.out, settings, tell)
+        summary = train(options.task, options.out, settings, tell, options.actor)
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
         raise

@@ -8,8 +8,11 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.experiment import Experiment
 
 MODULES: dict[str, str] = {  # module of `samrl_core.experiments`, by the experiment's name
+    "fig6": "fig6",
+    "fig7": "fig7",
     "fig8d": "fig8d",
     "sample_efficiency": "sample_efficiency",
+    "table1": "table1",
     "table1_world": "table1_world",
 }
 

@@ -14,8 +14,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from samrl_core.errors import InputError
 from samrl_core.experiments.experiment import Case
-from samrl_core.experiments.intervals import more_often_paired
+from samrl_core.experiments.intervals import bootstrap_ci, more_often_paired
 from samrl_core.experiments.stopwatch import GROUPS
 from samrl_core.types.share import Share
 
@@ -41,13 +42,25 @@ def rates(cases: Sequence[Case]) -> dict[str, Any]:
 
 
 def compared(cases: Sequence[Case], others: Sequence[Case]) -> dict[str, Any]:
-    """Whether the first condition succeeds more often than the second, on the seeds that both have."""
+    """Whether the first condition succeeds more often than the second, on the seeds that both have.
+
+    Raises:
+        InputError: they have none in common.
+    """
     mine, theirs = ({c["seed"]: bool(c["success"]) for c in some} for some in (cases, others))
     seeds = [s for s in mine if s in theirs]
+    if not seeds:
+        raise InputError("two conditions have no seed in common; run both from the same --seed")
     first, second = [mine[s] for s in seeds], [theirs[s] for s in seeds]
+    gains = [int(a) - int(b) for a, b in zip(first, second, strict=True)]
+
+    def mean(some: Sequence[int]) -> float:
+        return float(np.mean(some))
+
     return {
         "pairs": len(seeds),
-        "gain": float(np.mean(first) - np.mean(second)) if seeds else None,
+        "gain": mean(gains),
+        "gain_ci95": bootstrap_ci(gains, mean, np.random.default_rng(0)),
         "p_more_often": more_often_paired(first, second),
         "p_less_often": more_often_paired(second, first),
     }
@@ -64,7 +77,7 @@ def write_bars(summary: dict[str, dict[str, dict[str, Any]]], title: str, path: 
         share = 100 * np.array([row["value"] for _, row in found])
         ends = 100 * np.array([row["ci95"] for _, row in found])
         errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
-        axis.bar(places, share, width, yerr=errors, capsize=2, label=name.replace("_", " "))
+        axis.bar(places, share, 0.92 * width, yerr=errors, capsize=2, label=name.replace("_", " "))
         for place, row in zip(places, (row for _, row in found), strict=True):
             axis.annotate(f"n={row['trials']}", (place, 1), rotation=90, ha="center", va="bottom", fontsize=6)
     axis.set_xticks(range(len(summary)), [task.replace("_", " ") for task in summary])

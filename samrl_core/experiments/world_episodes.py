@@ -12,7 +12,7 @@ import numpy as np
 from samrl_core.agent.agent import Agent, run_episode
 from samrl_core.agent.loop import LoopSettings
 from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
-from samrl_core.errors import ReachError, SolveError
+from samrl_core.errors import SamrlError
 from samrl_core.experiments.differing_world import differing_world
 from samrl_core.experiments.experiment import Case, CaseLog, Tell, run_cases
 from samrl_core.experiments.stopwatch import Stopwatch
@@ -84,7 +84,7 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     trouble = ""
     try:
         ended = str(run_episode(agent, plant, loop, watch).ended)
-    except (ReachError, SolveError) as error:
+    except SamrlError as error:  # out of reach, or a state that some part refuses: this episode has failed
         ended, trouble = "stopped", str(error)
     judged = judged_now(world, task)
     simulated_s = 1e-9 * (world.time_ns - began_ns)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from samrl_core.errors import InputError
 from samrl_core.experiments.stopwatch import GROUPS, Stopwatch
 from samrl_core.experiments.success_rates import compared, rates, write_bars
 
@@ -49,8 +50,12 @@ def test_conditions_are_compared_on_seeds_that_both_have() -> None:
     found = compared(first, second)
     assert found["pairs"] == 12
     assert found["gain"] == pytest.approx(9 / 12)
+    low, high = found["gain_ci95"]
+    assert 0.2 < low < 9 / 12 < high <= 1.0
     assert found["p_more_often"] == pytest.approx(12 / 2048)
     assert found["p_less_often"] == pytest.approx(2047 / 2048)
+    with pytest.raises(InputError, match="no seed in common"):
+        compared(first, [case(99, True)])
 
 
 def test_bars_are_drawn(tmp_path: Path) -> None:

@@ -26,10 +26,8 @@ from samrl_core.learn.replay import End, Step
 from samrl_core.learn.sensing_value import Networks
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
-from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks import task_named
 from samrl_core.types.observation import Observation
-from samrl_core.types.pose import Pose
 from samrl_core.world.evaluation import judged_now
 
 ENDS = {"done": End.SUCCESS, "action_limit": End.FAILURE}  # what else ends an episode tells nothing
@@ -78,13 +76,6 @@ class Played:
 Play = Callable[[Sequence[Order]], list[Played]]  # episodes in the order that was asked for
 
 
-def miscalibrated(cell: CellSpec, offset: Sequence[float]) -> CellSpec:
-    """The cell as it is when the camera arm's base stands off by (3,) [m] in world."""
-    base = cell.camera_base_in_world
-    moved = Pose(base.position + np.asarray(offset, dtype=np.float64), base.quat_xyzw)
-    return replace(cell, camera_base_in_world=moved)
-
-
 class Stage:
     """An agent kept from episode to episode; each episode has a world of its own, so that it is the same
     whichever process runs it.
@@ -93,7 +84,7 @@ class Stage:
     def __init__(self, place: Place) -> None:
         """Builds the model and compiles what the agent needs."""
         self._cell, self._task = default_cell(), task_named(place.task)
-        self._real_cell = miscalibrated(self._cell, place.offset)
+        self._offset = place.offset
         self._settings = AgentSettings(policy=place.policy, strategy=STRATEGY_OF[place.policy])
         self._networks: Networks | None = None
         if self._settings.needs_networks:
@@ -105,7 +96,7 @@ class Stage:
     def play(self, order: Order) -> Played:
         """One episode from its scene on."""
         self._agent.acting = self._acting(order)
-        world = differing_world(self._task, self._real_cell)
+        world = differing_world(self._task, self._cell, self._offset)
         plant = _PatientPlant(WorldPlant(world, self._task, self._cell))
         plant.begin(order.seed)
         steps: tuple[Step, ...] = ()

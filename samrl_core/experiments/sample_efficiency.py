@@ -168,5 +168,5 @@ def _case(place: Place, seed: int, point: int, found: Evaluated) -> Case:
 
 
 EXPERIMENT = Experiment(
-    NAME, "success over real steps of the residual, in a world that differs", tuple(sorted(TASKS)), run
+    NAME, "success over real steps of the residual, in a world that differs", tuple(TASKS), run
 )

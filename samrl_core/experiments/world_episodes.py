@@ -53,6 +53,7 @@ class EpisodeJob:
     view: int = -1  # number of the view that is held, -1 the task's own
     way: tuple[tuple[float, ...], ...] = ()  # of the camera arm before the episode starts [rad]
     differs: bool = False  # see `differing_world`
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the calibration, where it differs [m]
     weights: Path | None = None  # folder of actor and Q, in place of the package's
     residual: Path | None = None  # file, for conditions that have one
 
@@ -74,7 +75,7 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     agent = _agent(job.task, job.condition, job.weights, job.residual if job.condition.residual else None)
     task, cell = agent.model.task, agent.model.cell
     agent.looking.begin(job.seed)
-    world = differing_world(task, cell) if job.differs else PyBulletWorld(task, cell)
+    world = differing_world(task, cell, job.offset) if job.differs else PyBulletWorld(task, cell)
     plant, watch = WorldPlant(world, task, cell), Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:

@@ -2,14 +2,15 @@
 
 Algorithm 1 with its learned parts in `differing_world`, and the same without Real2Sim's updates, without the
 residual, and without both, on the same seeds. The residual is `<task>_residual_actor.safetensors` beside
-actor and Q; of a task that has none, the two conditions without it are shown. A residual's file says how far
-the calibration was off where it was trained: the ablations are judged with the same error.
+actor and Q, and the calibration is off as it was where that one was trained. Of a task that has none, the
+two conditions without it are shown.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from samrl_core.experiments.differing_world import trained_offset
 from samrl_core.experiments.experiment import CaseLog, Experiment, Options, Tell
 from samrl_core.experiments.success_rates import compared, rates, write_bars
 from samrl_core.experiments.world_episodes import Condition, EpisodeJob, run_episodes
@@ -18,7 +19,6 @@ from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS
 
 COUNT = 50  # episodes per condition
-OFFSET = ("offset_x", "offset_y", "offset_z")  # figures of a residual's training, see `miscalibrated` [m]
 ABLATIONS = {
     "full": Condition(residual=True),
     "without_updating": Condition(update=False, residual=True),
@@ -45,7 +45,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
         "count": options.count or COUNT,
         "tasks": summary,
         "first_against": versus,
-        "calibration_offset_m": {task: of_task[0].offset for task, of_task in jobs.items()},
+        "offset": {task: of_task[0].offset for task, of_task in jobs.items()},
         "residual_sha256": {task: sha256_of(file) if file else "" for task, file in residuals.items()},
     }
 
@@ -62,9 +62,8 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
     residual = file if file.is_file() else None
     offset = (0.0, 0.0, 0.0)
     if residual is not None:
-        _, about = load_weights(residual, "residual_actor", task, default_cell())
-        x, y, z = (about.figures.get(name, 0.0) for name in OFFSET)
-        offset = (x, y, z)
+        _, info = load_weights(residual, "residual_actor", task, default_cell())
+        offset = trained_offset(info.figures)
     return [
         EpisodeJob(
             key=f"{task}/{name}/{seed}",

@@ -13,7 +13,7 @@ from samrl_core.agent.agent import Agent, run_episode
 from samrl_core.agent.loop import LoopSettings
 from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.errors import SamrlError
-from samrl_core.experiments.differing_world import differing_world, miscalibrated
+from samrl_core.experiments.differing_world import differing_world
 from samrl_core.experiments.experiment import Case, CaseLog, Tell, run_cases
 from samrl_core.experiments.stopwatch import Stopwatch
 from samrl_core.experiments.world_plant import WorldPlant
@@ -54,7 +54,7 @@ class EpisodeJob:
     view: int = -1  # number of the view that is held, -1 the task's own
     way: tuple[tuple[float, ...], ...] = ()  # of the camera arm before the episode starts [rad]
     differs: bool = False  # see `differing_world`
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the camera arm's base, see `miscalibrated` [m]
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the calibration, where it differs [m]
     weights: Path | None = None  # folder of actor and Q, in place of the package's
     residual: Path | None = None  # file, for conditions that have one
 
@@ -76,8 +76,7 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     agent = _agent(job.task, job.condition, job.weights, job.residual if job.condition.residual else None)
     task, cell = agent.model.task, agent.model.cell
     agent.looking.begin(job.seed)
-    real = miscalibrated(cell, job.offset)
-    world = differing_world(task, real) if job.differs else PyBulletWorld(task, real)
+    world = differing_world(task, cell, job.offset) if job.differs else PyBulletWorld(task, cell)
     plant, watch = WorldPlant(world, task, cell), Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:

@@ -163,6 +163,21 @@ class Replay:
             raise InputError(f"step {number} is not in the replay, whose newest is {self.last}")
         self._slots["end"][self._slot(number)] = _END_CODE * int(end)
 
+    def drop_after(self, number: int) -> None:
+        """Forget the steps that came after step `number`, 0 for all: they are to be done again.
+
+        Raises:
+            InputError: older steps were written over since, so that what was before cannot be had back.
+        """
+        if self.last > self.info.capacity and number < self.last:
+            raise InputError(
+                f"{self.path} has written over its first {self.last - self.info.capacity} steps and cannot "
+                f"go back to step {number}; begin anew with a larger capacity"
+            )
+        for later in range(self.last, number, -1):  # the newest first: a kill leaves no gap
+            self._slots["number"][self._slot(later)] = 0
+        self.last = min(self.last, number)
+
     def flush(self) -> None:
         """Onto the disk, for a power cut; a killed process needs none."""
         self._slots.flush()

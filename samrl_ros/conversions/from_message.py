@@ -185,6 +185,7 @@ class AnnouncedWeights:
     version: int
     file: Path
     sha256: str  # of the file, hexadecimal
+    steps: int = 0  # in the trainer's replay at that time; 0 in bags that do not say
 
 
 def announced_weights(text: str) -> AnnouncedWeights:
@@ -195,13 +196,17 @@ def announced_weights(text: str) -> AnnouncedWeights:
     """
     try:
         data = json.loads(text)
-        found = AnnouncedWeights(data["task"], data["version"], Path(data["file"]), data["sha256"])
+        found = AnnouncedWeights(
+            data["task"], data["version"], Path(data["file"]), data["sha256"], data.get("steps", 0)
+        )
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"cannot read the weights' announcement ({error!r}); see msgs_docs/topics.md"
         ) from error
     texts = (found.task, found.sha256)
-    if type(found.version) is not int or found.version < 0 or not all(isinstance(t, str) for t in texts):
+    numbers = (found.version, found.steps)
+    right = all(type(n) is int and n >= 0 for n in numbers) and all(isinstance(t, str) for t in texts)
+    if not right:
         raise InputError(f"weights are announced as {data}; see msgs_docs/topics.md")
     if found.version > 0 and not (found.file.is_absolute() and found.sha256):
         raise InputError(f"weights version {found.version} needs an absolute file and its sha256, has {data}")

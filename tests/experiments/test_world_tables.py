@@ -18,6 +18,7 @@ from samrl_core.experiments.stopwatch import GROUPS
 from samrl_core.experiments.world_episodes import HELD, Condition, EpisodeJob, episode_cases
 from samrl_core.learn.networks import ResidualActor
 from samrl_core.learn.weights import WeightsInfo, save_weights
+from samrl_core.robots.cell import default_cell
 from samrl_core.types.pose import Pose
 from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
@@ -106,8 +107,9 @@ def test_ablations(tmp_path: Path, with_residual: bool) -> None:
     file = weights / f"{TASK}_residual_actor.safetensors"
     off = {"offset_x": 0.001, "offset_y": 0.002, "offset_z": -0.003} if with_residual else {}
     if with_residual:
-        lens = world_episodes.default_cell().intrinsics
-        info = WeightsInfo("residual_actor", TASK, lens, 0.003, 0, {**off, "success": 0.5})
+        figures = {"offset_x": 0.001, "offset_y": 0.0, "offset_z": -0.002}
+        lens = default_cell().intrinsics
+        info = WeightsInfo("residual_actor", TASK, lens, 0.003, 0, figures)
         save_weights(file, ResidualActor(0.003), info)
     options = Options(tmp_path, tasks=(TASK,), count=2, workers=1, weights=weights)
     summary = fig8d.run(options, lambda line: None)
@@ -115,6 +117,8 @@ def test_ablations(tmp_path: Path, with_residual: bool) -> None:
     assert list(summary["tasks"][TASK]) == names
     assert list(summary["first_against"][TASK]) == names[1:]
     assert all(job.differs and job.seed in (0, 1) for job in JOBS) and len(JOBS) == 2 * len(names)
+    # The world is the one that the residual was trained in, for all conditions alike.
+    assert {j.offset for j in JOBS} == {(0.001, 0.0, -0.002) if with_residual else (0.0, 0.0, 0.0)}
     assert {j.residual for j in JOBS} == {file if with_residual else None}
     assert {j.offset for j in JOBS} == {tuple(off.values()) or (0.0, 0.0, 0.0)}
     assert bool(summary["residual_sha256"][TASK]) == with_residual

@@ -208,6 +208,8 @@ def test_a_restart_goes_on_in_the_same_replay(tmp_path: Path, monkeypatch: pytes
     (tmp_path / "announced.json").write_text(json.dumps(said.__dict__))
     second = FakeCell(tmp_path, monkeypatch)
     assert [w["version"] for w in first.ears.weights + second.ears.weights] == [0, 7]
+    # What a run explores with is drawn from this: each one begins at another place.
+    assert [w["steps"] for w in first.ears.weights + second.ears.weights] == [0, 1]
     second.act(0, 0)
     second.end(0, True, "done")
     _, episodes, _, ends = second.replay().outline()
@@ -225,7 +227,23 @@ def test_a_new_version_is_announced_once(tmp_path: Path, monkeypatch: pytest.Mon
     cell.act(0, 1)
     cell.act(0, 2)
     assert [w["version"] for w in cell.ears.weights] == [0, 1]
-    assert cell.ears.weights[1] == {"task": "peg_insertion", "version": 1, "file": str(file), "sha256": "ab"}
+    said = {"task": "peg_insertion", "version": 1, "file": str(file), "sha256": "ab", "steps": 2}
+    assert cell.ears.weights[1] == said
+
+
+def test_the_end_of_the_training_is_noticed_between_two_actions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the next message of any kind, such as joint states, which come all the time."""
+    cell = FakeCell(tmp_path, monkeypatch)
+    cell.act(0, 0)
+
+    def ended() -> None:
+        raise SolveError("the training was killed by SIGKILL")
+
+    monkeypatch.setattr(cell.trainer._process, "check", ended)
+    with pytest.raises(SolveError, match="SIGKILL"):
+        cell.look(np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(
@@ -263,7 +281,7 @@ def test_by_default_nothing_is_kept_and_the_residual_is_zero() -> None:
     ears = Ears()
     trainer = ResidualTrainer(ResidualTrainerSettings(), ears)
     trainer.start()
-    assert ears.weights == [{"task": "peg_insertion", "version": 0, "file": "", "sha256": ""}]
+    assert ears.weights == [{"task": "peg_insertion", "version": 0, "file": "", "sha256": "", "steps": 0}]
     assert camera_topic("color/image_raw") not in trainer.inputs
     trainer.stop()
     with pytest.raises(InputError, match="needs `folder`"):

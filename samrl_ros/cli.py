@@ -175,6 +175,10 @@ def train(
     workers: Annotated[
         int, typer.Option(help="Processes for states, labels and episodes; 0: free cores.", min=0)
     ] = 0,
+    visited: Annotated[
+        list[Path] | None,
+        typer.Option(help="States that a run of the cell found (its visited.npz); may be repeated."),
+    ] = None,
 ) -> None:
     """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
     from samrl_ros.train_command import TrainOptions, train_task
@@ -193,6 +197,7 @@ def train(
         batch_size,
         max_actions,
         workers,
+        tuple(visited or ()),
     )
     raise typer.Exit(train_task(options))
 

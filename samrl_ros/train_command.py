@@ -30,6 +30,7 @@ class TrainOptions:
     batch_size: int
     max_actions: int
     workers: int
+    visited: tuple[Path, ...] = ()
 
 
 def train_task(options: TrainOptions) -> int:
@@ -59,7 +60,7 @@ def train_task(options: TrainOptions) -> int:
         console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
 
     try:
-        summary = train(options.task, options.out, settings, tell)
+        summary = train(options.task, options.out, settings, tell, options.visited)
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
         raise

@@ -18,7 +18,7 @@ import io
 import json
 import subprocess
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,8 @@ from samrl_core.learn.samples import ACTION
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
-from samrl_core.learn.weights import WeightsInfo, save_weights
+from samrl_core.learn.visited import VisitedStates, load_visited
+from samrl_core.learn.weights import WeightsInfo, save_weights, sha256_of
 from samrl_core.learn.workers import free_cores
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
@@ -51,7 +52,11 @@ _STREAMS = {"round": 1, "episodes": 2, "judged": 3}  # one source of randomness 
 
 
 def train(
-    task: str, folder: Path, settings: TrainSettings, tell: Tell = lambda stage, row: None
+    task: str,
+    folder: Path,
+    settings: TrainSettings,
+    tell: Tell = lambda stage, row: None,
+    visited: Sequence[Path] = (),
 ) -> dict[str, Any]:
     """All stages that are left; the summary, which is in the folder too.
 
@@ -60,19 +65,24 @@ def train(
         folder: of this training alone; made if it is missing.
         settings: sizes and seeds. Device and workers may differ when a training goes on.
         tell: called as each stage gets on.
+        visited: files of states that Real2Sim found, where some episodes begin (Algorithm 1, lines 16-17).
 
     Raises:
-        InputError: the folder holds a training of another task or with other settings, or what is in it is
-            damaged.
+        InputError: the folder holds a training of another task or with other settings or visited states, or
+            what is in it is damaged; or a file of visited states cannot be used.
         SolveError: a loss or gradient is not finite; the state before it is in the folder.
     """
-    return _Training(task, folder, settings, tell).run()
+    return _Training(task, folder, settings, tell, visited).run()
 
 
 class _Training:
-    def __init__(self, task: str, folder: Path, settings: TrainSettings, tell: Tell) -> None:
+    def __init__(
+        self, task: str, folder: Path, settings: TrainSettings, tell: Tell, visited: Sequence[Path]
+    ) -> None:
         self.task, self.folder, self.settings, self.tell = task_named(task), folder, settings, tell
-        self._check_folder()
+        found = [load_visited(path, task) for path in visited]
+        self.given = VisitedStates.joined(found).starts(self.task) if found else None
+        self._check_folder([sha256_of(path) for path in visited])
         self.model = Model(self.task, default_cell())
         self.renderer = BatchRenderer(self.model, settings.device)
 
@@ -85,6 +95,7 @@ class _Training:
             s.seed,
             s.workers,
             s.explore,
+            self.given,
             progress=lambda done, wanted: self.tell("states", {"done": done, "of": wanted}),
         )
         known, looked_at = _split(states, s.validation)
@@ -102,12 +113,14 @@ class _Training:
         write_whole(self.folder / SUMMARY, (json.dumps(summary, indent=1) + "\n").encode())
         return summary
 
-    def _check_folder(self) -> None:
+    def _check_folder(self, visited: list[str]) -> None:
         """Writes down settings and commit of a new training; one that goes on must have the same settings."""
         config = asdict(replace(self.settings, device="", workers=0))
         for part in ("actor", "q"):  # where it is computed, and how precisely, may change on the way
             config[part] |= {"device": "", "bfloat16": False}
-        wanted = _flat(json.loads(json.dumps({"schema": 1, "task": self.task.name, **config})))
+        wanted = _flat(
+            json.loads(json.dumps({"schema": 1, "task": self.task.name, "visited": visited, **config}))
+        )
         path = self.folder / CONFIG
         if not path.exists():
             self.commit = _commit()

@@ -157,7 +157,8 @@ class BatchRenderer:
                 color, xyz, seen = r.color, r.xyz, torch.isfinite(r.depth)
                 if noise is not None and generator is not None:
                     eye = -(rotation.mT @ translation[..., None])[..., 0]
-                    color, xyz, seen = noisy(color, xyz, r.depth, eye, generator, noise)
+                    factor = None if chosen is None else chosen.noise
+                    color, xyz, seen = noisy(color, xyz, r.depth, eye, generator, noise, factor)
                 parts.append(network_image(color, xyz, seen, tips[few], base))
         return torch.cat(parts)
 

@@ -44,6 +44,7 @@ def noisy(
     eye: torch.Tensor,
     generator: torch.Generator,
     settings: ImageNoiseSettings | None = None,
+    factor: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Colour, XYZ and what is seen of B images, with noise of a size of its own for each.
 
@@ -54,6 +55,7 @@ def noisy(
         eye: (B, 3) camera's place in world [m].
         generator: on the images' device.
         settings: sizes.
+        factor: (B,) on the size of all noise; 1 without it.
 
     Returns:
         Colour and XYZ like those given, and seen (B, H, W) bool.
@@ -68,6 +70,8 @@ def noisy(
         return torch.rand(shape, generator=generator, device=color.device, dtype=color.dtype)
 
     level = 2.0 * uniform(count) * (uniform(count) >= s.clean_share)  # 1 on average where there is noise
+    if factor is not None:
+        level = level * factor.to(level)
     size = level[:, None, None]
     spread = (s.color_read**2 + s.color_shot * color.clamp(0.0, 1.0)).sqrt()
     painted = (color + size[..., None] * spread * normal(*color.shape)).clamp(0.0, 1.0)

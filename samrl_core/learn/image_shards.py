@@ -18,7 +18,6 @@ import torch
 from samrl_core.errors import InputError
 from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.image_noise import ImageNoiseSettings, noisy
-from samrl_core.learn.looks import draw_looks
 from samrl_core.learn.network_image import network_image
 from samrl_core.learn.packed_images import DEPTH_UNIT, world_points
 from samrl_core.learn.rendered_samples import DrawSettings, Scenes, rng_of
@@ -66,7 +65,12 @@ def make_images(
         digest = zlib.crc32(np.ascontiguousarray(scenes.targets[name]).tobytes(), digest)
     if scenes.view is not None:
         digest = zlib.crc32(np.ascontiguousarray(scenes.view).tobytes(), digest)
-    settings_of = {"views": asdict(s.views), "looks": asdict(s.looks), "scenes": len(scenes), "crc32": digest}
+    settings_of = {
+        "views": asdict(s.views),
+        "looks": s.looks.record(),
+        "scenes": len(scenes),
+        "crc32": digest,
+    }
     count = views_per_state * len(scenes)
     lens = model.cell.intrinsics
     data = ShardFolder(
@@ -88,7 +92,7 @@ def _shard(
     which = np.arange(first, first + size) % len(scenes)
     rng, region = info.rng(shard), renderer.model.task.view_region()
     views = draw_views(region, rng, size, settings.views) if scenes.view is None else scenes.view[which]
-    looks = draw_looks(renderer.model, rng, size, settings.looks)
+    looks = settings.looks.draw(renderer.model, rng, size)
     colors, depths = [], []
     for start in range(0, size, renderer.chunk):
         few = slice(start, start + renderer.chunk)

@@ -17,7 +17,7 @@ from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
-from samrl_core.learn.looks import LookSettings, draw_looks
+from samrl_core.learn.looks import LookSource
 from samrl_core.learn.state_batch import joined, moved, rows
 from samrl_core.learn.views import COORDINATES, ViewSettings, draw_views
 from samrl_core.model.model import Model
@@ -45,7 +45,7 @@ class RolloutSettings:
     max_actions: int = 0  # of an episode; 0 takes the task's
     discount: float = 0.97  # gamma of eq. 24
     action_noise: float = 0.0  # per axis, standard deviation [action limits]
-    looks: LookSettings | None = None  # of an episode's colours and light; None: the model's own
+    looks: LookSource | None = None  # of an episode's colours and light; None: the model's own
     noise: ImageNoiseSettings | None = None  # of the camera; None: clean images, as the model's are in use
 
     def __post_init__(self) -> None:
@@ -125,7 +125,7 @@ class _Episodes:
         self._settings, self._rng = settings, rng
         self._frames = SceneFrames(model)
         self._generator = torch.Generator(renderer.device).manual_seed(int(rng.integers(2**62)))
-        self._looks = None if settings.looks is None else draw_looks(model, rng, count, settings.looks)
+        self._looks = None if settings.looks is None else settings.looks.draw(model, rng, count)
         self._states = joined(
             [self._dynamics.start(*pair) for pair in zip(starts.values, starts.tip_in_base, strict=True)]
         )

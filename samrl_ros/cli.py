@@ -172,6 +172,9 @@ def train(
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
     batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
     max_actions: Annotated[int, typer.Option(help="Of an episode in the model; 0: the task's.", min=0)] = 0,
+    kept: Annotated[
+        int, typer.Option(help="Images of each state, drawn once and kept in memory; 0: new ones.", min=0)
+    ] = 0,
     workers: Annotated[
         int, typer.Option(help="Processes for states, labels and episodes; 0: free cores.", min=0)
     ] = 0,
@@ -196,6 +199,7 @@ def train(
         q_epochs,
         batch_size,
         max_actions,
+        kept,
         workers,
         tuple(visited or ()),
     )

@@ -29,6 +29,7 @@ class TrainOptions:
     q_epochs: int
     batch_size: int
     max_actions: int
+    kept: int
     workers: int
     visited: tuple[Path, ...] = ()
 
@@ -51,6 +52,7 @@ def train_task(options: TrainOptions) -> int:
         q=FitSettings(epochs=options.q_epochs, **common),
         seed=options.seed,
         max_actions=options.max_actions,
+        kept=options.kept,
         device=options.device,
         workers=options.workers,
     )

@@ -16,6 +16,7 @@ from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings, noisy
 from samrl_core.learn.looks import Looks, own_looks
 from samrl_core.learn.network_image import network_image
+from samrl_core.learn.surface import nearest_points
 from samrl_core.learn.views import cameras_of
 from samrl_core.model.body_motion import TensorPose
 from samrl_core.model.chain_skin import CHAIN
@@ -154,7 +155,8 @@ class BatchRenderer:
             rotation, translation = cameras_of(torch.as_tensor(views[few]).to(self.device, torch.float64))
             with torch.no_grad():
                 r = self.render(rows[few], (rotation, translation), chosen)
-                color, xyz, seen = r.color, r.xyz, torch.isfinite(r.depth)
+                color, seen = r.color, torch.isfinite(r.depth)
+                xyz = nearest_points(r, (rotation, translation), self.model.cell.intrinsics)
                 if noise is not None and generator is not None:
                     eye = -(rotation.mT @ translation[..., None])[..., 0]
                     factor = None if chosen is None else chosen.noise

@@ -19,10 +19,11 @@ from samrl_core.errors import InputError
 from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.image_noise import ImageNoiseSettings, noisy
 from samrl_core.learn.network_image import network_image
-from samrl_core.learn.packed_images import DEPTH_UNIT, world_points
+from samrl_core.learn.packed_images import DEPTH_UNIT
 from samrl_core.learn.rendered_samples import DrawSettings, Scenes, rng_of
 from samrl_core.learn.samples import IMAGE
 from samrl_core.learn.shards import DataInfo, ShardFolder
+from samrl_core.learn.surface import world_points
 from samrl_core.learn.views import cameras_of, draw_views
 from samrl_core.robots.robot import CellSpec
 
@@ -99,9 +100,7 @@ def _shard(
         with torch.no_grad():
             camera = cameras_of(torch.from_numpy(views[few]).to(renderer.device))
             r = renderer.render(scenes.frames[which[few]], camera, looks.rows(few))
-            # Depth of the mean point in the pixel, as networks see it, not of the nearest one.
-            z = (r.xyz.double() @ camera[0][:, None, 2, :, None])[..., 0] + camera[1][:, None, None, 2]
-            steps = torch.where(torch.isfinite(r.depth), z / DEPTH_UNIT, torch.zeros_like(z))
+            steps = torch.where(torch.isfinite(r.depth), r.depth / DEPTH_UNIT, torch.zeros_like(r.depth))
             depths.append(steps.round().clamp(0, 65535).to("cpu", torch.int32).numpy().astype(np.uint16))
             colors.append((255.0 * r.color.clamp(0.0, 1.0)).round().to("cpu", torch.uint8).numpy())
     arrays = {

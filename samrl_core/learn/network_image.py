@@ -11,6 +11,8 @@ import numpy as np
 import torch
 
 from samrl_core.errors import InputError
+from samrl_core.learn.surface import nearest_points
+from samrl_core.model.model import CameraPose
 from samrl_core.model.renderer import Rendered
 from samrl_core.robots.robot import CellSpec
 from samrl_core.types.observation import Observation
@@ -103,19 +105,22 @@ def upright(image: torch.Tensor, camera_rotation: np.ndarray) -> torch.Tensor:
     return torch.where(top_is_down[..., None, None, None], image.flip((-2, -1)), image)
 
 
-def rendered_image(rendered: Rendered, tip_in_base: np.ndarray, cell: CellSpec) -> torch.Tensor:
+def rendered_image(
+    rendered: Rendered, camera: CameraPose, tip_in_base: np.ndarray, cell: CellSpec
+) -> torch.Tensor:
     """The same of the model's image or images, (..., 6, H, W) on the images' device; differentiable.
 
     As the camera stands: `upright` is for the caller, who knows its pose.
 
     Args:
         rendered: one image or a batch.
+        camera: world-to-camera rotation (..., 3, 3) and translation (..., 3) [m] that it was taken with.
         tip_in_base: (3,) or (..., 3) tool tip in the tool arm's base frame [m].
         cell: calibration.
     """
     return network_image(
         rendered.color,
-        rendered.xyz,
+        nearest_points(rendered, camera, cell.intrinsics),
         torch.isfinite(rendered.depth),
         _tip_in_world(tip_in_base, cell).to(rendered.xyz.device),
         cell.tool_base_in_world,

@@ -12,8 +12,8 @@ import torch
 
 from samrl_core.errors import InputError
 from samrl_core.learn.network_image import network_image, upright
+from samrl_core.learn.surface import world_points
 from samrl_core.robots.robot import CellSpec
-from samrl_core.types.camera import Intrinsics
 from samrl_core.types.pose import Pose
 
 DEPTH_UNIT = 1e-4  # [m] per count of a stored depth; 0 is unmeasured
@@ -73,22 +73,3 @@ def network_images(
     xyz = world_points(metres, torch.from_numpy(rotation).to(device), place, k)
     paint = torch.from_numpy(color).to(device).double() / 255.0
     return upright(network_image(paint, xyz, counts > 0, tip_in_world, cell.tool_base_in_world), rotation)
-
-
-def world_points(
-    depth: torch.Tensor, camera_in_world: torch.Tensor, place: torch.Tensor, lens: Intrinsics
-) -> torch.Tensor:
-    """Points (B, H, W, 3) in world [m] of depth images.
-
-    Args:
-        depth: (B, H, W) along the optical axis [m].
-        camera_in_world: rotations (B, 3, 3), columns are the camera's axes.
-        place: (B, 3) of the cameras in world [m].
-        lens: of all of them.
-    """
-    u = (torch.arange(lens.width, dtype=depth.dtype, device=depth.device) + 0.5 - lens.cx) / lens.fx
-    v = (torch.arange(lens.height, dtype=depth.dtype, device=depth.device) + 0.5 - lens.cy) / lens.fy
-    grid_v, grid_u = torch.meshgrid(v, u, indexing="ij")
-    rays = torch.stack([grid_u, grid_v, torch.ones_like(grid_u)], dim=-1)  # of unit depth
-    points = rays * depth[..., None]
-    return torch.einsum("bhwi,bji->bhwj", points, camera_in_world) + place[:, None, None, :]

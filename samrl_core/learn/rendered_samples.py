@@ -91,6 +91,10 @@ class RenderedSamples:
         self._settings = settings or DrawSettings()
         self._region = renderer.model.task.view_region()
 
+    def again(self, number: int) -> RenderedSamples:
+        """The same scenes with other views, looks and noise; others for each number."""
+        return RenderedSamples(self._scenes, self._renderer, 1000 * self._seed + number, self._settings)
+
     def __len__(self) -> int:
         return len(self._scenes)
 

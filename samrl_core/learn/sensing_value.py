@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch.nn import functional
 
 from samrl_core.errors import InputError
 from samrl_core.learn.network_image import rendered_image, upright
@@ -43,11 +42,7 @@ class SensingValue:
         Differentiable in both.
         """
         rendered = self._model.render(self._values, self._colors, camera, self._joints)
-        # Beside what shows nothing a pixel's mean point mixes with 0, so that its slope says nothing true.
-        unseen = (~torch.isfinite(rendered.depth)).to(torch.float32)
-        beside = functional.max_pool2d(unseen[:, None], 3, stride=1, padding=1)[:, 0] > 0
-        xyz = torch.where(beside[..., None], rendered.xyz.detach(), rendered.xyz)
-        return rendered_image(replace(rendered, xyz=xyz), self._tip, self._model.cell)
+        return rendered_image(rendered, camera, self._tip, self._model.cell)
 
     def view(self, camera_in_world: Pose) -> torch.Tensor:
         """The network image (1, 6, H, W) from a camera as it stands, turned with its top up."""

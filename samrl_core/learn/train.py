@@ -24,17 +24,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from samrl_core.errors import InputError
 from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.episodes import Group, run_groups
 from samrl_core.learn.fit import Progress
 from samrl_core.learn.imitation import fit_actor
+from samrl_core.learn.kept_samples import KeptSamples
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.learn.prepare import label_all, prepare_states
 from samrl_core.learn.rendered_samples import RenderedSamples, Scenes
 from samrl_core.learn.rollouts import Rollouts
-from samrl_core.learn.samples import ACTION
+from samrl_core.learn.samples import ACTION, Samples
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
@@ -142,6 +144,18 @@ class _Training:
     def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:
         return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream)
 
+    def _to_learn_from(self, scenes: Scenes, stream: int, stage: str) -> Samples:
+        """What a regression sees many times over; what validates is drawn anew each time."""
+        samples, s = self._samples(scenes, stream), self.settings
+        if not s.kept:
+            return samples
+        return KeptSamples(
+            samples,
+            s.kept,
+            torch.device(s.device),
+            lambda done, wanted: self.tell(stage, {"drawn": done, "of": wanted}),
+        )
+
     def _fit_progress(self, stage: str) -> Progress:
         return lambda row: self.tell(stage, row)
 
@@ -150,7 +164,7 @@ class _Training:
     ) -> tuple[SimActor, dict[str, float]]:
         s, stage = self.settings, f"actor-{k}"
         fit = replace(s.actor, seed=s.seed, device=s.device)
-        scenes = self._samples(_joined(parts), 0)
+        scenes = self._to_learn_from(_joined(parts), 0, stage)
         limit = self.task.action_limit
         actor, result = fit_actor(
             scenes, validation, limit, fit, self.folder / stage, self._fit_progress(stage)
@@ -224,7 +238,8 @@ class _Training:
         s = self.settings
         looked_at = max(1, round(s.validation * len(groups) / s.levels)) * s.levels  # each level of noise
         parts = (groups[:-looked_at], groups[-looked_at:])
-        train, validation = (self._samples(_of_returns(part), 3 + i) for i, part in enumerate(parts))
+        train = self._to_learn_from(_of_returns(parts[0]), 3, "q")
+        validation = self._samples(_of_returns(parts[1]), 4)
         fit = replace(s.q, seed=s.seed, device=s.device)
         q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"))
         return q, result.figures

@@ -28,6 +28,7 @@ class TrainSettings:
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
     max_actions: int = 0  # of an episode; 0 takes the task's
+    kept: int = 0  # images of each state that are drawn once and kept in memory; 0 draws all anew each time
     actor: FitSettings = field(default_factory=lambda: FitSettings(epochs=40))
     q: FitSettings = field(default_factory=lambda: FitSettings(epochs=15))
     seed: int = 0
@@ -45,6 +46,7 @@ class TrainSettings:
             "judged": 1,
             "group": 1,
             "max_actions": 0,
+            "kept": 0,
         }
         for name, value in least.items():
             if getattr(self, name) < value:

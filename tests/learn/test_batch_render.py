@@ -79,14 +79,12 @@ def test_images_are_what_the_networks_are_given() -> None:
     images = renderer.images(rows, tips, views)
     assert images.shape == (COUNT, 6, 128, 128) and images.dtype == torch.float32
     for k in range(COUNT):
+        camera = cameras_of(views[k])
         rendered = model.render(
-            torch.from_numpy(values[k]),
-            torch.from_numpy(model.initial_colors()),
-            cameras_of(views[k]),
-            joints[k],
+            torch.from_numpy(values[k]), torch.from_numpy(model.initial_colors()), camera, joints[k]
         )
         torch.testing.assert_close(
-            images[k], rendered_image(rendered, tips[k], model.cell), atol=1e-4, rtol=0.0
+            images[k], rendered_image(rendered, camera, tips[k], model.cell), atol=1e-4, rtol=0.0
         )
 
 

@@ -182,6 +182,9 @@ def train(
         list[Path] | None,
         typer.Option(help="States that a run of the cell found (its visited.npz); may be repeated."),
     ] = None,
+    randomisation: Annotated[
+        str, typer.Option(help="What differs between models: real2sim, uniform, adr or simopt.")
+    ] = "real2sim",
 ) -> None:
     """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
     from samrl_ros.train_command import TrainOptions, train_task
@@ -202,6 +205,7 @@ def train(
         kept,
         workers,
         tuple(visited or ()),
+        randomisation,
     )
     raise typer.Exit(train_task(options))
 

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from samrl_core.errors import InputError
 from samrl_core.learn.fit_settings import FitSettings
+from samrl_core.learn.randomisation.names import REAL2SIM
 from samrl_core.learn.train import SUMMARY, train
 from samrl_core.learn.train_picture import write_picture
 from samrl_core.learn.train_settings import TrainSettings
@@ -32,6 +33,7 @@ class TrainOptions:
     kept: int
     workers: int
     visited: tuple[Path, ...] = ()
+    randomisation: str = REAL2SIM
 
 
 def train_task(options: TrainOptions) -> int:
@@ -50,6 +52,7 @@ def train_task(options: TrainOptions) -> int:
         episodes=options.episodes,
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
+        randomisation=options.randomisation,
         seed=options.seed,
         max_actions=options.max_actions,
         kept=options.kept,

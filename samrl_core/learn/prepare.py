@@ -22,6 +22,7 @@ from samrl_core.learn.draw_states import draw_states
 from samrl_core.learn.expert import Label, label_of
 from samrl_core.learn.explore import ExploreSettings, Starts
 from samrl_core.learn.frames import SceneFrames
+from samrl_core.learn.randomisation.distributions import ParameterDistribution
 from samrl_core.learn.shards import DataInfo, ShardFolder
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.workers import free_cores, worker_pool
@@ -45,6 +46,7 @@ def prepare_states(
     given: Starts | None = None,
     shard_size: int = SHARD_SIZE,
     progress: Progress = lambda done, wanted: None,
+    drawn: ParameterDistribution | None = None,
 ) -> StateSamples:
     """All labelled states of a data set, made or resumed.
 
@@ -58,19 +60,20 @@ def prepare_states(
         given: other states to begin in, e.g. estimates of Real2Sim.
         shard_size: states that one process makes in one go.
         progress: called after each shard.
+        drawn: what starts and, once per shard, physical attributes are drawn from; None: the task's own.
 
     Raises:
         InputError: the folder holds another data set, or a setting is outside its meaning.
     """
     s = settings or ExploreSettings()
     info = DataInfo(
-        "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given)
+        "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given, drawn)
     )
     data = ShardFolder(folder, info)
     missing = data.missing()
     done = count - sum(info.size(k) for k in missing)
     progress(done, count)
-    jobs = [(task, info, shard, s, given) for shard in missing]
+    jobs = [(task, info, shard, s, given, drawn) for shard in missing]
     workers = min(workers or free_cores(), len(missing))
     if workers <= 1:
         for job in jobs:
@@ -130,10 +133,19 @@ def label_all(
     return found
 
 
-def _recorded(task: str, settings: ExploreSettings, given: Starts | None) -> dict[str, object]:
+def _recorded(
+    task: str, settings: ExploreSettings, given: Starts | None, drawn: ParameterDistribution | None
+) -> dict[str, object]:
     """What a shard depends on besides seed and task, and what its frames are."""
     starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
-    return {"frames": SceneFrames(_model(task)).names, "explore": asdict(settings), "given": starts}
+    found: dict[str, object] = {
+        "frames": SceneFrames(_model(task)).names,
+        "explore": asdict(settings),
+        "given": starts,
+    }
+    if drawn is not None:
+        found["drawn"] = drawn.record()
+    return found
 
 
 @cache
@@ -148,9 +160,14 @@ def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> list[Label]:
 
 
 def _shard(
-    task: str, info: DataInfo, shard: int, settings: ExploreSettings, given: Starts | None
+    task: str,
+    info: DataInfo,
+    shard: int,
+    settings: ExploreSettings,
+    given: Starts | None,
+    drawn: ParameterDistribution | None,
 ) -> dict[str, np.ndarray]:
-    return draw_states(_model(task), info.rng(shard), info.size(shard), settings, given).arrays()
+    return draw_states(_model(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -21,6 +21,7 @@ from samrl_core.learn.looks import LookSource
 from samrl_core.learn.state_batch import joined, moved, rows
 from samrl_core.learn.views import COORDINATES, ViewSettings, draw_views
 from samrl_core.model.model import Model
+from samrl_core.model.task_physics.border import TaskDynamics
 from samrl_core.tasks.task import ViewRegion
 
 Actor = Callable[[torch.Tensor], torch.Tensor]  # images (B, 6, H, W) to actions (B, 3) [m]
@@ -85,6 +86,7 @@ def roll_out(
     viewer: Viewer,
     settings: RolloutSettings,
     rng: np.random.Generator,
+    dynamics: TaskDynamics | None = None,
 ) -> Rollouts:
     """Episodes side by side until all have ended; the same ones for the same generator.
 
@@ -99,17 +101,20 @@ def roll_out(
         viewer: where the camera is, e.g. `held(views)`.
         settings: of the episodes.
         rng: source of everything random.
+        dynamics: moves in the model's place, e.g. with other attributes.
 
     Raises:
         InputError: no start, views of a wrong shape, or an action that is not finite.
     """
-    return _Episodes(model, renderer, actor, starts, viewer, settings, rng).run()
+    moves = dynamics or model.dynamics
+    return _Episodes(model, moves, renderer, actor, starts, viewer, settings, rng).run()
 
 
 class _Episodes:
     def __init__(
         self,
         model: Model,
+        dynamics: TaskDynamics,
         renderer: BatchRenderer,
         actor: Actor,
         starts: Starts,
@@ -120,7 +125,7 @@ class _Episodes:
         count = len(starts.values)
         if count == 0:
             raise InputError("no start was given; an episode needs one")
-        self._task, self._dynamics = model.task, model.dynamics
+        self._task, self._dynamics = model.task, dynamics
         self._renderer, self._actor, self._viewer = renderer, actor, viewer
         self._settings, self._rng = settings, rng
         self._frames = SceneFrames(model)

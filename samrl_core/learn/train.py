@@ -4,6 +4,7 @@ Each stage leaves files in the training's folder; a stage whose files are there 
 training that was killed goes on where it was.
 
     train.json        what is trained, and with which settings
+    randomisation/    what a strategy asked and what came out, question by question
     states/           labelled states (eqs. 18-22)
     actor-0/ ...      regression on them (eq. 23), one folder per round
     round-0/ ...      states that the actor came to, labelled
@@ -34,7 +35,9 @@ from samrl_core.learn.imitation import fit_actor
 from samrl_core.learn.kept_samples import KeptSamples
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.learn.prepare import label_all, prepare_states
-from samrl_core.learn.rendered_samples import RenderedSamples, Scenes
+from samrl_core.learn.randomisation.names import REAL2SIM
+from samrl_core.learn.randomising import Randomising
+from samrl_core.learn.rendered_samples import DrawSettings, RenderedSamples, Scenes
 from samrl_core.learn.rollouts import Rollouts
 from samrl_core.learn.samples import ACTION, Samples
 from samrl_core.learn.states import StateSamples
@@ -82,14 +85,17 @@ class _Training:
         self, task: str, folder: Path, settings: TrainSettings, tell: Tell, visited: Sequence[Path]
     ) -> None:
         self.task, self.folder, self.settings, self.tell = task_named(task), folder, settings, tell
-        found = [load_visited(path, task) for path in visited]
-        self.given = VisitedStates.joined(found).starts(self.task) if found else None
-        self._check_folder([sha256_of(path) for path in visited])
+        parts = [load_visited(path, task) for path in visited]
+        found = VisitedStates.joined(parts) if parts else None
+        self.given = found.starts(self.task) if found and settings.randomisation == REAL2SIM else None
         self.model = Model(self.task, default_cell())
+        self.randomising = Randomising(self.model, settings, folder, found, tell)
+        self._check_folder([sha256_of(path) for path in visited])
         self.renderer = BatchRenderer(self.model, settings.device)
 
     def run(self) -> dict[str, Any]:
         s = self.settings
+        self.randomising.before_training()
         states = prepare_states(
             self.task.name,
             s.states,
@@ -99,12 +105,14 @@ class _Training:
             s.explore,
             self.given,
             progress=lambda done, wanted: self.tell("states", {"done": done, "of": wanted}),
+            drawn=None if self.given else self.randomising.distribution,
         )
         known, looked_at = _split(states, s.validation)
         parts = [Scenes.of_states(known)]
         validation = self._samples(Scenes.of_states(looked_at), 1)
         actor, figures = self._actor(0, parts, validation)
         for k in range(s.rounds):
+            self.randomising.after_actor(actor)
             parts.append(self._round(k, actor))
             actor, figures = self._actor(k + 1, parts, validation)
         self._keep(actor, figures)
@@ -112,6 +120,7 @@ class _Training:
         self._keep(q, q_figures)
         judged = self._judged(actor)
         summary = {"schema": 1, "task": self.task.name, "actor": figures, "q": q_figures, "success": judged}
+        summary["randomisation"] = self.randomising.summary()
         write_whole(self.folder / SUMMARY, (json.dumps(summary, indent=1) + "\n").encode())
         return summary
 
@@ -142,7 +151,8 @@ class _Training:
             )
 
     def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:
-        return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream)
+        settings = DrawSettings(looks=self.randomising.looks)
+        return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream, settings)
 
     def _to_learn_from(self, scenes: Scenes, stream: int, stage: str) -> Samples:
         """What a regression sees many times over; what validates is drawn anew each time."""
@@ -274,7 +284,8 @@ class _Training:
 
     def _group(self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool) -> Group:
         s = self.settings
-        return Group((s.seed, *stream), count, hold, noise, noisy, s.max_actions)
+        drawn = self.randomising.distribution if noisy else None  # what is judged is the task as it is
+        return Group((s.seed, *stream), count, hold, noise, noisy, s.max_actions, drawn)
 
     def _run(self, actor: SimActor, groups: list[Group], stage: str) -> list[Rollouts]:
         s, found = self.settings, {}

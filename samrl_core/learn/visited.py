@@ -6,9 +6,7 @@ an episode, in order, are also what the cell was seen to do under the actions be
 
 from __future__ import annotations
 
-import io
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.learn.array_files import read_arrays, write_arrays
 from samrl_core.learn.explore import Starts
 from samrl_core.tasks import task_named
 from samrl_core.tasks.task import Task
-from samrl_core.whole_file import write_whole
 
 FORMAT = 1
 FITTED = ("converged", "iteration_limit")  # how an update ends that an image has spoken to
@@ -112,9 +110,7 @@ class VisitedStates:
 def save_visited(path: Path, states: VisitedStates) -> None:
     """Write a file; `path` holds the old one or the whole new one at any instant."""
     header = json.dumps({"format": FORMAT, "task": states.task, "names": list(_names(states.task))})
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **{_HEADER: np.array(header)}, **states.arrays())  # pyright: ignore[reportArgumentType]
-    write_whole(path, buffer.getvalue())
+    write_arrays(path, {_HEADER: np.array(header), **states.arrays()})
 
 
 def load_visited(path: Path, task: str) -> VisitedStates:
@@ -125,14 +121,14 @@ def load_visited(path: Path, task: str) -> VisitedStates:
     """
     if not path.is_file():
         raise InputError(f"no file of visited states at {path}; `samrl cell` leaves one in its folder")
+    names = {f.name for f in fields(VisitedStates)} - {"task"}
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = read_arrays(path, names | {_HEADER})
         header = json.loads(str(arrays.pop(_HEADER)))
         about = (header["format"], header["task"], tuple(header["names"]))
-    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+    except (InputError, ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"{path} is no whole file of visited states ({error!r}); hand in one that `samrl cell` has left"
+            f"{path} is no whole file of visited states ({error}); hand in one that `samrl cell` has left"
         ) from error
     if about[0] != FORMAT:
         raise InputError(f"{path} is of format {about[0]}, this version reads {FORMAT}; record it anew")
@@ -141,9 +137,6 @@ def load_visited(path: Path, task: str) -> VisitedStates:
             f"{path} holds states of {about[1]} with {list(about[2])}, wanted is {task} with "
             f"{list(_names(task))}"
         )
-    names = {f.name for f in fields(VisitedStates)} - {"task"}
-    if set(arrays) != names:
-        raise InputError(f"{path} holds {sorted(arrays)}, must hold {sorted(names)}; record it anew")
     return VisitedStates(task, **arrays)
 
 

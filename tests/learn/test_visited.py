@@ -78,13 +78,23 @@ def test_foreign_and_damaged_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no whole file"):
         load_visited(path, TASK.name)
     header = {"format": 1, "task": TASK.name, "names": [p.name for p in TASK.parameters()]}
-    for change, words in (({"format": 9}, "format 9"), ({"names": ["a"]}, "'a'")):
-        np.savez(path, samrl_visited_states=json.dumps(header | change))
+    arrays = visited().arrays()
+    for change, words in (({"format": 9}, "format 9"), ({"names": ["a"]}, "'a'"), ({"names": 3}, "no whole")):
+        np.savez(path, samrl_visited_states=json.dumps(header | change), **arrays)
         with pytest.raises(InputError, match=words):
             load_visited(path, TASK.name)
-    np.savez(path, samrl_visited_states=json.dumps(header), values=np.zeros((1, 2)))
-    with pytest.raises(InputError, match="must hold"):
+    broken = arrays | {"values": np.full((2, 2), np.inf)}
+    np.savez(path, samrl_visited_states=json.dumps(header), **broken)
+    with pytest.raises(InputError, match="not finite"):
         load_visited(path, TASK.name)
+    for k in range(0, len(whole), 7):  # no damaged byte is taken for data, whatever it hits
+        path.write_bytes(whole[:k] + bytes([whole[k] ^ 0x5A]) + whole[k + 1 :])
+        try:
+            found = load_visited(path, TASK.name)
+        except InputError:
+            continue
+        for name, array in arrays.items():
+            np.testing.assert_array_equal(found.arrays()[name], array)
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -1,7 +1,8 @@
 """Automatic domain randomisation: a box that grows where the actor still succeeds (Akkaya et al. 2019).
 
 "Solving Rubik's Cube with a Robot Hand": a boundary of one dimension is tried with all others drawn; when
-enough episodes were tried there, it moves out if they did well, and in if they did badly. How hard the training is, is told by the box's entropy.
+enough episodes were tried there, it moves out if they did well, and in if they did badly. How hard the
+training is, is told by the box's entropy.
 """
 
 from __future__ import annotations
@@ -30,14 +31,18 @@ class AdrSettings:
     step: float = 0.1  # by which a boundary moves [width of the space's bounds]
     begin: float = 0.1  # width of the box at first, about the nominal values [width of the space's bounds]
     episodes: int = 128  # tried per question
+    questions: int = 4  # asked of each actor
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.low < self.high <= 1.0:
             raise InputError(f"low {self.low} must be below high {self.high}, both within 0..1")
         if not (0.0 < self.step <= 1.0 and 0.0 < self.begin <= 1.0):
             raise InputError(f"step {self.step} and begin {self.begin} must be above 0 and at most 1")
-        if min(self.buffer, self.episodes) < 1:
-            raise InputError(f"buffer {self.buffer} and episodes {self.episodes} must be at least 1")
+        if min(self.buffer, self.episodes, self.questions) < 1:
+            raise InputError(
+                f"buffer {self.buffer}, episodes {self.episodes} and questions {self.questions} must be at "
+                f"least 1"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 
 Chebotar et al. 2019, "Closing the Sim-to-Real Loop": parameters are drawn, the model is run with each, and
 the next distribution makes the discrepancy from the real trajectories small on average, no farther from the
-last one than a bound on their relative entropy. As there, the draws are weighted as in relative-entropy policy
-search (Peters, Muelling and Altun 2010) and the Gaussian is fitted to them; a fit on few draws can still go
-too far, so it is then taken back to the bound.
+last one than a bound on their relative entropy. As there, the draws are weighted as in relative-entropy
+policy search (Peters, Muelling and Altun 2010) and the Gaussian is fitted to them; a fit on few draws can
+still go too far, so it is then taken back to the bound.
 """
 
 from __future__ import annotations

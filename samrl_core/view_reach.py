@@ -134,6 +134,10 @@ class ViewReach:
         bodies = self._task.scene(self._cell).bodies
         return Capsules.joined(Capsules.of_parts(b.parts, poses.get(b.name, b.body_in_world)) for b in bodies)
 
+    def obstacles(self, tool_arm_position: np.ndarray, values: np.ndarray) -> Capsules:
+        """Tool arm and bodies as above: all that the camera arm must keep clear of, but for the table."""
+        return Capsules.joined((self.tool_capsules(tool_arm_position, values), self.body_capsules(values)))
+
     def camera_at(self, joint_position: np.ndarray) -> Pose:
         """Camera pose in world for a joint position (J,) [rad]."""
         return self._camera_arm.flange_in_world(joint_position) @ self._cell.camera_in_flange

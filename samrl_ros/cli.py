@@ -168,10 +168,16 @@ def train(
     states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = 12_000,
     rounds: Annotated[int, typer.Option(help="Of labelling the actor's own states.", min=0)] = 1,
     episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=256)] = 512,
+    q_target: Annotated[
+        str, typer.Option(help="What Q learns: return (of an episode), or action (how near to the expert's).")
+    ] = "return",
     actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
     batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
     max_actions: Annotated[int, typer.Option(help="Of an episode in the model; 0: the task's.", min=0)] = 0,
+    actor: Annotated[
+        Path | None, typer.Option(help="Weights of an actor: its Q is trained, and nothing before.")
+    ] = None,
     kept: Annotated[
         int, typer.Option(help="Images of each state, drawn once and kept in memory; 0: new ones.", min=0)
     ] = 0,
@@ -198,12 +204,14 @@ def train(
         states,
         rounds,
         episodes,
+        q_target,
         actor_epochs,
         q_epochs,
         batch_size,
         max_actions,
         kept,
         workers,
+        actor,
         tuple(visited or ()),
         randomisation,
     )

@@ -26,13 +26,15 @@ class TrainOptions:
     states: int
     rounds: int
     episodes: int
+    q_target: str
     actor_epochs: int
     q_epochs: int
     batch_size: int
     max_actions: int
     kept: int
     workers: int
-    visited: tuple[Path, ...] = ()
+    actor: Path | None = None  # weights of one; only its Q is trained then
+    visited: tuple[Path, ...] = ()  # files of states that Real2Sim found
     randomisation: str = REAL2SIM
 
 
@@ -50,6 +52,7 @@ def train_task(options: TrainOptions) -> int:
         states=options.states,
         rounds=options.rounds,
         episodes=options.episodes,
+        q_target=options.q_target,
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
         randomisation=options.randomisation,
@@ -65,7 +68,7 @@ def train_task(options: TrainOptions) -> int:
         console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
 
     try:
-        summary = train(options.task, options.out, settings, tell, options.visited)
+        summary = train(options.task, options.out, settings, tell, options.actor, options.visited)
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
         raise

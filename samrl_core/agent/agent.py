@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -16,6 +18,14 @@ from samrl_core.learn.sensing_value import Networks
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate
 from samrl_core.types.observation import Observation
+
+Part = Literal["observe", "update", "view", "look", "act", "move"]
+Watch = Callable[[Part], AbstractContextManager[None]]  # is entered around each part of an episode
+
+
+def unwatched(part: Part) -> AbstractContextManager[None]:
+    """Nobody watches."""
+    return nullcontext()
 
 
 class Agent:
@@ -80,30 +90,41 @@ class Episode:
     ended: Stage  # "done": as the model believes; truth is for evaluation to ask
 
 
-def run_episode(agent: Agent, plant: Plant, settings: LoopSettings | None = None) -> Episode:
-    """Algorithm 1 from line 1 on, until the model believes that the task is done, or a limit."""
+def run_episode(
+    agent: Agent, plant: Plant, settings: LoopSettings | None = None, watch: Watch = unwatched
+) -> Episode:
+    """Algorithm 1 from line 1 on, until the model believes that the task is done, or a limit.
+
+    `watch` sees the parts: "observe", "look" and "move" are the plant's, the others the agent's.
+    """
     task = agent.model.task
     loop = settings or LoopSettings(task.max_actions)
     agent.updating.begin()
     state = LoopState()
     steps: list[Step] = []
     while True:
-        observation = plant.observe()
-        estimate = agent.updating.update(observation)
+        with watch("observe"):
+            observation = plant.observe()
+        with watch("update"):
+            estimate = agent.updating.update(observation)
         lost = state.lost_updates + 1 if estimate.why_stopped == "no_target" else 0
         state = replace(state, lost_updates=lost)
         tip = agent.model.tip_in_base(observation.tool_arm.position).position
         stage = stage_after_update(task, estimate.values, tip, state, loop)
         if stage == "view":
-            view = agent.looking.choose(estimate, observation)
+            with watch("view"):
+                view = agent.looking.choose(estimate, observation)
             if view.move:
-                plant.look_from(view.joint_position)
+                with watch("look"):
+                    plant.look_from(view.joint_position)
                 state = replace(state, looked=state.looked + 1)
                 continue
             stage = "act"
         if stage != "act":
             return Episode(tuple(steps), observation, estimate, stage)
-        choice = agent.acting.choose(estimate, observation)
-        plant.displace_tool(choice.displacement)
+        with watch("act"):
+            choice = agent.acting.choose(estimate, observation)
+        with watch("move"):
+            plant.displace_tool(choice.displacement)
         steps.append(Step(observation, estimate, choice))
         state = LoopState(step=state.step + 1, lost_updates=state.lost_updates)

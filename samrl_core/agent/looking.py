@@ -23,7 +23,7 @@ class Looking:
             InputError: strategy "q" without networks.
         """
         self._strategy = settings.strategy
-        self._rng = np.random.default_rng(settings.seed)
+        self.begin(settings.seed)
         self._planner: ViewPlanner | None = None
         self._ascent: ViewAscent | None = None
         if settings.strategy == "q":
@@ -31,6 +31,10 @@ class Looking:
             self._ascent = ViewAscent(model, model.cell, model.task, found, settings.ascent)
         else:
             self._planner = ViewPlanner(model, model.cell, model.task, settings.information)
+
+    def begin(self, seed: int) -> None:
+        """Draw anew from a seed: what strategy "random" does next does not depend on what it did before."""
+        self._rng = np.random.default_rng(seed)
 
     def prepare(self) -> None:
         """Solve the reachable views now (seconds)."""

@@ -13,6 +13,7 @@ from samrl_core.learn.sensing_value import Networks
 from samrl_core.learn.view_ascent import ViewAscentSettings
 from samrl_core.learn.weights import Kind, load_weights, sha256_of, shipped
 from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks import plain_name
 from samrl_core.trajectory import TrajectorySettings
 from samrl_core.view_planning import ViewPlannerSettings
 
@@ -67,12 +68,16 @@ class AgentSettings:
 def trained_networks(task: str, cell: CellSpec, folder: Path | None = None) -> Networks:
     """Actor and Q of a task: `<task>_<kind>.safetensors` in a folder, or those of the package.
 
+    A variant of a task without networks of its own has those of the plain task.
+
     Raises:
         InputError: a file is missing or does not fit; see `load_weights`.
     """
 
     def path(kind: Kind) -> Path:
-        return shipped(task, kind) if folder is None else folder / shipped(task, kind).name
+        paths = [shipped(name, kind) for name in (task, plain_name(task))]
+        paths = paths if folder is None else [folder / file.name for file in paths]
+        return next((file for file in paths if file.is_file()), paths[0])
 
     actor, _ = load_weights(path("sim_actor"), "sim_actor", task, cell)
     q, _ = load_weights(path("sensing_q"), "sensing_q", task, cell)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from samrl_core.errors import InputError
+from samrl_core.folder_lock import folder_lock
 from samrl_core.learn.workers import free_cores, worker_pool
 from samrl_core.whole_file import write_whole
 
@@ -65,16 +66,17 @@ class Experiment:
         """Run what is left of it, and write `<name>.json`.
 
         Raises:
-            InputError: a task that it does not know, or a folder of another experiment.
+            InputError: a task that it does not know, a folder of another experiment, or one in which
+                another process is at work.
         """
         unknown = [task for task in options.tasks if task not in self.tasks]
         if unknown:
             raise InputError(f"{self.name} knows no task {unknown[0]!r}; there are: {', '.join(self.tasks)}")
         options = replace(options, tasks=options.tasks or self.tasks)
-        options.out.mkdir(parents=True, exist_ok=True)
-        _check_folder(self.name, options)
-        summary = {"schema": 1, "experiment": self.name, "seed": options.seed, **self.run(options, tell)}
-        write_whole(options.out / f"{self.name}.json", json.dumps(summary, indent=1) + "\n")
+        with folder_lock(options.out):
+            _check_folder(self.name, options)
+            summary = {"schema": 1, "experiment": self.name, "seed": options.seed, **self.run(options, tell)}
+            write_whole(options.out / f"{self.name}.json", json.dumps(summary, indent=1) + "\n")
         return summary
 
 

@@ -7,7 +7,13 @@ from importlib import import_module
 from samrl_core.errors import InputError
 from samrl_core.experiments.experiment import Experiment
 
-MODULES: dict[str, str] = {}  # module of `samrl_core.experiments`, by the experiment's name
+MODULES: dict[str, str] = {  # module of `samrl_core.experiments`, by the experiment's name
+    "fig6": "fig6",
+    "fig7": "fig7",
+    "fig8d": "fig8d",
+    "table1": "table1",
+    "table1_world": "table1_world",
+}
 
 
 def experiment_named(name: str) -> Experiment:

@@ -29,6 +29,10 @@ class WorldPlant:
         self._world.reset(seed)
         self._motion.begin()
 
+    def tip(self) -> np.ndarray:
+        """Tool tip (3,) by the measured joints, in the tool arm's base frame [m]."""
+        return self._motion.tip()
+
     def observe(self) -> Observation:
         """See `Plant`: what swings comes to rest first."""
         for _ in range(self._rest_steps):

@@ -20,7 +20,13 @@ import torch
 from torch import nn
 
 from samrl_core.errors import InputError, SolveError
-from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
+from samrl_core.learn.checkpoint import (
+    adam_tensors,
+    load_adam,
+    load_checkpoint,
+    save_checkpoint,
+    with_prefix,
+)
 from samrl_core.learn.fit_settings import FitResult, FitSettings
 from samrl_core.learn.samples import Samples
 from samrl_core.whole_file import write_whole
@@ -173,8 +179,7 @@ class _Fit:
 
     def _save(self, path: Path, more: dict[str, Any] | None = None) -> None:
         tensors = {_NETWORK + name: value for name, value in self.network.state_dict().items()}
-        for index, state in self.adam.state_dict()["state"].items():
-            tensors |= {f"{_ADAM}{index}.{name}": value for name, value in state.items()}
+        tensors |= adam_tensors(self.adam, _ADAM)
         about = {"step": self.step, "epoch_loss": self.epoch_loss, "rows": self.rows, **(more or {})}
         save_checkpoint(path, _KIND, tensors, {"identity": self.identity, **about})
 
@@ -183,7 +188,13 @@ class _Fit:
         if not path.exists():
             return
         tensors, about = load_checkpoint(path, _KIND)
-        identity = about.get("identity", {})
+        try:
+            identity = dict(about["identity"])
+            step, epoch_loss, rows = int(about["step"]), float(about["epoch_loss"]), list(about["rows"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path} says too little of itself ({error}); remove it to begin anew"
+            ) from error
         if identity != self.identity:
             other = sorted(
                 k for k in identity.keys() | self.identity if identity.get(k) != self.identity.get(k)
@@ -192,21 +203,13 @@ class _Fit:
                 f"{path} is of another training: {', '.join(other)} differ; give another folder or remove it"
             )
         try:
-            self.network.load_state_dict(_with_prefix(tensors, _NETWORK))
+            self.network.load_state_dict(with_prefix(tensors, _NETWORK))
         except RuntimeError as error:
             raise InputError(f"{path} does not fit the network ({error}); give another folder") from error
-        state: dict[int, dict[str, torch.Tensor]] = {}
-        for name, value in _with_prefix(tensors, _ADAM).items():
-            index, _, entry = name.partition(".")
-            state.setdefault(int(index), {})[entry] = value
-        self.adam.load_state_dict({**self.adam.state_dict(), "state": state})
-        self.step, self.epoch_loss, self.rows = about["step"], about["epoch_loss"], about["rows"]
+        load_adam(self.adam, tensors, _ADAM)
+        self.step, self.epoch_loss, self.rows = step, epoch_loss, rows
         if self.rows:
             self._write_log()  # the kill may have come between the checkpoint and the log
 
 
 _TRAINING = ("epoch", "step", "rate", "training_loss")  # columns of the log that are no validation figures
-
-
-def _with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

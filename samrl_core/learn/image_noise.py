@@ -28,6 +28,8 @@ class ImageNoiseSettings:
     color_read: float = 0.006  # in the dark, of 1
     color_shot: float = 8e-5  # variance per brightness, of 1
     clean_share: float = 0.3  # of images without noise, as the model's own are when the actor acts
+    least: float = 0.0  # level of the others: drawn evenly from here ...
+    most: float = 2.0  # ... to there, as factor on all sizes above
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -35,6 +37,8 @@ class ImageNoiseSettings:
                 raise InputError(f"{name} is {value}, must be at least 0")
         if self.smooth_pixels < 1 or max(self.smooth_share, self.clean_share) > 1.0:
             raise InputError("smooth_pixels must be at least 1, smooth_share and clean_share at most 1")
+        if self.least > self.most:
+            raise InputError(f"least is {self.least}, must be at most {self.most}, which is most")
 
 
 def noisy(
@@ -69,7 +73,8 @@ def noisy(
     def uniform(*shape: int) -> torch.Tensor:
         return torch.rand(shape, generator=generator, device=color.device, dtype=color.dtype)
 
-    level = 2.0 * uniform(count) * (uniform(count) >= s.clean_share)  # 1 on average where there is noise
+    level = s.least + (s.most - s.least) * uniform(count)
+    level = level * (uniform(count) >= s.clean_share)
     if factor is not None:
         level = level * factor.to(level)
     size = level[:, None, None]

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import sys
 import time
 from collections.abc import Callable
@@ -13,13 +14,15 @@ from concurrent.futures import as_completed
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from samrl_core.errors import SamrlError
+from samrl_core.folder_lock import folder_lock
 from samrl_core.learn.draw_states import draw_states
-from samrl_core.learn.expert import Label, label_of
+from samrl_core.learn.expert import label_of
 from samrl_core.learn.explore import ExploreSettings, Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.randomisation.distributions import ParameterDistribution
@@ -33,7 +36,7 @@ from samrl_core.tasks import task_named
 _CHUNK = 40  # states that one process labels in one go
 SHARD_SIZE = 500  # states: half a minute to a minute of one core
 
-Progress = Callable[[int, int], None]  # states made, states wanted
+Progress = Callable[[int, int], None]  # samples made, samples wanted
 
 
 def prepare_states(
@@ -70,23 +73,7 @@ def prepare_states(
         "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given, drawn)
     )
     data = ShardFolder(folder, info)
-    missing = data.missing()
-    done = count - sum(info.size(k) for k in missing)
-    progress(done, count)
-    jobs = [(task, info, shard, s, given, drawn) for shard in missing]
-    workers = min(workers or free_cores(), len(missing))
-    if workers <= 1:
-        for job in jobs:
-            data.write(job[2], _shard(*job))
-            done += info.size(job[2])
-            progress(done, count)
-    else:
-        with worker_pool(workers) as pool:
-            running = {pool.submit(_shard, *job): job[2] for job in jobs}
-            for future in as_completed(running):
-                data.write(running[future], future.result())
-                done += info.size(running[future])
-                progress(done, count)
+    _fill(data, _shard, lambda k: (task, info, k, s, given, drawn), workers, progress)
     return load_states(folder, task)
 
 
@@ -104,33 +91,69 @@ def label_all(
     task: str,
     values: np.ndarray,
     tips: np.ndarray,
+    folder: Path,
     workers: int = 0,
-    progress: Callable[[int], None] = lambda done: None,
-) -> list[Label]:
-    """The optimiser's first action in states that something else came to, e.g. the actor.
+    progress: Progress = lambda done, wanted: None,
+    shard_size: int = _CHUNK,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The optimiser's first action in states that something else came to, e.g. the actor; resumable.
 
     Args:
         task: name of the task.
         values: (N, P).
         tips: (N, 3) in the tool arm's base frame [m].
+        folder: of these labels alone.
         workers: processes; 0 takes as many as there are free cores.
-        progress: called with the number of labels so far.
+        progress: called after each shard.
+        shard_size: labels that one process makes in one go.
+
+    Returns:
+        Actions (N, 3) [m], and whether anything is left to do there (N,) bool.
+
+    Raises:
+        InputError: the folder holds labels of other states, or damaged ones.
     """
-    chunks = [slice(k, k + _CHUNK) for k in range(0, len(values), _CHUNK)]
-    workers = min(workers or free_cores(), max(1, len(chunks)))
-    found: list[Label] = []
+    digest = hashlib.sha256(np.hstack([values, tips]).astype("<f8").tobytes()).hexdigest()
+    cell = default_cell()
+    info = DataInfo("labels", task, cell.intrinsics, 0, len(values), shard_size, {"states_sha256": digest})
+    data = ShardFolder(folder, info)
+
+    def job(shard: int) -> tuple[str, np.ndarray, np.ndarray]:
+        few = slice(shard * shard_size, (shard + 1) * shard_size)
+        return task, values[few], tips[few]
+
+    _fill(data, _labels, job, workers, progress)
+    parts = list(data.read_all())
+    return np.concatenate([p["action"] for p in parts]), np.concatenate([p["left"] for p in parts])
+
+
+def _fill(
+    data: ShardFolder,
+    work: Callable[..., dict[str, np.ndarray]],
+    job: Callable[[int], tuple[Any, ...]],
+    workers: int,
+    progress: Progress,
+) -> None:
+    """Makes the shards that are missing, `work(*job(shard))` each, and keeps each one at once."""
+    info, missing = data.info, data.missing()
+    done = info.count - sum(info.size(k) for k in missing)
+    progress(done, info.count)
+
+    def keep(shard: int, arrays: dict[str, np.ndarray]) -> None:
+        nonlocal done
+        data.write(shard, arrays)
+        done += info.size(shard)
+        progress(done, info.count)
+
+    workers = min(workers or free_cores(), len(missing))
     if workers <= 1:
-        for chunk in chunks:
-            found += _labels(task, values[chunk], tips[chunk])
-            progress(len(found))
-        return found
+        for shard in missing:
+            keep(shard, work(*job(shard)))
+        return
     with worker_pool(workers) as pool:
-        for few in pool.map(
-            _labels, [task] * len(chunks), [values[c] for c in chunks], [tips[c] for c in chunks]
-        ):
-            found += few
-            progress(len(found))
-    return found
+        running = {pool.submit(work, *job(shard)): shard for shard in missing}
+        for future in as_completed(running):
+            keep(running[future], future.result())
 
 
 def _recorded(
@@ -138,11 +161,8 @@ def _recorded(
 ) -> dict[str, object]:
     """What a shard depends on besides seed and task, and what its frames are."""
     starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
-    found: dict[str, object] = {
-        "frames": SceneFrames(_model(task)).names,
-        "explore": asdict(settings),
-        "given": starts,
-    }
+    frames = SceneFrames(_model(task)).names
+    found: dict[str, object] = {"frames": frames, "explore": asdict(settings), "given": starts}
     if drawn is not None:
         found["drawn"] = drawn.record()
     return found
@@ -154,9 +174,13 @@ def _model(task: str) -> Model:
     return Model(task_named(task), default_cell())
 
 
-def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> list[Label]:
+def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> dict[str, np.ndarray]:
     model = _model(task)
-    return [label_of(model.dynamics, model.task, v, t) for v, t in zip(values, tips, strict=True)]
+    labels = [label_of(model.dynamics, model.task, v, t) for v, t in zip(values, tips, strict=True)]
+    return {
+        "action": np.array([label.action for label in labels]),
+        "left": np.array([label.sub_goal != "none" for label in labels]),
+    }
 
 
 def _shard(
@@ -188,7 +212,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"{a.task}: {done} of {wanted} states, {time.monotonic() - begun:.0f} s", flush=True)
 
     try:
-        states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=tell)
+        with folder_lock(a.out):
+            states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=tell)
     except SamrlError as error:
         print(error, file=sys.stderr)
         return 1

@@ -14,7 +14,8 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.learn.array_files import read_arrays, write_arrays
-from samrl_core.learn.episodes import Group, run_groups
+from samrl_core.learn.episodes import Group
+from samrl_core.learn.kept_groups import kept_groups
 from samrl_core.learn.looks import LookSettings, LookSource
 from samrl_core.learn.networks import SimActor
 from samrl_core.learn.randomisation.choose import begin
@@ -25,7 +26,6 @@ from samrl_core.learn.randomisation.of_task import LOOK, DrawnLooks, alike
 from samrl_core.learn.randomisation.strategy import Evidence, Question
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.visited import VisitedStates
-from samrl_core.learn.workers import free_cores
 from samrl_core.model.model import Model
 
 STREAM = 4  # of a training's sources of randomness
@@ -45,8 +45,9 @@ class Randomising:
         folder: Path,
         visited: VisitedStates | None,
         tell: Tell,
+        given_actor: bool = False,
     ) -> None:
-        """Begins the strategy.
+        """Begins the strategy; `given_actor` tells that the training has an actor already.
 
         Raises:
             InputError: as `choose.begin`, or a strategy that learns from actors in a training of one.
@@ -54,8 +55,11 @@ class Randomising:
         s = settings
         self._model, self._settings, self._folder, self._tell = model, s, folder / _STAGE, tell
         self._strategy = begin(s.randomisation, model, visited, s.adr, s.simopt, s.found)
-        if self._strategy.measure == "success" and s.rounds == 0:
-            raise InputError(f"{s.randomisation!r} learns between rounds; ask for 1 at least, better 4")
+        if self._strategy.measure == "success" and (s.rounds == 0 or given_actor):
+            raise InputError(
+                f"{s.randomisation!r} learns between rounds; ask for 1 at least, better 4, and hand in no "
+                f"actor"
+            )
         self._visited = visited
         self._entropies = [self._strategy.distribution.entropy()]
         self._asked = 0
@@ -123,10 +127,10 @@ class Randomising:
 
     def _successes(self, actor: SimActor, question: Question) -> np.ndarray:
         """Whether the actor succeeds at each point, with a new view for every action."""
-        s, found = self._settings, self._strategy.distribution
+        s, drawn = self._settings, self._strategy.distribution
         rows = [
             few
-            for same in alike(found.space, question.points)
+            for same in alike(drawn.space, question.points)
             for few in np.array_split(same, -(-len(same) // s.group))
         ]
         groups = [
@@ -137,13 +141,22 @@ class Randomising:
                 action_noise=0.0,
                 noisy=True,
                 max_actions=s.max_actions,
-                drawn=found,
+                drawn=drawn,
                 points=question.points[few],
             )
             for k, few in enumerate(rows)
         ]
+        found = kept_groups(
+            self._model.task.name,
+            actor,
+            groups,
+            ("success",),
+            self._folder / f"question-{self._asked:03d}",
+            s.device,
+            s.workers,
+            lambda row: self._tell(_STAGE, row),
+        )
         result = np.zeros(len(question))
-        workers = s.workers or free_cores()
-        for k, run in run_groups(self._model.task.name, actor, groups, s.device, workers):
-            result[rows[k]] = run.success
+        for which, part in zip(rows, found, strict=True):
+            result[which] = part["success"]
         return result

@@ -62,7 +62,7 @@ class Scenes:
     def of_returns(rows: Mapping[str, np.ndarray]) -> Scenes:
         """Actions with their returns (eq. 24), each from the view that it was taken from.
 
-        `rows` are those of `Rollouts.per_action`.
+        `rows` are the fields of `Rollouts` that have one per action.
         """
         targets = {ACTION: rows["action"], RETURN: rows["returns"]}
         return Scenes(rows["frames"], rows["tip_in_base"], targets, rows["view"])

@@ -18,6 +18,7 @@ from torch import nn
 from torch.nn import functional
 
 from samrl_core.errors import InputError, SolveError
+from samrl_core.learn.checkpoint import adam_tensors, load_adam, with_prefix
 from samrl_core.learn.networks import ResidualActor, TwinCritic
 from samrl_core.learn.transitions import Batch
 
@@ -121,8 +122,7 @@ class ResidualLearner:
         for name, module in self._modules().items():
             found |= {f"{name}.{key}": value.detach().cpu() for key, value in module.state_dict().items()}
         for name, adam in self._optimisers().items():
-            for index, entry in adam.state_dict()["state"].items():
-                found |= {f"{name}.{index}.{key}": value.detach().cpu() for key, value in entry.items()}
+            found |= {key: value.detach().cpu() for key, value in adam_tensors(adam, f"{name}.").items()}
         return found
 
     def load_state(self, state: dict[str, torch.Tensor]) -> None:
@@ -133,16 +133,12 @@ class ResidualLearner:
         """
         try:
             for name, module in self._modules().items():
-                module.load_state_dict(_below(state, name))
+                module.load_state_dict(with_prefix(state, f"{name}."))
             for name, adam in self._optimisers().items():
-                entries: dict[int, dict[str, torch.Tensor]] = {}
-                for key, value in _below(state, name).items():
-                    index, field = key.split(".")
-                    entries.setdefault(int(index), {})[field] = value
-                adam.load_state_dict({**adam.state_dict(), "state": entries})
+                load_adam(adam, state, f"{name}.")
             self.generator.set_state(state["generator"])
             self.updates = int(state["updates"])
-        except (KeyError, ValueError, RuntimeError) as error:
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
             raise InputError(f"this is no state of this learner ({error}); begin anew elsewhere") from error
 
     def _target(self, batch: Batch, next_image: torch.Tensor) -> torch.Tensor:
@@ -211,7 +207,3 @@ def _apply(adam: torch.optim.Adam, module: nn.Module, slopes: tuple[torch.Tensor
     for parameter, slope in zip(module.parameters(), slopes, strict=True):
         parameter.grad = slope
     adam.step()
-
-
-def _below(state: dict[str, torch.Tensor], name: str) -> dict[str, torch.Tensor]:
-    return {key.removeprefix(f"{name}."): value for key, value in state.items() if key.startswith(f"{name}.")}

@@ -17,6 +17,7 @@ from pathlib import Path
 import torch
 
 from samrl_core.errors import InputError, SamrlError
+from samrl_core.folder_lock import folder_lock
 from samrl_core.learn.residual import ResidualSettings
 from samrl_core.learn.residual_training import ResidualTraining, TrainingSettings
 from samrl_core.robots.cell import default_cell
@@ -24,6 +25,7 @@ from samrl_core.whole_file import write_whole
 
 NICENESS = 10  # of 19: control goes first, the rest of the computer as well
 REFUSED = 3  # exit code: the error says why
+BEFORE_S = 10.0  # for one whose node was killed to see it and save: an update and a sleep
 
 
 def write_settings(folder: Path, settings: TrainingSettings) -> None:
@@ -59,9 +61,10 @@ def main(arguments: list[str] | None = None) -> int:
     os.nice(NICENESS)
     torch.set_num_threads(1)
     try:
-        settings = read_settings(options.folder)
-        training = ResidualTraining(options.folder, options.task, default_cell(), settings)
-        training.run(lambda: bool(asked) or os.getppid() != options.parent)
+        with folder_lock(options.folder, BEFORE_S):
+            settings = read_settings(options.folder)
+            training = ResidualTraining(options.folder, options.task, default_cell(), settings)
+            training.run(lambda: bool(asked) or os.getppid() != options.parent)
     except SamrlError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return REFUSED

@@ -17,7 +17,7 @@ from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
-from samrl_core.learn.looks import LookSource
+from samrl_core.learn.looks import Looks, LookSource
 from samrl_core.learn.state_batch import joined, moved, rows
 from samrl_core.learn.views import COORDINATES, ViewSettings, draw_views
 from samrl_core.model.model import Model
@@ -25,18 +25,33 @@ from samrl_core.model.task_physics.border import TaskDynamics
 from samrl_core.tasks.task import ViewRegion
 
 Actor = Callable[[torch.Tensor], torch.Tensor]  # images (B, 6, H, W) to actions (B, 3) [m]
-# Episodes (B,), their frames (B, F, 12) and tips (B, 3), and a generator, to views (B, 6) of this step.
-Viewer = Callable[[np.ndarray, np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a viewer is told of the B episodes that go on, before each of their actions."""
+
+    episodes: np.ndarray  # (B,) their numbers
+    step: int  # actions that each of them has taken
+    values: np.ndarray  # (B, P) in the order of `Task.parameters`
+    tip_in_base: np.ndarray  # (B, 3) [m]
+    frames: np.ndarray  # (B, F, 12) float32, as in `StateSamples`
+    tool_arm_position: np.ndarray  # (B, J) [rad]
+    looks: Looks | None  # of B images; None: the model's own
+    rng: np.random.Generator
+
+
+Viewer = Callable[[Moment], np.ndarray]  # gives the views (B, 6) of this step
 
 
 def held(views: np.ndarray) -> Viewer:
     """Each episode has its view (E, 6), from beginning to end."""
-    return lambda episodes, frames, tips, rng: views[episodes]
+    return lambda moment: views[moment.episodes]
 
 
 def new_each_step(region: ViewRegion, settings: ViewSettings | None = None) -> Viewer:
     """A random view for every action."""
-    return lambda episodes, frames, tips, rng: draw_views(region, rng, len(episodes), settings)
+    return lambda moment: draw_views(region, moment.rng, len(moment.episodes), settings)
 
 
 @dataclass(frozen=True)
@@ -73,9 +88,9 @@ class Rollouts:
     success: np.ndarray  # (E,) bool, by `Task.is_done`
     actions: np.ndarray  # (E,) int64 how many were taken
 
-    def per_action(self) -> dict[str, np.ndarray]:
-        """Fields with one row per action, by name, as a shard stores them."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("success", "actions")}
+
+# Fields with one row per action, as a training keeps them.
+PER_ACTION = tuple(f.name for f in fields(Rollouts) if f.name not in ("success", "actions"))
 
 
 def roll_out(
@@ -146,7 +161,7 @@ class _Episodes:
             seen = self._drawn()
             if not len(self._alive):
                 break
-            action = self._act(seen)
+            action = self._act(seen, step)
             count = len(self._alive)
             number = np.full(count, step, dtype=np.int64)
             self._taken.append({**seen, "action": action, "episode": self._alive.copy(), "step": number})
@@ -170,23 +185,27 @@ class _Episodes:
 
     def _drawn(self) -> dict[str, np.ndarray]:
         """What there is to draw of every episode that goes on; ends those that the arm cannot reach."""
-        found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        found: list[tuple[np.ndarray, ...]] = []
         reached = np.ones(len(self._alive), dtype=bool)
         for i, q in enumerate(self._states.q.numpy()):
             values, tip = self._dynamics.read(q)
             try:
-                frames = self._frames.rows(values, self._frames.joints(tip))
-                found.append((values, tip, frames.astype(np.float32)))
+                joints = self._frames.joints(tip)
+                frames = self._frames.rows(values, joints)
+                found.append((values, tip, frames.astype(np.float32), joints))
             except ReachError:
                 reached[i] = False
         self._keep(reached)
         columns = (np.array(column) for column in zip(*found, strict=True))
-        return dict(zip(("values", "tip_in_base", "frames"), columns, strict=False))
+        names = ("values", "tip_in_base", "frames", "tool_arm_position")
+        return dict(zip(names, columns, strict=False))
 
-    def _act(self, seen: dict[str, np.ndarray]) -> np.ndarray:
+    def _act(self, seen: dict[str, np.ndarray], step: int) -> np.ndarray:
         """Views, images and actions (B, 3) [m] of one step; the views are added to what is seen."""
         count = len(self._alive)
-        view = np.asarray(self._viewer(self._alive, seen["frames"], seen["tip_in_base"], self._rng))
+        looks = None if self._looks is None else self._looks.rows(self._alive)
+        moment = Moment(self._alive.copy(), step, **seen, looks=looks, rng=self._rng)
+        view = np.asarray(self._viewer(moment))
         if view.shape != (count, COORDINATES):
             raise InputError(f"views have shape {view.shape}, must be ({count}, {COORDINATES})")
         seen["view"] = view
@@ -194,7 +213,7 @@ class _Episodes:
             seen["frames"],
             seen["tip_in_base"],
             view,
-            None if self._looks is None else self._looks.rows(self._alive),
+            looks,
             self._settings.noise,
             self._generator,
         )
@@ -210,7 +229,7 @@ class _Episodes:
         return action * np.minimum(1.0, limit / np.maximum(length, 1e-12))
 
     def _result(self) -> Rollouts:
-        names = [f.name for f in fields(Rollouts) if f.name not in ("returns", "success", "actions")]
+        names = [name for name in PER_ACTION if name != "returns"]
         if not self._taken:
             raise InputError("all episodes were done, or out of the arm's reach, before their first action")
         columns = {name: np.concatenate([one[name] for one in self._taken]) for name in names}

@@ -51,20 +51,25 @@ class SensingValue:
             return upright(self.image((rotation[None], translation[None])), camera_in_world.rotation)
 
     def q(self, image: torch.Tensor, through_action: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
-        """Eq. 12 and Q of it: returns (B,) and actions (B, 3) [m] of images (B, 6, H, W).
+        """See `value_of`."""
+        return value_of(self._networks, image, through_action)
 
-        Args:
-            image: network images with the camera's top up.
-            through_action: False: the gradient takes the action as given, eq. 17; True: as the actor's, so
-                that it is the slope of what line 10 compares.
 
-        Raises:
-            InputError: the networks say something that is not finite.
-        """
-        action = self._networks.actor(image)
-        value = self._networks.q(image, action if through_action else action.detach())
-        if not (torch.isfinite(action).all() and torch.isfinite(value).all()):
-            raise InputError(
-                f"networks gave action {action.tolist()} and Q {value.tolist()}; train them anew"
-            )
-        return value, action
+def value_of(
+    networks: Networks, image: torch.Tensor, through_action: bool = False
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Eq. 12 and Q of it: returns (B,) and actions (B, 3) [m] of images (B, 6, H, W).
+
+    Args:
+        image: network images with the camera's top up.
+        through_action: False: the gradient takes the action as given, eq. 17; True: as the actor's, so
+            that it is the slope of what line 10 compares.
+
+    Raises:
+        InputError: the networks say something that is not finite.
+    """
+    action = networks.actor(image)
+    value = networks.q(image, action if through_action else action.detach())
+    if not (torch.isfinite(action).all() and torch.isfinite(value).all()):
+        raise InputError(f"networks gave action {action.tolist()} and Q {value.tolist()}; train them anew")
+    return value, action

@@ -7,9 +7,7 @@ resumed has the same bytes as one that was not.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
-import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
+from samrl_core.learn.array_files import packed, unpacked
 from samrl_core.types.camera import Intrinsics
 from samrl_core.whole_file import write_whole
 
@@ -33,7 +32,7 @@ class DataInfo:
         InputError: counts below 1, or settings that JSON cannot hold.
     """
 
-    kind: str  # of its shards: "states", "images", "rollouts"
+    kind: str  # of its shards: "states", "labels"
     task: str
     intrinsics: Intrinsics  # of the cell's camera; image size included
     seed: int
@@ -133,9 +132,7 @@ class ShardFolder:
         wrong = {name: array.shape for name, array in arrays.items() if array.shape[:1] != (size,)}
         if wrong or not arrays:
             raise InputError(f"shard {shard} must hold {size} samples in every array; these differ: {wrong}")
-        buffer = io.BytesIO()
-        np.savez_compressed(buffer, **arrays)  # pyright: ignore[reportArgumentType]
-        content = buffer.getvalue()
+        content = packed(arrays)
         name = f"{self.info.kind}-{shard:05d}.npz"
         write_whole(self.folder / name, content)
         digest = hashlib.sha256(content).hexdigest()
@@ -161,11 +158,7 @@ class ShardFolder:
             raise InputError(
                 f"{path} is not the file that the manifest lists; delete the folder and make it anew"
             )
-        try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as file:
-                return {name: file[name] for name in file.files}
-        except (ValueError, zipfile.BadZipFile) as error:
-            raise InputError(f"{path} cannot be read as arrays: {error}") from error
+        return unpacked(content, path)
 
     def read_all(self) -> Iterator[dict[str, np.ndarray]]:
         """All shards in order.

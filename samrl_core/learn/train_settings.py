@@ -13,6 +13,8 @@ from samrl_core.learn.randomisation.found import FoundSettings
 from samrl_core.learn.randomisation.names import RANDOMISATIONS, REAL2SIM
 from samrl_core.learn.randomisation.simopt import SimOptSettings
 
+Q_TARGETS = ("return", "action")
+
 
 @dataclass(frozen=True)
 class TrainSettings:
@@ -29,6 +31,7 @@ class TrainSettings:
     round_episodes: int = 128  # of each round, half of them with a view held
     episodes: int = 512  # for Q (eq. 24), each with a view held
     action_noise: float = 0.3  # highest level of theirs, per axis, standard deviation [action limits]
+    q_target: str = "action"  # what Q learns: worth of the "action" in its state, or "return" of episodes
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
     max_actions: int = 0  # of an episode; 0 takes the task's
@@ -46,6 +49,8 @@ class TrainSettings:
     levels: ClassVar[int] = 4  # of noise on the actions of Q's episodes, from none; one per group in turn
 
     def __post_init__(self) -> None:
+        if self.q_target not in Q_TARGETS:
+            raise InputError(f"q_target is {self.q_target!r}, must be one of: {', '.join(Q_TARGETS)}")
         least = {
             "states": 100,
             "rounds": 0,

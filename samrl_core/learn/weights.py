@@ -7,27 +7,24 @@ size or lens is silently wrong at another. Weights lie there in half precision a
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
 
-import safetensors.torch
 import torch
-from safetensors import SafetensorError
 from torch import nn
 
 from samrl_core.errors import InputError
 from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor, TwinCritic
+from samrl_core.learn.tensor_file import read_tensors, write_tensors
 from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks import plain_name
 from samrl_core.types.camera import Intrinsics
-from samrl_core.whole_file import write_whole
 
 Kind = Literal["sim_actor", "sensing_q", "residual_actor", "twin_critic"]
 FORMAT = 1
-MAX_BYTES = 64 * 2**20  # far above any network here: a larger file is something else
 _ENTRY = "samrl"  # of the file's metadata
 _MAKE: dict[str, tuple[type[nn.Module], Callable[[float], nn.Module]]] = {
     "sim_actor": (SimActor, SimActor),
@@ -58,6 +55,10 @@ class WeightsInfo:
             raise InputError(f"no network is of kind {self.kind!r}; there are {', '.join(get_args(Kind))}")
         if not 0.0 < self.limit < 1.0:
             raise InputError(f"action limit is {self.limit} m, must be above 0 and below 1 m")
+        if not (isinstance(self.task, str) and isinstance(self.source, str) and type(self.seed) is int):
+            raise InputError(
+                f"task {self.task!r} and source {self.source!r} must be texts, seed {self.seed!r} an integer"
+            )
         for name, value in self.figures.items():
             if not math.isfinite(value):
                 raise InputError(f"training figure {name} is {value}, must be finite")
@@ -95,19 +96,20 @@ def save_weights(path: Path, module: nn.Module, info: WeightsInfo) -> None:
         if not bool(torch.isfinite(half).all()):
             raise InputError(f"weight {name} is not finite in half precision; the training has diverged")
         tensors[name] = half
-    text = json.dumps({"format": FORMAT, **asdict(info)}, allow_nan=False, sort_keys=True)
-    write_whole(path, safetensors.torch.save(tensors, {_ENTRY: text}))
+    write_tensors(path, _ENTRY, {"format": FORMAT, **asdict(info)}, tensors)
 
 
 def load_weights(path: Path, kind: Kind, task: str, cell: CellSpec) -> tuple[nn.Module, WeightsInfo]:
     """Read a network for one use; it comes on the CPU, in float32 and in evaluation mode.
 
+    A variant of a task takes the networks of the plain task, too.
+
     Raises:
-        InputError: no such file, no weight file of ours, truncated, of another kind or task, trained for
-            another image size or lens, tensors that do not fit, or a weight that is not finite.
+        InputError: no such file, no weight file of ours, truncated, damaged, of another kind or task, trained
+            for another image size or lens, tensors that do not fit, or a weight that is not finite.
     """
     tensors, info = _read(path)
-    if info.kind != kind or info.task != task:
+    if info.kind != kind or info.task not in (task, plain_name(task)):
         raise InputError(
             f"{path} holds {info.kind} of {info.task}, wanted is {kind} of {task}; name the file for that"
         )
@@ -117,8 +119,8 @@ def load_weights(path: Path, kind: Kind, task: str, cell: CellSpec) -> tuple[nn.
             f"this camera (`samrl train {task}`), or set the camera to the trained size and lens"
         )
     module = _MAKE[kind][1](info.limit)
-    wanted = {name: tuple(value.shape) for name, value in module.state_dict().items()}
-    found = {name: tuple(value.shape) for name, value in tensors.items()}
+    wanted = {name: (torch.float16, tuple(value.shape)) for name, value in module.state_dict().items()}
+    found = {name: (value.dtype, tuple(value.shape)) for name, value in tensors.items()}
     if wanted != found:
         different = sorted(n for n in wanted.keys() | found.keys() if wanted.get(n) != found.get(n))
         raise InputError(
@@ -133,23 +135,10 @@ def load_weights(path: Path, kind: Kind, task: str, cell: CellSpec) -> tuple[nn.
 
 
 def _read(path: Path) -> tuple[dict[str, torch.Tensor], WeightsInfo]:
+    tensors, stated = read_tensors(path, _ENTRY)
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise InputError(f"{path} has {size} bytes, a weight file at most {MAX_BYTES}; check the path")
-        with safetensors.safe_open(path, framework="pt") as file:
-            text = (file.metadata() or {}).get(_ENTRY)
-            tensors = {name: file.get_tensor(name) for name in file.keys()}
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}; check the path") from error
-    except SafetensorError as error:
-        raise InputError(f"{path} is no whole safetensors file ({error}); fetch or train it again") from error
-    if text is None:
-        raise InputError(f"{path} is a safetensors file, but not one of samrl's; train with `samrl train`")
-    try:
-        stated = json.loads(text)
         if stated.pop("format") != FORMAT:
             raise InputError(f"{path} is not of weight format {FORMAT}; train anew")
         return tensors, WeightsInfo(**{**stated, "intrinsics": Intrinsics(**stated["intrinsics"])})
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} has a damaged description ({error}); fetch or train it again") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,9 @@ from samrl_core.robots.robot import RobotSpec
 from samrl_core.robots.urdf import numbers, origin_of, read_urdf
 from samrl_core.types.pose import Pose
 from samrl_core.types.scene import Box, Capsule, Cylinder, Part
+
+WIDE = 0.05  # second longest half edge from which on a thin box is a plate, cut into strips [m]
+STRIP = 0.01  # half width of such a strip at most; a plate is thinner than that [m]
 
 
 def link_shapes(spec: RobotSpec) -> dict[str, tuple[Part, ...]]:
@@ -59,9 +63,14 @@ class Capsules:
 
     @staticmethod
     def of_parts(parts: Sequence[Part], body_in_world: Pose) -> Capsules:
-        """One capsule about each part; it holds the part whole, so a clearance is never overstated."""
-        starts, ends, radii = np.empty((len(parts), 3)), np.empty((len(parts), 3)), np.empty(len(parts))
-        for k, part in enumerate(parts):
+        """Capsules about each part; they hold it whole, so a clearance is never overstated.
+
+        One for each part, but for wide plates, which it would make as thick as they are wide: these are cut
+        into strips.
+        """
+        pieces = [piece for part in parts for piece in _strips(part)]
+        starts, ends, radii = np.empty((len(pieces), 3)), np.empty((len(pieces), 3)), np.empty(len(pieces))
+        for k, part in enumerate(pieces):
             if isinstance(part, Cylinder | Capsule):
                 axis, half, radii[k] = 2, 0.5 * part.length, part.radius
             else:
@@ -99,6 +108,26 @@ class Capsules:
     def lowest(self) -> float:
         """Height of the lowest point above z = 0 [m]; infinite when there are none."""
         return float(np.min(np.minimum(self.start[:, 2], self.end[:, 2]) - self.radius, initial=np.inf))
+
+
+def _strips(part: Part) -> tuple[Part, ...]:
+    """A plate, cut across its second longest edge; any other part as it is."""
+    if not isinstance(part, Box):
+        return (part,)
+    thin, across, _ = np.argsort(part.half_extents)
+    width = part.half_extents[across]
+    if width <= WIDE or part.half_extents[thin] >= STRIP:
+        return (part,)
+    count = math.ceil(width / STRIP)
+    half = np.array(part.half_extents)
+    half[across] = width / count
+    strips = []
+    for k in range(count):
+        middle = np.zeros(3)
+        middle[across] = (2 * k + 1 - count) * half[across]
+        place = part.part_in_body @ Pose(middle, np.array([0.0, 0.0, 0.0, 1.0]))
+        strips.append(Box((float(half[0]), float(half[1]), float(half[2])), place))
+    return tuple(strips)
 
 
 def clearance(a: Capsules, b: Capsules) -> float:

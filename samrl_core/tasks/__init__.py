@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from samrl_core.errors import InputError
 from samrl_core.tasks.needle_threading.task import NeedleThreading
+from samrl_core.tasks.occluded import OCCLUDED, occluded
 from samrl_core.tasks.peg_insertion.task import PegInsertion
 from samrl_core.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.tasks.task import Task
 
 TASKS: dict[str, Task] = {task.name: task for task in (PegInsertion(), SpatulaFlipping(), NeedleThreading())}
+OCCLUDED_TASKS: dict[str, Task] = {task.name: task for task in occluded()}  # variants with a screen
 
 
 def task_named(name: str) -> Task:
@@ -17,6 +19,12 @@ def task_named(name: str) -> Task:
     Raises:
         InputError: there is no such task.
     """
-    if name not in TASKS:
-        raise InputError(f"no task is named {name!r}; there are: {', '.join(sorted(TASKS))}")
-    return TASKS[name]
+    found = TASKS | OCCLUDED_TASKS
+    if name not in found:
+        raise InputError(f"no task is named {name!r}; there are: {', '.join(sorted(found))}")
+    return found[name]
+
+
+def plain_name(name: str) -> str:
+    """The task that this one is a variant of, which networks may have been trained on; its own if of none."""
+    return name.removesuffix(OCCLUDED)

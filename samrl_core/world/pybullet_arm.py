@@ -16,7 +16,7 @@ from samrl_core.world.body_files import PAYLOAD_LINK, Mounted, write_arm_urdf
 
 
 class PyBulletArm:
-    """A fixed-base arm without motors, dampers or friction of the simulator's own making.
+    """A fixed-base arm without motors or dampers; its joints have friction if it is asked for.
 
     Raises:
         InputError: the URDF lacks one of the specified joints.
@@ -31,8 +31,12 @@ class PyBulletArm:
         folder: Path,
         chain: tuple[ChainLink, ...] = (),
         tip_in_flange: Pose | None = None,
+        friction: float = 0.0,
     ) -> None:
-        """Load the arm with its payload; a chain hangs at `tip_in_flange`, by default the flange."""
+        """Load the arm with its payload; a chain hangs at `tip_in_flange`, by default the flange.
+
+        `friction` is Coulomb's, a share of each joint's effort limit.
+        """
         self._client = client
         self.body: int = pybullet.loadURDF(
             str(write_arm_urdf(spec, mounted, folder, chain, tip_in_flange or Pose.identity())),
@@ -73,12 +77,12 @@ class PyBulletArm:
             lateralFriction=float(np.sqrt(mounted.friction)),
             physicsClientId=client,
         )
-        # Every joint is born with a velocity motor that acts as friction.
+        # Every joint is born with a velocity motor; at speed 0 it acts as friction of its greatest torque.
         pybullet.setJointMotorControlArray(
             self.body,
             self._joints,
             pybullet.VELOCITY_CONTROL,
-            forces=[0.0] * len(self._joints),
+            forces=(friction * spec.limits.effort).tolist(),
             physicsClientId=client,
         )
 

@@ -40,8 +40,8 @@ CAMERA_COLOR = (0.8, 0.8, 0.82)
 class PyBulletWorld(SimulatedWorld):
     """The cell and a task in a physics client of its own.
 
-    The link-side torque that `read_arm` reports is the torque applied at the joint: PyBullet's joints have
-    no drive friction, and no rotor inertia either, so the motor side and the link side are one.
+    The torque that `read_arm` reports is that of the motor: PyBullet's joints have no rotor inertia, and no
+    friction unless the settings ask for it, so that the link side has the same.
 
     Args:
         task: whose bodies and tool are built.
@@ -250,7 +250,9 @@ class PyBulletWorld(SimulatedWorld):
         for role in ROLES:
             spec, base, load = cell.arm(role), cell.base_in_world(role), mounted[role]
             chain, tip = (tool.chain, tool.tip_in_flange) if role == "tool_arm" else ((), Pose.identity())
-            arms[role] = PyBulletArm(self._client, spec, base, load, Path(self._folder.name), chain, tip)
+            friction = self._settings.joint_friction if role == "tool_arm" else 0.0
+            folder = Path(self._folder.name)
+            arms[role] = PyBulletArm(self._client, spec, base, load, folder, chain, tip, friction)
             models[role] = ArmModel(spec, base, Payload(load.mass, load.center_of_mass, load.inertia))
         return arms, models
 

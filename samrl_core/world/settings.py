@@ -20,6 +20,7 @@ class WorldSettings:
     solver_iterations: int = 50
     contact_stiffness: float = 5e4  # per contact point, ASSUMPTION: a peg held by rubber pads [N/m]
     contact_damping: float = 200.0  # per contact point, ASSUMPTION: half critical for 0.8 kg [N s/m]
+    joint_friction: float = 0.0  # Coulomb's, in the tool arm's joints, share of their effort limits [-]
     light_direction: tuple[float, float, float] = (0.6, 0.4, 1.2)  # towards the light, in world
     shadow: bool = False
     joint_noise: JointSensorNoise = field(default_factory=JointSensorNoise)
@@ -33,6 +34,8 @@ class WorldSettings:
                 f"contact stiffness {self.contact_stiffness} N/m and damping {self.contact_damping} N s/m "
                 f"must be positive"
             )
+        if not 0.0 <= self.joint_friction < 1.0:
+            raise InputError(f"joint_friction is {self.joint_friction}, must be at least 0 and below 1")
 
 
 NOISELESS = WorldSettings(joint_noise=NO_JOINT_NOISE, rgbd_noise=NO_RGBD_NOISE)

@@ -25,9 +25,9 @@ MAY_END = {
     "ending_now": {"samrl_core/world/evaluation.py"},
     "true_values": {"samrl_core/experiments/model_updating.py"},
 }
-# Who may ask for success and reward while an episode runs: the environment of the compared learners, whose
-# observations have no part in it.
-MAY_BE_REWARDED = {"samrl_core/baselines/gym_env.py"}
+# Who may ask for success and reward: the environment of the compared learners while an episode runs, whose
+# observations have no part in it, and an experiment when an episode has ended.
+MAY_BE_REWARDED = {"samrl_core/baselines/gym_env.py", "samrl_core/experiments/world_episodes.py"}
 # Who may draw or judge with truth through the task border.
 MAY_JUDGE = {
     "draw": {"samrl_core/world/pybullet_world.py", "samrl_core/world/mock_world.py"},

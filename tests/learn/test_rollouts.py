@@ -15,7 +15,15 @@ from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
 from samrl_core.learn.looks import LookSettings
-from samrl_core.learn.rollouts import Rollouts, RolloutSettings, held, new_each_step, roll_out
+from samrl_core.learn.rollouts import (
+    PER_ACTION,
+    Moment,
+    Rollouts,
+    RolloutSettings,
+    held,
+    new_each_step,
+    roll_out,
+)
 from samrl_core.learn.views import draw_views
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
@@ -48,12 +56,11 @@ class Knowing:
     def __init__(self, lazy: int = 0) -> None:
         self.lazy, self.states, self.images = lazy, [], []
 
-    def viewer(
-        self, episodes: np.ndarray, frames: np.ndarray, tips: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
+    def viewer(self, moment: Moment) -> np.ndarray:
+        self.states = list(zip(moment.episodes, moment.values, moment.tip_in_base, strict=True))
         block = renderer().frame_names.index("hole_board")
-        self.states = list(zip(episodes, frames[:, block, 9:11].astype(np.float64), tips, strict=True))
-        return views()[episodes]
+        np.testing.assert_allclose(moment.frames[:, block, 9:11], moment.values, atol=1e-6)
+        return views()[moment.episodes]
 
     def __call__(self, images: torch.Tensor) -> torch.Tensor:
         self.images.append(images.clone())
@@ -88,7 +95,7 @@ def test_returns_of_success_and_failure() -> None:
         way = np.diff(found.tip_in_base[mine], axis=0)
         np.testing.assert_allclose(way[high], found.action[mine][:-1][high], atol=1e-9)
     assert [len(batch) for batch in actor.images[:2]] == [3, 3] and len(actor.images[-1]) == 1
-    arrays = found.per_action()
+    arrays = {name: getattr(found, name) for name in PER_ACTION}
     assert {len(array) for array in arrays.values()} == {len(found.action)}
 
 

@@ -12,15 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from samrl_core.errors import InputError
 from samrl_core.learn.fit_settings import FitSettings
 from samrl_core.learn.train import CONFIG, train
 from samrl_core.learn.train_picture import write_picture
-from samrl_core.learn.train_settings import TrainSettings
-from samrl_core.learn.weights import load_weights
+from samrl_core.learn.train_settings import Q_TARGETS, TrainSettings
+from samrl_core.learn.weights import load_weights, shipped
 from samrl_core.robots.cell import default_cell
 
+TASK = "peg_insertion"
 SMALL = TrainSettings(
     states=100,
     rounds=1,
@@ -35,19 +37,24 @@ SMALL = TrainSettings(
 
 
 def test_a_folder_of_another_training_is_refused(tmp_path: Path) -> None:
-    (tmp_path / CONFIG).write_text(json.dumps({"schema": 1, "task": "peg_insertion", "seed": 5}))
+    (tmp_path / CONFIG).write_text(json.dumps({"schema": 1, "task": TASK, "seed": 5}))
     with pytest.raises(InputError, match="another training"):
-        train("peg_insertion", tmp_path, SMALL)
+        train(TASK, tmp_path, SMALL)
     for broken in ("{", "[1]"):
         (tmp_path / CONFIG).write_text(broken)
         with pytest.raises(InputError, match="cannot be read"):
-            train("peg_insertion", tmp_path, SMALL)
+            train(TASK, tmp_path, SMALL)
 
 
 @pytest.mark.parametrize("name", ["states", "rounds", "episodes", "judged", "group"])
 def test_sizes_below_their_least_are_refused(name: str) -> None:
     with pytest.raises(InputError, match=name):
         replace(SMALL, **{name: -1})
+
+
+def test_an_unknown_target_of_q_is_refused() -> None:
+    with pytest.raises(InputError, match="q_target"):
+        replace(SMALL, q_target="luck")
 
 
 def test_what_a_later_stage_could_not_use_is_refused_at_once() -> None:
@@ -82,31 +89,58 @@ def test_workers_end_with_their_training(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_a_training_that_stopped_goes_on(tmp_path: Path) -> None:
-    """Stopped when the episodes begin; then the rest, to the same weights as one in one go."""
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("q_target", Q_TARGETS)
+def test_a_training_that_stopped_goes_on(tmp_path: Path, q_target: str) -> None:
+    """Stopped in the middle of its parts; in the end the same weights and figures as one in one go."""
+    small = replace(SMALL, q_target=q_target)
+    folder, told = tmp_path / "two", []
+    moments = ("round-0", "groups", 1), ("round-0", "labelled", 40), ("episodes", "groups", 3)
+    for stage, name, most in (*moments, ("judged", "groups", 1)):
 
-    class Stop(Exception):
-        pass
+        def stop(
+            at: str, row: dict[str, float], stage: str = stage, name: str = name, most: int = most
+        ) -> None:
+            told.append((at, dict(row)))
+            if at == stage and row.get(name) == most:
+                raise InterruptedError(stage)
 
-    def stop(stage: str, row: dict[str, float]) -> None:
-        if stage == "episodes":
-            raise Stop
-
-    with pytest.raises(Stop):
-        train("peg_insertion", tmp_path / "two", SMALL, stop)
-    stages: list[str] = []
-    summary = train("peg_insertion", tmp_path / "two", SMALL, lambda stage, row: stages.append(stage))
-    assert "round-0" not in stages  # what is there is not made again
-    train("peg_insertion", tmp_path / "one", SMALL)
+        before = len(told)
+        with pytest.raises(InterruptedError, match=stage):
+            train(TASK, folder, small, stop)
+        assert len(told) > before
+    summary = train(TASK, folder, small, lambda at, row: told.append((at, dict(row))))
+    # What is there is not made again: each part is told of once when it is made, once where it goes on.
+    groups = [row["groups"] for at, row in told if at == "episodes" and "success" in row]
+    assert groups == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert [row["groups"] for at, row in told if at == "round-0" and "success" in row] == [1, 2]
+    assert train(TASK, tmp_path / "one", small) == summary
+    one, two = ((tmp_path / f / "round-0" / "labelled.npz").read_bytes() for f in ("one", "two"))
+    assert one == two
     for kind in ("sim_actor", "sensing_q"):
         one, two = (
-            load_weights(
-                tmp_path / f / f"peg_insertion_{kind}.safetensors", kind, "peg_insertion", default_cell()
-            )
+            load_weights(tmp_path / f / f"{TASK}_{kind}.safetensors", kind, TASK, default_cell())
             for f in ("one", "two")
         )
         for name, value in one[0].state_dict().items():
             np.testing.assert_array_equal(value.numpy(), two[0].state_dict()[name].numpy(), err_msg=name)
     write_picture(tmp_path / "two", summary, tmp_path / "two" / "summary.png")
     assert (tmp_path / "two" / "summary.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_q_of_a_given_actor(tmp_path: Path) -> None:
+    """Nothing is drawn or learned for the actor; the folder goes on with the same actor alone."""
+    told: list[str] = []
+    given = shipped(TASK, "sim_actor")
+    train(TASK, tmp_path, SMALL, lambda at, row: told.append(at), given)
+    assert "states" not in told and "actor-0" not in told and "q" in told
+    kept, _ = load_weights(tmp_path / given.name, "sim_actor", TASK, default_cell())
+    wanted, _ = load_weights(given, "sim_actor", TASK, default_cell())
+    for name, value in wanted.state_dict().items():
+        torch.testing.assert_close(kept.state_dict()[name], value, rtol=0.0, atol=0.0)
+    with pytest.raises(InputError, match="given_actor"):
+        train(TASK, tmp_path, SMALL)
+    with pytest.raises(InputError, match="sim_actor"):
+        train(TASK, tmp_path / "other", SMALL, given=shipped(TASK, "sensing_q"))

@@ -141,15 +141,15 @@ def test_a_training_records_what_it_was_given(tmp_path: Path) -> None:
         raise Begun
 
     with pytest.raises(Begun):
-        train(TASK.name, tmp_path / "t", SMALL, stop, [file])
+        train(TASK.name, tmp_path / "t", SMALL, stop, visited=[file])
     recorded = json.loads((tmp_path / "t" / CONFIG).read_text())
     assert recorded["visited"] == [sha256_of(file)]
     moved = file.rename(tmp_path / "elsewhere.npz")
     with pytest.raises(Begun):
-        train(TASK.name, tmp_path / "t", SMALL, stop, [moved])
+        train(TASK.name, tmp_path / "t", SMALL, stop, visited=[moved])
     with pytest.raises(InputError, match="visited"):
         train(TASK.name, tmp_path / "t", SMALL, stop)
     save_visited(moved, visited("needle_threading"))
     with pytest.raises(InputError, match="needle_threading"):
-        train(TASK.name, tmp_path / "u", SMALL, stop, [moved])
-    assert not (tmp_path / "u").exists()
+        train(TASK.name, tmp_path / "u", SMALL, stop, visited=[moved])
+    assert not (tmp_path / "u" / CONFIG).exists()

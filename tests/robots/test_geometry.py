@@ -88,6 +88,19 @@ def test_capsule_never_overstates_the_clearance() -> None:
         assert (distances <= capsule.radius + 1e-9).all()
 
 
+def test_a_wide_plate_stays_thin() -> None:
+    """Its capsules hold it, and add less than the width of a strip to its thickness."""
+    half = np.array([0.002, 0.2, 0.13])
+    pose = Pose.from_rpy(np.array([0.4, 0.1, 0.2]), (0.3, -0.2, 1.0))
+    capsules = Capsules.of_parts([Box((0.002, 0.2, 0.13), ORIGIN)], pose)
+    inside = pose.apply(np.random.default_rng(0).uniform(-half, half, (500, 3)))
+    for point in inside:
+        alone = Capsules(point[None], point[None], np.zeros(1))
+        assert clearance(capsules, alone) <= 0.0
+    beside = pose.apply(np.array([[0.05, 0.0, 0.0]]))
+    assert clearance(capsules, Capsules(beside, beside, np.zeros(1))) > 0.05 - 0.0125
+
+
 def test_nothing_is_infinitely_far() -> None:
     nothing = Capsules.joined([])
     something = Capsules.of_parts([Cylinder(0.1, 1.0, ORIGIN)], ORIGIN)

@@ -16,6 +16,7 @@ from samrl_core.tasks.chain import link_frames
 from samrl_core.tasks.needle_threading.eye import needle_body
 from samrl_core.tasks.needle_threading.thread import crossing_distance, length_below, points_at
 from samrl_core.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
+from samrl_core.tasks.screen import Screen, bodies_of
 from samrl_core.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
 from samrl_core.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.types.pose import Pose
@@ -64,6 +65,8 @@ class NeedleThreading(Task):
     thread_label: int = 1
     tool_label: int = 2
     needle_label: int = 5
+    view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
+    screens: tuple[Screen, ...] = ()  # that stand in the way of some views
 
     def __post_init__(self) -> None:
         lengths = ("link_length", "thread_radius", "link_mass", "stiffness", "damping", "half_range")
@@ -113,7 +116,7 @@ class NeedleThreading(Task):
             self.needle_label,
             self.eye_friction,
         )
-        return Scene((needle,), self._tool())
+        return Scene((needle, *bodies_of(self.screens)), self._tool())
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
         """Angles of all joints about x and y, from the gripper down; uniform at the start."""
@@ -173,7 +176,7 @@ class NeedleThreading(Task):
             target=self.eye + [0.0, 0.0, 0.05],
             distance=(0.30, 0.45),
             azimuth=(-np.deg2rad(150.0), np.deg2rad(150.0)),
-            elevation=(np.deg2rad(20.0), np.deg2rad(60.0)),
+            elevation=self.view_elevation,
         )
 
     def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from samrl_core.errors import InputError
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.peg_insertion.board import board_body
 from samrl_core.tasks.peg_insertion.tool import hand_with_peg
+from samrl_core.tasks.screen import Screen, bodies_of
 from samrl_core.tasks.start import checked_tip, middle_view, require_origin, start_joints
 from samrl_core.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.types.pose import Pose
@@ -49,6 +51,8 @@ class PegInsertion(Task):
     fine_step: float = 0.005  # the same near and inside the hole [m]
     board_label: int = 1
     tool_label: int = 2
+    view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
+    screens: tuple[Screen, ...] = ()  # that stand in the way of some views
 
     def __post_init__(self) -> None:
         lengths = ("peg_radius", "peg_length", "clearance", "height", "half_range", "free_step", "fine_step")
@@ -89,7 +93,10 @@ class PegInsertion(Task):
             self.board_label,
             self.friction,
         )
-        return Scene((body,), hand_with_peg(self.peg_radius, self.peg_length, self.friction, self.tool_label))
+        return Scene(
+            (body, *bodies_of(self.screens)),
+            hand_with_peg(self.peg_radius, self.peg_length, self.friction, self.tool_label),
+        )
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
         """Position of the hole's axis, uniform over the range (its standard deviation is the scale)."""
@@ -130,7 +137,7 @@ class PegInsertion(Task):
             target=np.array([self.center_x, self.center_y, 0.08]),
             distance=(0.30, 0.45),
             azimuth=(-np.deg2rad(150.0), np.deg2rad(150.0)),
-            elevation=(np.deg2rad(20.0), np.deg2rad(60.0)),
+            elevation=self.view_elevation,
         )
 
     def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:

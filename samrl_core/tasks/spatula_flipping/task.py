@@ -14,6 +14,7 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import CellSpec
+from samrl_core.tasks.screen import Screen, bodies_of
 from samrl_core.tasks.spatula_flipping.pancake import lip_body, pancake_body
 from samrl_core.tasks.spatula_flipping.tool import hand_with_spatula
 from samrl_core.tasks.start import checked_tip, middle_view, require_origin, start_joints
@@ -73,6 +74,8 @@ class SpatulaFlipping(Task):
     pancake_label: int = 1
     tool_label: int = 2
     lip_label: int = 5
+    view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
+    screens: tuple[Screen, ...] = ()  # that stand in the way of some views
 
     def __post_init__(self) -> None:
         lengths = ("pancake_radius", "pancake_thickness", "pancake_mass", "blade_length", "blade_width")
@@ -118,7 +121,7 @@ class SpatulaFlipping(Task):
         place = np.array([self.lip_x + 0.5 * depth, self.center_y, 0.5 * height])
         lip_in_world = Pose(place, np.array([0.0, 0.0, 0.0, 1.0]))
         lip = lip_body(LIP, self.lip_size, lip_in_world, self.lip_label, self.lip_friction)
-        return Scene((pancake, lip), self._tool())
+        return Scene((pancake, lip, *bodies_of(self.screens)), self._tool())
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
         """Pose of the pancake but for the spin about its own axis, which does not show: its centre, and the
@@ -181,7 +184,7 @@ class SpatulaFlipping(Task):
             target=np.array([0.53, 0.0, 0.04]),
             distance=(0.30, 0.45),
             azimuth=(-np.deg2rad(150.0), np.deg2rad(150.0)),
-            elevation=(np.deg2rad(20.0), np.deg2rad(60.0)),
+            elevation=self.view_elevation,
         )
 
     def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:

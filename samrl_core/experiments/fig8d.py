@@ -1,0 +1,72 @@
+"""What updating and the residual are worth where the world differs from the model (the paper's Fig. 8d).
+
+Algorithm 1 with its learned parts in `differing_world`, and the same without Real2Sim's updates, without the
+residual, and without both, on the same seeds. The residual is `<task>_residual_actor.safetensors` beside
+actor and Q; of a task that has none, the two conditions without it are shown.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from samrl_core.experiments.experiment import CaseLog, Experiment, Options, Tell
+from samrl_core.experiments.success_rates import compared, rates, write_bars
+from samrl_core.experiments.world_episodes import Condition, EpisodeJob, run_episodes
+from samrl_core.learn.weights import sha256_of, shipped
+from samrl_core.tasks import TASKS
+
+COUNT = 50  # episodes per condition
+ABLATIONS = {
+    "full": Condition(residual=True),
+    "without_updating": Condition(update=False, residual=True),
+    "without_residual": Condition(),
+    "without_both": Condition(update=False),
+}
+
+
+def run(options: Options, tell: Tell) -> dict[str, Any]:
+    """All cases, the summary, and the picture."""
+    jobs = {task: episodes_of(task, options) for task in options.tasks}
+    together = [job for of_task in jobs.values() for job in of_task]
+    found = run_episodes(CaseLog(options.out), together, options.processes, tell)
+    summary: dict[str, Any] = {}
+    versus: dict[str, Any] = {}
+    for task, of_task in jobs.items():
+        names = list(dict.fromkeys(job.name for job in of_task))
+        by_name = {n: [c for c in found if (c["task"], c["condition"]) == (task, n)] for n in names}
+        summary[task] = {name: rates(some) for name, some in by_name.items()}
+        versus[task] = {n: compared(by_name[names[0]], by_name[n]) for n in names[1:]}
+    write_bars(summary, "In a world that differs from the model", options.out / "fig8d.png")
+    residuals = {task: of_task[0].residual for task, of_task in jobs.items()}
+    return {
+        "count": options.count or COUNT,
+        "tasks": summary,
+        "first_against": versus,
+        "residual_sha256": {task: sha256_of(file) if file else "" for task, file in residuals.items()},
+    }
+
+
+def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
+    """Episodes of a task, condition by condition; those with a residual only where there is one."""
+    file = shipped(task, "residual_actor")
+    if options.weights is not None:
+        file = options.weights / file.name
+    residual = file if file.is_file() else None
+    return [
+        EpisodeJob(
+            key=f"{task}/{name}/{seed}",
+            task=task,
+            name=name,
+            condition=condition,
+            seed=seed,
+            differs=True,
+            weights=options.weights,
+            residual=residual,
+        )
+        for name, condition in ABLATIONS.items()
+        if residual is not None or not condition.residual
+        for seed in range(options.seed, options.seed + (options.count or COUNT))
+    ]
+
+
+EXPERIMENT = Experiment("fig8d", "ablations in a world that differs from the model", tuple(TASKS), run)

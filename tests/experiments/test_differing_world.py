@@ -1,0 +1,70 @@
+"""The world that differs: its arm gives way and loses small displacements, its images look otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from samrl_core.errors import InputError
+from samrl_core.experiments.differing_world import differing_cell, differing_world
+from samrl_core.experiments.world_plant import WorldPlant
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+from samrl_core.types.observation import Observation
+from samrl_core.world.pybullet_world import PyBulletWorld
+from samrl_core.world.settings import WorldSettings
+from samrl_core.world.world import SimulatedWorld
+
+TASK, CELL = task_named("peg_insertion"), default_cell()
+
+
+def moved(world: SimulatedWorld) -> tuple[np.ndarray, list[float], Observation]:
+    """How far the tip goes by itself (3,), in y when sent 1 mm to and fro [m], and an image."""
+    plant = WorldPlant(world, TASK, CELL)
+    plant.begin(3)
+    start = plant.tip()
+    image = plant.observe()
+    by_itself = plant.tip() - start
+    ways = []
+    for way in (1e-3, 1e-3, -1e-3, -1e-3):
+        before = plant.tip()
+        plant.displace_tool(np.array([0.0, way, 0.0]))
+        plant.observe()
+        ways.append(float((plant.tip() - before)[1] / way))
+    world.close()
+    return by_itself, ways, image
+
+
+def test_what_differs() -> None:
+    """The nominal world does as it is told; this one gives way, and a turn back is mostly lost."""
+    still, exact, clean = moved(PyBulletWorld(TASK, CELL))
+    sunk, lost, image = moved(differing_world(TASK, CELL))
+    assert np.abs(still).max() < 1e-4
+    assert -10e-3 < sunk[2] < -1e-3
+    np.testing.assert_allclose(exact, 1.0, atol=0.1)
+    assert lost[2] < 0.6  # the turn back
+    assert all(-0.2 < way < 1.2 for way in lost)
+
+    height = [o.camera.unproject(o.frame.depth)[..., 2] for o in (clean, image)]
+    table = [h[(o.frame.mask == 0) & np.isfinite(h)] for h, o in zip(height, (clean, image), strict=True)]
+    spread = [float(np.std(t[np.abs(t) < 0.02])) for t in table]
+    assert spread[1] > 2.0 * spread[0] > 0.0
+    both = (clean.frame.mask == 1) & (image.frame.mask == 1)
+    assert both.sum() > 500
+    brighter = image.frame.color[both].astype(float).mean() - clean.frame.color[both].astype(float).mean()
+    assert abs(brighter) > 5.0
+
+
+def test_what_is_known_of_the_cell_stays_nominal() -> None:
+    """Only the controller of the tool arm is another, and `cell` itself is left alone."""
+    found = differing_cell(CELL)
+    assert (found.tool_arm.controller.stiffness < CELL.tool_arm.controller.stiffness).all()
+    same = replace(found, tool_arm=replace(found.tool_arm, controller=CELL.tool_arm.controller))
+    assert all(getattr(same, k) is getattr(CELL, k) for k in vars(CELL) if k != "tool_arm")
+
+
+def test_friction_is_a_share() -> None:
+    with pytest.raises(InputError, match="joint_friction is 1.0"):
+        WorldSettings(joint_friction=1.0)

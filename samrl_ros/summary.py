@@ -38,16 +38,6 @@ def samrl_version() -> str:
         return "source"
 
 
-def wilson(successes: int, n: int, z: float = 1.959964) -> tuple[float, float]:
-    """Wilson score interval of a rate (Wilson 1927), 95 % by default; (0, 1) without cases."""
-    if n == 0:
-        return (0.0, 1.0)
-    p = successes / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
-    return (max(0.0, centre - half), min(1.0, centre + half))
-
-
 def summarise(
     folder: Path,
     task: Task,
@@ -79,7 +69,7 @@ def summarise(
         error, messages, timing = f"{error}; no figures: {unreadable}", {}, _timing_of([], [], [])
     truth_file = folder / "evaluation" / "truth.jsonl"
     truth = read_truth(truth_file) if truth_file.is_file() else {}
-    episodes = [
+    episodes: list[dict[str, Any]] = [
         _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
         | {"marks": [[round(s, 4), what] for s, what in marks.get(number, [])]}
         for number, topics in sorted(messages.items())

@@ -17,6 +17,7 @@ import numpy as np
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
+from samrl_core.types.share import wilson
 from samrl_core.whole_file import write_whole
 from samrl_core.world.evaluation import ending_of, read_truth
 from samrl_ros.bags.reader import open_bag

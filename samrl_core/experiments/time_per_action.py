@@ -155,6 +155,8 @@ def write_picture(path: Path, found: dict[str, Any], shown: list[ActionTime]) ->
         left.bar(range(1, len(shown) + 1), values, 0.85, bottom=base, color=colors[part], label=_WORDS[part])
         base += values
     left.axhline(2.0, color="0.3", linewidth=0.8, linestyle=":")
+    left.set_xlim(0.3, len(shown) + 0.7)
+    left.annotate("2 s", (0.3, 2.0), (2, 2), textcoords="offset points", fontsize=8, color="0.3")
     left.set(xlabel="action of the first episode", ylabel="wall time [s]")
     left.set_ylim(0.0, max(2.2, 1.3 * float(base.max())))
     left.legend(fontsize=8, ncols=3, loc="upper right")
@@ -168,13 +170,13 @@ def write_picture(path: Path, found: dict[str, Any], shown: list[ActionTime]) ->
     names = [*PARTS, "whole"]
     rows = [*(found["parts_s"][part] for part in PARTS), found["whole_s"]]
     at = np.arange(len(names))
-    right.barh(at, [row["median"] for row in rows], color=[*colors.values(), "black"])
+    right.barh(at, [row["mean"] for row in rows], color=[*colors.values(), "black"])
     for k, row in enumerate(rows):
-        right.plot([row["median"], row["q95"]], [k, k], color="0.2", linewidth=1)
+        right.plot([row["mean"], row["q95"]], [k, k], color="0.2", linewidth=1)
         right.plot(row["q95"], k, "|", color="0.2")
         right.annotate(
-            f"{row['median']:.2f} ({row['q95']:.2f}) s",
-            (max(row["q95"], row["median"]), k),
+            f"{row['mean']:.2f} | {row['median']:.2f} | {row['q95']:.2f}",
+            (max(row["q95"], row["mean"]), k),
             (4, 0),
             textcoords="offset points",
             va="center",
@@ -183,8 +185,8 @@ def write_picture(path: Path, found: dict[str, Any], shown: list[ActionTime]) ->
     right.axvline(2.0, color="0.3", linewidth=0.8, linestyle=":")
     right.set_yticks(at, [*(_WORDS[part] for part in PARTS), "whole action"], fontsize=8)
     right.invert_yaxis()
-    right.set_xlim(0.0, 1.35 * max(2.0, *(row["q95"] for row in rows)))
-    right.set_xlabel("wall time [s]: median (95 %)")
+    right.set_xlim(0.0, 1.5 * max(2.0, *(row["q95"] for row in rows)))
+    right.set_xlabel("wall time [s]: mean | median | 95 %")
     right.spines[["top", "right"]].set_visible(False)
     left.spines[["top", "right"]].set_visible(False)
     fig.savefig(path)

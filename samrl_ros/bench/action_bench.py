@@ -19,11 +19,11 @@ def bench_actions(run: Path) -> int:
         InputError: the folder holds no run with times.
     """
     found = time_per_action(run)
-    table = Table("wall time [s]", "median", "95 %", "max", "share", box=None)
+    table = Table("wall time [s]", "mean", "median", "95 %", "max", "share", box=None)
     for part in PARTS:
         share = f"{100 * found['share_of_time'][part]:.0f} %"
         table.add_row(part, *_cells(found["parts_s"][part]), share)
-    table.add_row("whole", *_cells(found["whole_s"]), "")
+    table.add_row("whole", *_cells(found["whole_s"]), "100 %")
     for name, key in (("with a new view", "with_a_new_view_s"), ("without", "without_s")):
         if found[key]["n"]:
             table.add_row(f"{name} ({found[key]['n']})", *_cells(found[key]), "")
@@ -35,4 +35,4 @@ def bench_actions(run: Path) -> int:
 
 
 def _cells(figures: dict[str, Any]) -> list[str]:
-    return [f"{figures[key]:.2f}" for key in ("median", "q95", "max")]
+    return [f"{figures[key]:.2f}" for key in ("mean", "median", "q95", "max")]

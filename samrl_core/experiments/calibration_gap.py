@@ -3,20 +3,20 @@
 The world that differs is one that Algorithm 1 without a residual may well succeed in, for it is closed over
 the images. So the camera arm's base is moved off from where the calibration has it, step by step along one
 way, with nobody told; all that the camera shows is then off by as much, from every view alike. What is taken
-is the smallest error at which the zero residual succeeds in at most a share of episodes. It is chosen before
-anything is trained, on scenes of its own.
+is the smallest error at which the zero residual succeeds in at most a share of episodes; where none of those
+tried is large enough, the largest. It is chosen before anything is trained, on scenes of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from samrl_core.experiments.experiment import Case, CaseLog, Tell, run_cases
-from samrl_core.experiments.residual_episodes import Order, Place, play
+from samrl_core.experiments.experiment import Case, CaseLog, Tell
+from samrl_core.experiments.residual_episodes import Order, Place, Play, Played
 from samrl_core.types.share import Share
 
 LADDER = (0.0, 0.002, 0.003, 0.004, 0.005, 0.006, 0.008)  # lengths of the error [m]
@@ -27,49 +27,34 @@ AT_MOST = 0.6  # success of the zero residual
 _GAP = 3  # first of what these scenes' seeds are made of; 1 and 2 are a run's
 
 
-@dataclass(frozen=True)
-class _Job:
-    place: Place
-    length: float
-    key: str
-    seed: int
-
-
-def gaps(log: CaseLog, places: Sequence[Place], workers: int, tell: Tell) -> dict[str, dict[str, Any]]:
+def gaps(log: CaseLog, places: Sequence[Place], play: Play, tell: Tell) -> dict[str, dict[str, Any]]:
     """For each place's task the error that is taken, and what it was chosen by.
 
+    Args:
+        log: keeps each episode as a case; known ones are not played again.
+        places: one per task, without an error.
+        play: plays episodes.
+        tell: hears what was taken.
+
     Returns:
-        By task: "length" [m], "offset" (3,) in world [m], and per length of the ladder the "success".
+        By task: "length" [m], "offset" (3,) in world [m], and the "success" per length that was tried.
     """
-    jobs = [
-        _Job(
-            replace(place, offset=offset_of(length)),
-            length,
-            f"gap/{place.task}/{1e3 * length:g}mm/{k}",
-            int(np.random.SeedSequence([_GAP, k]).generate_state(1)[0] >> 1),
-        )
-        for place in places
-        for length in LADDER
-        for k in range(EPISODES)
-    ]
-    cases = run_cases(log, _episode, [((job.key,), job) for job in jobs], workers, tell)
-    found: dict[str, dict[str, Any]] = {}
-    for place in places:
-        mine = [c for c in cases if c["task"] == place.task]
-        success = {n: Share.of([c["success"] for c in mine if c["length"] == n]) for n in LADDER}
-        length = chosen({n: share.value or 0.0 for n, share in success.items()})
-        found[place.task] = {
-            "length": length,
-            "offset": list(offset_of(length)),
-            "success": {f"{1e3 * n:g} mm": share.as_dict() for n, share in success.items()},
-        }
-        tell(f"{place.task}: calibration off by {1e3 * length:g} mm, zero residual {success[length].value}")
+    found: dict[str, dict[str, Any]] = {place.task: {"success": {}} for place in places}
+    for length in LADDER:
+        open_ = [place for place in places if "length" not in found[place.task]]
+        wanted = [(place, k) for place in open_ for k in range(EPISODES)]
+        left = [(place, k) for place, k in wanted if _key(place, length, k) not in log.cases]
+        for (place, k), played in zip(left, play([_order(*one, length) for one in left]), strict=True):
+            log.keep(_case(place, length, k, played))
+        for place in open_:
+            cases = [log.cases[_key(place, length, k)] for k in range(EPISODES)]
+            share = Share.of([case["success"] for case in cases])
+            entry = found[place.task]
+            entry["success"][f"{1e3 * length:g} mm"] = share.as_dict()
+            if (share.value or 0.0) <= AT_MOST or length == LADDER[-1]:
+                entry |= {"length": length, "offset": list(offset_of(length))}
+                tell(f"{place.task}: calibration off by {1e3 * length:g} mm, zero residual {share.value}")
     return found
-
-
-def chosen(success: dict[float, float]) -> float:
-    """The smallest length with a success of at most `AT_MOST`; where there is none, the largest."""
-    return min((n for n, rate in success.items() if rate <= AT_MOST), default=max(success))
 
 
 def offset_of(length: float) -> tuple[float, float, float]:
@@ -78,17 +63,23 @@ def offset_of(length: float) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _episode(job: _Job) -> list[Case]:
-    played = play(Order(job.place, job.seed, 0, {}, 0.003))
-    return [
-        {
-            "key": job.key,
-            "task": job.place.task,
-            "length": job.length,
-            "success": played.success,
-            "detected": played.ended == "done",
-            "actions": len(played.steps),
-            "final_error": played.final_error,
-            "why": played.why,
-        }
-    ]
+def _key(place: Place, length: float, number: int) -> str:
+    return f"gap/{place.task}/{1e3 * length:g}mm/{number}"
+
+
+def _order(place: Place, number: int, length: float) -> Order:
+    seed = int(np.random.SeedSequence([_GAP, number]).generate_state(1)[0] >> 1)
+    return Order(replace(place, offset=offset_of(length)), seed, place.max_actions, {}, 0.003)
+
+
+def _case(place: Place, length: float, number: int, played: Played) -> Case:
+    return {
+        "key": _key(place, length, number),
+        "task": place.task,
+        "length": length,
+        "success": played.success,
+        "detected": played.ended == "done",
+        "actions": len(played.steps),
+        "final_error": played.final_error,
+        "why": played.why,
+    }

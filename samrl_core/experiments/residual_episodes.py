@@ -30,6 +30,9 @@ from samrl_core.tasks import task_named
 from samrl_core.types.observation import Observation
 from samrl_core.world.evaluation import judged_now
 
+# ASSUMPTION: of the task's actions; one that goes well takes about half of them. More real steps would go
+# into what is stuck, and success within fewer actions is never more than within all.
+SHARE_OF_ACTIONS = 0.4
 ENDS = {"done": End.SUCCESS, "action_limit": End.FAILURE}  # what else ends an episode tells nothing
 
 
@@ -42,6 +45,11 @@ class Place:
     weights: Path | None  # folder of trained networks, None: the package's
     offset: tuple[float, float, float]  # of the camera arm's base from where calibration has it, in world [m]
 
+    @property
+    def max_actions(self) -> int:
+        """Of an episode here."""
+        return round(SHARE_OF_ACTIONS * task_named(self.task).max_actions)
+
 
 @dataclass(frozen=True, eq=False)
 class Order:
@@ -49,7 +57,7 @@ class Order:
 
     place: Place
     seed: int  # of the scene and the sensors
-    max_actions: int  # 0: the task's
+    max_actions: int
     residual: dict[str, np.ndarray]  # weights of the actor by name; empty is the zero residual
     limit: float  # of the residual [m]
     exploration: float = 0.0  # standard deviation per axis [m]
@@ -102,9 +110,7 @@ class Stage:
         steps: tuple[Step, ...] = ()
         ended, why = "error", ""
         try:
-            episode = run_episode(
-                self._agent, plant, LoopSettings(order.max_actions or self._task.max_actions)
-            )
+            episode = run_episode(self._agent, plant, LoopSettings(order.max_actions))
             steps, ended = self._steps(episode), episode.ended
         except SamrlError as error:
             why = str(error)

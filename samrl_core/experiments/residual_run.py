@@ -19,8 +19,9 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learn.replay import End, Replay, ReplayInfo
-from samrl_core.learn.residual import Figures, ResidualLearner, ResidualSettings
-from samrl_core.learn.transitions import draw_batch, transitions_of
+from samrl_core.learn.residual import ResidualLearner, ResidualSettings
+from samrl_core.learn.step_images import StepImages
+from samrl_core.learn.transitions import transitions_of
 from samrl_core.learn.weights import WeightsInfo, save_weights
 from samrl_core.robots.robot import CellSpec
 
@@ -44,9 +45,7 @@ class RunSettings:
     exploration: float = 0.0015  # standard deviation per axis of what is tried [m]
     memory: float = 0.9  # of the exploration from action to action
     evaluated: int = 20  # episodes per evaluation
-    max_actions: int = (
-        40  # of a training's episode: a nominal one takes about half; evaluation has the task's
-    )
+    max_actions: int = 40  # of an episode
 
     def __post_init__(self) -> None:
         if not self.points or list(self.points) != sorted(set(self.points)) or self.points[0] < 0:
@@ -94,16 +93,16 @@ class ResidualRun:
         device: str = "cpu",
     ) -> None:
         self._folder, self._place, self._cell, self._seed = folder, place, cell, seed
-        self._settings, self._play, self._device = settings, play, device
+        self._settings, self._play = settings, play
         self._learner = ResidualLearner(settings.learner, seed, device)
         # No step is ever written over: the longest run's last round may go beyond its last point.
         capacity = settings.points[-1] + settings.episodes * settings.max_actions
         self._replay = Replay.write(folder / "replay.bin", ReplayInfo(place.task, cell.intrinsics, capacity))
-        self._figures: Figures | None = None
         about = {"place": asdict(place), "seed": seed, "settings": asdict(settings)}
         self._about = {name: _plain(value) for name, value in about.items()}
         self._episodes = 0
         self._resume()
+        self._images = StepImages(self._replay, cell, device)
 
     @property
     def steps(self) -> int:
@@ -126,7 +125,7 @@ class ResidualRun:
     def evaluate(self) -> Evaluated:
         """Episodes of this run's own scenes, the same ones at every point."""
         s = self._settings
-        plain = [self._order(_EVALUATION, k, 0) for k in range(s.evaluated)]
+        plain = [self._order(_EVALUATION, k) for k in range(s.evaluated)]
         played = self._play([replace(order, exploration=0.0) for order in plain])
         lengths = [np.linalg.norm(step.residual) for one in played for step in one.steps]
         return Evaluated(
@@ -154,7 +153,7 @@ class ResidualRun:
     def _round(self) -> None:
         s = self._settings
         first = self._episodes
-        played = self._play([self._order(_TRAINING, first + k, s.max_actions) for k in range(s.episodes)])
+        played = self._play([self._order(_TRAINING, first + k) for k in range(s.episodes)])
         for number, one in enumerate(played, first):
             self._store(number, one)
         self._episodes += s.episodes
@@ -162,14 +161,14 @@ class ResidualRun:
         self._train()
         self._save()
 
-    def _order(self, kind: int, number: int, max_actions: int) -> Order:
+    def _order(self, kind: int, number: int) -> Order:
         s = self._settings
         state = {} if not self._learner.updates else self._learner.actor.state_dict()
         scene, noise = np.random.SeedSequence([kind, self._seed, number]).generate_state(2) >> 1
         return Order(
             self._place,
             int(scene),
-            max_actions,
+            s.max_actions,
             {name: value.cpu().numpy() for name, value in state.items()},
             s.learner.limit,
             s.exploration,
@@ -188,11 +187,9 @@ class ResidualRun:
         s, learner = self._settings, self._learner
         transitions = transitions_of(self._replay, s.learner.n_step, s.learner.gamma)
         allowed = s.updates_per_step * (self.steps - s.first_steps)
+        self._images.take_in()
         while len(transitions) and learner.updates < allowed:
-            batch = draw_batch(
-                self._replay, transitions, self._cell, s.learner.batch, learner.generator, self._device
-            )
-            self._figures = learner.update(batch)
+            learner.update(self._images.batch(transitions, s.learner.batch, learner.generator))
 
     @property
     def _checkpoint(self) -> Path:

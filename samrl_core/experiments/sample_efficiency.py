@@ -13,10 +13,10 @@ Episodes of all runs share the worker processes; the learners are threads of thi
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from contextlib import ExitStack
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -50,23 +50,27 @@ def policy_for(task: str, weights: Path | None) -> str:
 
 
 def run(options: Options, tell: Tell) -> dict[str, Any]:
-    """All runs side by side; see the module."""
-    budget = options.count or BUDGET
-    settings = RunSettings(points_up_to(budget))
+    """The gap, then all runs side by side; see the module."""
+    points = points_up_to(options.count or BUDGET)
     log = CaseLog(options.out)
     calibrated = [
         Place(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0)) for t in options.tasks
     ]
     for place in calibrated:
         tell(f"{place.task}: nominal actions are {place.policy}")
-    found = gaps(log, calibrated, options.processes, tell)
-    places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
-    jobs = [(place, options.seed + k) for k in range(SEEDS) for place in places]
-    left = [(p, s) for p, s in jobs if any(_key(p, s, n) not in log.cases for n in settings.points)]
-    _run_all(left, settings, options, log, tell)
-    cases = [log.cases[_key(place, seed, n)] for place, seed in jobs for n in settings.points]
+    with _player(options) as player:
+        found = gaps(log, calibrated, player, tell)
+        places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
+        jobs = [
+            _Job(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
+            for k in range(SEEDS)
+            for place in places
+        ]
+        left = [job for job in jobs if any(job.key(n) not in log.cases for n in points)]
+        _run_all(left, options, log, player, tell)
+    cases = [log.cases[job.key(n)] for job in jobs for n in points]
     summary = {
-        "settings": asdict(settings),
+        "settings": asdict(jobs[0].settings),
         "gap": found,
         "tasks": {t: summary_of([c for c in cases if c["task"] == t]) for t in options.tasks},
         "cases": cases,
@@ -75,9 +79,39 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
     return summary
 
 
-def _run_all(
-    jobs: Sequence[tuple[Place, int]], settings: RunSettings, options: Options, log: CaseLog, tell: Tell
-) -> None:
+@dataclass(frozen=True)
+class _Job:
+    """One training."""
+
+    place: Place
+    seed: int
+    settings: RunSettings
+
+    def key(self, point: int) -> str:
+        return f"{self.place.task}/{self.seed}/{point}"
+
+
+@contextmanager
+def _player(options: Options) -> Iterator[Play]:
+    """Plays episodes in as many processes as there shall be, or here."""
+    if options.processes == 1:
+        yield _here
+        return
+    # A worker ends with the thread that started it, so one that outlives all of them starts them.
+    with ThreadPoolExecutor(1) as starter, worker_pool(options.processes) as pool:
+
+        def spread(orders: Sequence[Order]) -> list[Played]:
+            futures = starter.submit(lambda: [pool.submit(play, order) for order in orders]).result()
+            return [future.result() for future in futures]
+
+        yield spread
+
+
+def _here(orders: Sequence[Order]) -> list[Played]:
+    return [play(order) for order in orders]
+
+
+def _run_all(jobs: Sequence[_Job], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
     if not jobs:
         return
     lock, stop = threading.Lock(), threading.Event()
@@ -89,23 +123,15 @@ def _run_all(
             tell(f"{case['key']}: success {rate:.2f} after {case['steps']} real steps")
 
     torch.set_num_threads(max(1, options.processes // len(jobs)))
-    with ExitStack() as stack:
-        player: Play = _here
-        if options.processes > 1:
-            # A worker ends with the thread that started it, so one that outlives the runs starts them all.
-            starter = stack.enter_context(ThreadPoolExecutor(1))
-            player = _spread(stack.enter_context(worker_pool(options.processes)), starter)
-        threads = stack.enter_context(ThreadPoolExecutor(len(jobs)))
-        stack.callback(stop.set)  # before the threads are waited for: they end with their round
-        runs = [threads.submit(_one, *job, settings, options, log, player, keep, stop) for job in jobs]
+    with ThreadPoolExecutor(len(jobs)) as threads, ExitStack() as last:
+        last.callback(stop.set)  # before the threads are waited for: they end with their round
+        runs = [threads.submit(_one, job, options, log, player, keep, stop) for job in jobs]
         for one in as_completed(runs):
             one.result()
 
 
 def _one(
-    place: Place,
-    seed: int,
-    settings: RunSettings,
+    job: _Job,
     options: Options,
     log: CaseLog,
     player: Play,
@@ -113,45 +139,29 @@ def _one(
     stop: threading.Event,
 ) -> None:
     """One training from where it was left."""
-    folder = options.out / "runs" / f"{place.task}-{seed}"
-    residual = ResidualRun(folder, place, default_cell(), seed, settings, player, options.device)
+    task, points = job.place.task, job.settings.points
+    folder = options.out / "runs" / f"{task}-{job.seed}"
+    residual = ResidualRun(folder, job.place, default_cell(), job.seed, job.settings, player, options.device)
     try:
-        for point in settings.points:
+        for point in points:
             residual.advance(point, lambda: not stop.is_set())
             if stop.is_set():
                 return
-            if _key(place, seed, point) not in log.cases:
-                case = _case(place, seed, point, residual.evaluate())
-                name = shipped(place.task, "residual_actor").name
-                rate = case["successes"] / case["evaluated"]
-                residual.save_weights(options.out / "weights" / f"seed_{seed}" / name, {"success": rate})
+            if job.key(point) not in log.cases:
+                case = _case(job, point, residual.evaluate())
+                file = options.out / "weights" / f"seed_{job.seed}" / shipped(task, "residual_actor").name
+                residual.save_weights(file, {"success": case["successes"] / case["evaluated"]})
                 keep(case)
     finally:
         residual.close()
 
 
-def _here(orders: Sequence[Order]) -> list[Played]:
-    return [play(order) for order in orders]
-
-
-def _spread(pool: Executor, starter: Executor) -> Play:
-    def played(orders: Sequence[Order]) -> list[Played]:
-        futures = starter.submit(lambda: [pool.submit(play, order) for order in orders]).result()
-        return [future.result() for future in futures]
-
-    return played
-
-
-def _key(place: Place, seed: int, point: int) -> str:
-    return f"{place.task}/{seed}/{point}"
-
-
-def _case(place: Place, seed: int, point: int, found: Evaluated) -> Case:
+def _case(job: _Job, point: int, found: Evaluated) -> Case:
     return {
-        "key": _key(place, seed, point),
-        "task": place.task,
-        "policy": place.policy,
-        "seed": seed,
+        "key": job.key(point),
+        "task": job.place.task,
+        "policy": job.place.policy,
+        "seed": job.seed,
         "point": point,
         "steps": found.steps,
         "episodes": found.episodes,

@@ -168,10 +168,12 @@ class ResidualLearner:
         if pad == 0:
             return images
         height, width = images.shape[-2:]
-        padded = functional.pad(images, (pad, pad, pad, pad))
-        offsets = torch.randint(2 * pad + 1, (len(images), 2), generator=self.generator).tolist()
-        moved = zip(padded, offsets, strict=True)
-        return torch.stack([p[:, v : v + height, u : u + width] for p, (v, u) in moved])
+        padded = functional.pad(images, (pad, pad, pad, pad)).movedim(1, -1)  # (B, H, W, 6)
+        offsets = torch.randint(2 * pad + 1, (len(images), 2), generator=self.generator).to(self.device)
+        rows = offsets[:, :1] + torch.arange(height, device=self.device)  # (B, H)
+        columns = offsets[:, 1:] + torch.arange(width, device=self.device)
+        which = torch.arange(len(images), device=self.device)[:, None, None]
+        return padded[which, rows[:, :, None], columns[:, None, :]].movedim(-1, 1).contiguous()
 
     def _follow(self, slow: nn.Module, fast: nn.Module) -> None:
         with torch.no_grad():

@@ -30,7 +30,7 @@ SETTINGS = RunSettings(
 
 
 class FakeCell:
-    """Episodes of up to two actions in the toy's world."""
+    """Episodes of a few actions in the toy's world."""
 
     def __init__(self) -> None:
         self.orders: list[Order] = []
@@ -49,7 +49,7 @@ class FakeCell:
         if order.residual:
             actor.load_state_dict({k: torch.from_numpy(v) for k, v in order.residual.items()})
         steps, good = [], False
-        for index in range(order.max_actions or 2):
+        for index in range(order.max_actions):
             state, error = toy_cell.draw_state(rng, 0)
             chosen = toy_cell.chosen_residual(actor, state)
             residual = shortened(chosen + noise.next(), order.limit)
@@ -74,7 +74,7 @@ def test_a_run_collects_trains_and_counts(tmp_path: Path) -> None:
     before = one.evaluate()
     assert before.steps == before.updates == before.episodes == 0 and before.residual == 0.0
     assert len(before.successes) == 3 and not any(order.residual for order in play.orders)
-    assert {order.exploration for order in play.orders} == {0.0} and play.orders[0].max_actions == 0
+    assert {order.exploration for order in play.orders} == {0.0} and play.orders[0].max_actions == 3
     one.advance(12)
     after = one.evaluate()
     assert after.steps == one.steps >= 12 and after.updates == int(np.ceil(0.3 * (one.steps - 5)))
@@ -149,19 +149,24 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
 
     cells: list[FakeCell] = []
 
+    nominal: list[Order] = []
+
     def here(orders: Sequence[Order]) -> list[Played]:
+        if len(orders) == calibration_gap.EPISODES:  # of the search for the gap
+            nominal.extend(orders)
+            return [Played((), "done", "", o.place.offset[0] < 0.48 * 0.0045, 0.0) for o in orders]
         cells[-1].orders += orders
         return [cells[-1].play(order) for order in orders]
 
+    def settings(points: tuple[int, ...], max_actions: int) -> RunSettings:
+        assert max_actions == 40  # of a task with 100
+        return replace(SETTINGS, points=points)
+
     monkeypatch.setattr(sample_efficiency, "default_cell", lambda: SMALL)
     monkeypatch.setattr(sample_efficiency, "_here", here)
-    monkeypatch.setattr(sample_efficiency, "RunSettings", lambda points: replace(SETTINGS, points=points))
+    monkeypatch.setattr(sample_efficiency, "RunSettings", settings)
     monkeypatch.setattr(sample_efficiency, "POINTS", (0, 6))
 
-    def nominal(order: Order) -> Played:
-        return Played((), "done", "", order.place.offset[0] < 0.48 * 0.0045, 0.0)
-
-    monkeypatch.setattr(calibration_gap, "play", nominal)
     told: list[str] = []
     results = []
     for _ in range(2):
@@ -176,13 +181,31 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
     assert (tmp_path / "sample_efficiency.png").stat().st_size > 1000
     assert len(list((tmp_path / "weights").rglob("peg_insertion_residual_actor.safetensors"))) == 3
     assert found["gap"]["peg_insertion"]["length"] == 0.005
+    # No larger error was tried, and the scenes are the same at each.
+    assert len(nominal) == 5 * calibration_gap.EPISODES
+    assert len({o.seed for o in nominal}) == calibration_gap.EPISODES
     assert {order.place.offset for order in cells[0].orders} == {calibration_gap.offset_of(0.005)}
     assert sum("real steps" in line for line in told) == 9
 
 
-def test_the_gap_is_the_smallest_at_which_nominal_actions_fail() -> None:
-    from samrl_core.experiments.calibration_gap import AT_MOST, chosen
+@pytest.mark.parametrize(("fails_from", "taken"), [(0.004, 0.004), (0.0, 0.0), (1.0, 0.008)])
+def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
+    tmp_path: Path, fails_from: float, taken: float
+) -> None:
+    """None where they fail without, and the largest where they never do."""
+    from samrl_core.experiments.calibration_gap import EPISODES, LADDER, gaps, offset_of
+    from samrl_core.experiments.experiment import CaseLog
 
-    assert chosen({0.0: 1.0, 0.002: AT_MOST + 0.01, 0.004: AT_MOST, 0.006: 0.0}) == 0.004
-    assert chosen({0.0: 0.2, 0.002: 0.0}) == 0.0  # it fails without an error: none is added
-    assert chosen({0.0: 1.0, 0.002: 0.9}) == 0.002  # none is large enough: the largest is taken
+    place = Place("peg_insertion", "optimised", None, (0.0, 0.0, 0.0))
+    orders: list[Order] = []
+
+    def play(some: Sequence[Order]) -> list[Played]:
+        orders.extend(some)
+        good = [np.linalg.norm(order.place.offset) < fails_from - 1e-9 for order in some]
+        return [Played((), "done", "", bool(one), 0.0) for one in good]
+
+    for _ in range(2):
+        found = gaps(CaseLog(tmp_path), [place], play, lambda text: None)["peg_insertion"]
+        assert found["length"] == taken and tuple(found["offset"]) == offset_of(taken)
+    tried = [n for n in LADDER if n <= taken]
+    assert len(found["success"]) == len(tried) and len(orders) == len(tried) * EPISODES  # once

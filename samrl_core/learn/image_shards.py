@@ -93,7 +93,7 @@ def _shard(
     which = np.arange(first, first + size) % len(scenes)
     rng, region = info.rng(shard), renderer.model.task.view_region()
     views = draw_views(region, rng, size, settings.views) if scenes.view is None else scenes.view[which]
-    looks = settings.looks.draw(renderer.model, rng, size)
+    looks = settings.looks.sample(renderer.model, rng, size)
     colors, depths = [], []
     for start in range(0, size, renderer.chunk):
         few = slice(start, start + renderer.chunk)

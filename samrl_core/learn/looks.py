@@ -18,7 +18,7 @@ from samrl_core.model.model import Model
 class LookSource(Protocol):
     """Where looks are drawn from."""
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """So many looks of the model; the same ones for the same generator."""
         ...
 
@@ -44,7 +44,7 @@ class LookSettings:
             if not value >= 0.0:
                 raise InputError(f"{name} is {value}, must be at least 0")
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """See `LookSource`."""
         return draw_looks(model, rng, count, self)
 

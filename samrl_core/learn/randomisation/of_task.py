@@ -130,9 +130,9 @@ class DrawnLooks:
 
     distribution: ParameterDistribution
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """See `LookSource`."""
-        points = self.distribution.draw(rng, count)
+        points = self.distribution.sample(rng, count)
         return looks_at(model, rng, look_points(model, self.distribution.space, points))
 
     def record(self) -> dict[str, Any]:
@@ -147,7 +147,7 @@ class LooksAt:
     space: Space
     points: np.ndarray  # (N, P)
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """See `LookSource`.
 
         Raises:

@@ -183,7 +183,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
 
     task, out = task_named(options.task), options.out
     try:
-        summary = summarise(out, task, options.as_dict(), watch.wall_time_s, trouble)
+        summary = summarise(out, task, options.as_dict(), watch.wall_time_s, watch.marks, trouble)
     except InputError as error:
         console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return

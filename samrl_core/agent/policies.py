@@ -13,4 +13,4 @@ ACTOR_IMAGES = ("rendered", "real")  # what the actor reads: the updated model's
 # The strategy that goes with a policy unless another one is asked for.
 STRATEGY_OF = {"learned": "q", "optimised": "best"}
 
-DEFAULT_POLICY = "optimised"  # needs no trained weights
+DEFAULT_POLICY = "learned"  # with the networks of the package

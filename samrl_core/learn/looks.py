@@ -5,8 +5,8 @@ At run time Real2Sim fits the colours of what it tracks; an actor must not depen
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -20,10 +20,6 @@ class LookSource(Protocol):
 
     def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """So many looks of the model; the same ones for the same generator."""
-        ...
-
-    def record(self) -> dict[str, Any]:
-        """Plain values for JSON, which the looks follow from."""
         ...
 
 
@@ -47,10 +43,6 @@ class LookSettings:
     def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """See `LookSource`."""
         return draw_looks(model, rng, count, self)
-
-    def record(self) -> dict[str, Any]:
-        """See `LookSource`."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)

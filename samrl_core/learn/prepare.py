@@ -81,7 +81,7 @@ def load_states(folder: Path, task: str) -> StateSamples:
     """All states of a finished data set.
 
     Raises:
-        InputError: there is none, or it is unfinished, damaged, or of another task or cell.
+        InputError: there is none, or it is unfinished, damaged, or of another task.
     """
     data = ShardFolder.open(folder, "states", task)
     return StateSamples.joined([StateSamples.from_arrays(arrays) for arrays in data.read_all()])

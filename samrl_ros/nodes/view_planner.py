@@ -64,6 +64,12 @@ class ViewPlannerSettings:
     exploration_limit: float = setting(
         0.003, "longest residual tried before the trainer has one; as its `limit`", "m", (1e-4, 0.02)
     )
+    exploration_memory: float = setting(
+        0.9, "correlation of what is added to an action and to the next one", range=(0.0, 1.0)
+    )
+    task_action_limit: float = setting(
+        0.02, "longest displacement, residual included; not above manipulator's", "m", (1e-3, 0.2)
+    )
     max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
 
 
@@ -88,7 +94,9 @@ class ViewPlannerNode(Behaviour):
             actor_image=settings.actor_image,
             seed=settings.seed,
             exploration=settings.exploration,
+            exploration_memory=settings.exploration_memory,
             exploration_limit=settings.exploration_limit,
+            longest=settings.task_action_limit,
             plan=TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1),
         )
         folder = Path(settings.weights) if settings.weights else None
@@ -103,6 +111,7 @@ class ViewPlannerNode(Behaviour):
         self._request: Any = None
         self._moves = 0
         self._residual_version = 0
+        self._collected = -1  # steps in the trainer's replay when it first announced its weights
 
     def start(self) -> None:
         """See `Behaviour`: reachable views and compiled physics are there before the first request."""
@@ -114,6 +123,7 @@ class ViewPlannerNode(Behaviour):
         if topic == WEIGHTS:
             self._on_weights(message)
         elif topic == READY:
+            self._acting.begin()
             self._state = self._request = None
             self._observations, self._wanted_more = [], 0
         elif topic == STATE:
@@ -151,6 +161,9 @@ class ViewPlannerNode(Behaviour):
 
     def _on_weights(self, message: Any) -> None:
         announced = from_message.announced_weights(message.data)
+        if self._collected < 0:  # the first one of this run
+            self._collected = announced.steps
+            self._acting.explore_from(announced.steps)
         if announced.version == 0:
             self._acting.residual = None
         else:

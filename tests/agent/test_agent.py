@@ -208,6 +208,36 @@ def test_exploration_is_seeded_and_bounded(model: Model, plant: Any) -> None:
     assert all(1e-6 < np.linalg.norm(r) <= 0.003 + 1e-12 for r in first)
 
 
+def test_exploration_starts_anew_with_each_episode(model: Model, plant: Any) -> None:
+    """With full memory an episode has one noise, the next one another."""
+    settings = AgentSettings(policy="learned", exploration=0.0005, exploration_memory=1.0)
+    observation, estimate = plant.observe(), initial_estimate(model)
+    acting = Acting(model, settings, networks())
+
+    def residual() -> np.ndarray:
+        return acting.choose(estimate, observation).residual
+
+    first = residual()
+    np.testing.assert_array_equal(residual(), first)
+    acting.begin()
+    assert not np.allclose(residual(), first)
+
+
+def test_an_action_is_never_longer_than_the_tool_may_move(model: Model, plant: Any) -> None:
+    """Whatever the residual adds; a task whose own actions are too long is refused."""
+    longest = model.task.action_limit
+    settings = AgentSettings(
+        policy="learned", exploration=0.05, exploration_limit=0.02, longest=longest, exploration_memory=0.0
+    )
+    acting = Acting(model, settings, networks())
+    observation, estimate = plant.observe(), initial_estimate(model)
+    choices = [acting.choose(estimate, observation) for _ in range(5)]
+    assert all(np.linalg.norm(one.displacement) <= longest for one in choices)
+    assert any(np.linalg.norm(one.residual) > 0.001 for one in choices)
+    with pytest.raises(InputError, match="the tool moves at most"):
+        Acting(model, replace(settings, longest=0.9 * longest), networks())
+
+
 def test_networks_come_from_a_folder(model: Model, tmp_path: Path) -> None:
     """By task and kind; what is missing is named."""
     given, cell, name = networks(), model.cell, model.task.name

@@ -41,7 +41,7 @@ def draw_states(
         raise InputError(f"{count} states were asked for, must be at least 1")
     frames, dynamics, starts = SceneFrames(model), model.dynamics, None
     if drawn is not None:
-        dynamics = dynamics_at(dynamics, drawn.space, drawn.draw(rng, 1))
+        dynamics = dynamics_at(dynamics, drawn.space, drawn.sample(rng, 1))
         starts = partial(_start, model.task, drawn)
     explorer = Explorer(dynamics, model.task, frames.start_tip, rng, settings, given, starts)
     rows: list[tuple[np.ndarray, ...]] = []
@@ -63,4 +63,4 @@ def draw_states(
 
 
 def _start(task: Task, drawn: ParameterDistribution, rng: np.random.Generator) -> np.ndarray:
-    return start_values(task, drawn.space, drawn.draw(rng, 1))[0]
+    return start_values(task, drawn.space, drawn.sample(rng, 1))[0]

@@ -115,6 +115,6 @@ def begun(
         return values, LookSettings(), model.dynamics
     space, points = group.drawn.space, group.points
     if points is None:
-        points = with_one_attribute(space, group.drawn.draw(rng, group.count))
+        points = with_one_attribute(space, group.drawn.sample(rng, group.count))
     looks = LooksAt(space, points) if space.columns(LOOK) else LookSettings()
     return start_values(model.task, space, points), looks, dynamics_at(model.dynamics, space, points)

@@ -5,8 +5,8 @@ At run time Real2Sim fits the colours of what it tracks; an actor must not depen
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -18,12 +18,8 @@ from samrl_core.model.model import Model
 class LookSource(Protocol):
     """Where looks are drawn from."""
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """So many looks of the model; the same ones for the same generator."""
-        ...
-
-    def record(self) -> dict[str, Any]:
-        """Plain values for JSON, which the looks follow from."""
         ...
 
 
@@ -44,13 +40,9 @@ class LookSettings:
             if not value >= 0.0:
                 raise InputError(f"{name} is {value}, must be at least 0")
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """See `LookSource`."""
         return draw_looks(model, rng, count, self)
-
-    def record(self) -> dict[str, Any]:
-        """See `LookSource`."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)

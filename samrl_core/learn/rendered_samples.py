@@ -107,7 +107,7 @@ class RenderedSamples:
             views = draw_views(self._region, rng, len(which), s.views)
         else:
             views = scenes.view[which]
-        looks = s.looks.draw(self._renderer.model, rng, len(which))
+        looks = s.looks.sample(self._renderer.model, rng, len(which))
         generator = torch.Generator(self._renderer.device).manual_seed(int(rng.integers(2**62)))
         images = self._renderer.images(
             scenes.frames[which], scenes.tip_in_base[which], views, looks, s.noise, generator

@@ -145,7 +145,7 @@ class _Episodes:
         self._settings, self._rng = settings, rng
         self._frames = SceneFrames(model)
         self._generator = torch.Generator(renderer.device).manual_seed(int(rng.integers(2**62)))
-        self._looks = None if settings.looks is None else settings.looks.draw(model, rng, count)
+        self._looks = None if settings.looks is None else settings.looks.sample(model, rng, count)
         self._states = joined(
             [self._dynamics.start(*pair) for pair in zip(starts.values, starts.tip_in_base, strict=True)]
         )

@@ -102,6 +102,9 @@ def test_stages() -> None:
     assert stage(0.0, looked=1) == stage(0.0, step=1) == "act"
     assert stage(0.0, step=4) == "action_limit"
     assert stage(1.0, step=4) == "done"
+    blind = replace(loop, believe=False)
+    assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=1), blind) == "act"
+    assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=4), blind) == "action_limit"
     assert stage(1.0, lost_updates=2) == "lost"
     assert stage(0.0, lost_updates=1, step=1) == "act"
 

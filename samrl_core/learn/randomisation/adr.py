@@ -64,7 +64,7 @@ class Adr:
     def ask(self, rng: np.random.Generator) -> Question:
         """See `Strategy`: each point on one boundary, all of them as likely; the other numbers are drawn."""
         box, count = self.distribution, self.settings.episodes
-        points = box.draw(rng, count)
+        points = box.sample(rng, count)
         label = rng.integers(2 * len(box.space), size=count)
         for row, k in enumerate(label):
             points[row, k % len(box.space)] = self._boundary(int(k))

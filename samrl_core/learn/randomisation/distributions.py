@@ -27,7 +27,7 @@ class ParameterDistribution(ABC):
         """What is drawn."""
 
     @abstractmethod
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
+    def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Points (N, P); the same ones for the same generator."""
 
     @abstractmethod
@@ -77,7 +77,7 @@ class Box(ParameterDistribution):
         """See `ParameterDistribution`."""
         return self.over
 
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
+    def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """See `ParameterDistribution`."""
         return rng.uniform(self.lower, self.upper, (count, len(self.over)))
 
@@ -136,7 +136,7 @@ class BoundedNormal(ParameterDistribution):
         """(P,) in the space's units."""
         return self._squash(self.mean)
 
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
+    def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """See `ParameterDistribution`."""
         root = np.linalg.cholesky(self.covariance)
         return self._squash(self.mean + rng.standard_normal((count, len(self.over))) @ root.T)
@@ -204,9 +204,9 @@ class Independent(ParameterDistribution):
         """See `ParameterDistribution`."""
         return Space(tuple(d for part in self.parts for d in part.space.dimensions))
 
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
+    def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """See `ParameterDistribution`."""
-        return np.hstack([part.draw(rng, count) for part in self.parts])
+        return np.hstack([part.sample(rng, count) for part in self.parts])
 
     def log_density(self, points: np.ndarray) -> np.ndarray:
         """See `ParameterDistribution`."""
@@ -249,12 +249,12 @@ class Mixture(ParameterDistribution):
         """See `ParameterDistribution`."""
         return self.parts[0].space
 
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
+    def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """See `ParameterDistribution`."""
         which = rng.choice(len(self.parts), count, p=self.weights)
         points = np.empty((count, len(self.space)))
         for k in np.unique(which):
-            points[which == k] = self.parts[k].draw(rng, int((which == k).sum()))
+            points[which == k] = self.parts[k].sample(rng, int((which == k).sum()))
         return points
 
     def log_density(self, points: np.ndarray) -> np.ndarray:
@@ -266,7 +266,7 @@ class Mixture(ParameterDistribution):
 
     def entropy(self) -> float:
         """See `ParameterDistribution`; no closed form: the mean over draws of a seed of its own."""
-        points = self.draw(np.random.default_rng(0), _ENTROPY_DRAWS)
+        points = self.sample(np.random.default_rng(0), _ENTROPY_DRAWS)
         return -float(self.log_density(points).mean())
 
     def record(self) -> dict[str, Any]:

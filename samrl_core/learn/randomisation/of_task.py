@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -130,14 +129,10 @@ class DrawnLooks:
 
     distribution: ParameterDistribution
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """See `LookSource`."""
-        points = self.distribution.draw(rng, count)
+        points = self.distribution.sample(rng, count)
         return looks_at(model, rng, look_points(model, self.distribution.space, points))
-
-    def record(self) -> dict[str, Any]:
-        """See `LookSource`."""
-        return self.distribution.record()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +142,7 @@ class LooksAt:
     space: Space
     points: np.ndarray  # (N, P)
 
-    def draw(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
         """See `LookSource`.
 
         Raises:
@@ -156,7 +151,3 @@ class LooksAt:
         if count != len(self.points):
             raise InputError(f"{count} looks were asked for, there are {len(self.points)} points")
         return looks_at(model, rng, look_points(model, self.space, self.points))
-
-    def record(self) -> dict[str, Any]:
-        """See `LookSource`."""
-        return {"kind": "points", "points": self.points.tolist()}

@@ -71,7 +71,7 @@ class SimOpt:
         """See `Strategy`: draws of the distribution, or nothing after the last iteration."""
         if len(self.steps) >= self.settings.iterations:
             return nothing(self.distribution.space)
-        points = self.distribution.draw(rng, self.settings.draws)
+        points = self.distribution.sample(rng, self.settings.draws)
         return Question(points, np.zeros(len(points), dtype=np.int64))
 
     def update(self, evidence: Evidence) -> SimOpt:

@@ -33,9 +33,9 @@ EVERY: dict[str, ParameterDistribution] = {
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_draws_are_seeded_inside_and_as_dense_as_said(name: str) -> None:
     one = EVERY[name]
-    points = one.draw(np.random.default_rng(1), 4000)
-    np.testing.assert_array_equal(points, one.draw(np.random.default_rng(1), 4000))
-    assert not np.array_equal(points, one.draw(np.random.default_rng(2), 4000))
+    points = one.sample(np.random.default_rng(1), 4000)
+    np.testing.assert_array_equal(points, one.sample(np.random.default_rng(1), 4000))
+    assert not np.array_equal(points, one.sample(np.random.default_rng(2), 4000))
     assert points.shape == (4000, 2)
     assert ((points >= SPACE.lower) & (points <= SPACE.upper)).all()
     logs = one.log_density(points)
@@ -46,7 +46,7 @@ def test_draws_are_seeded_inside_and_as_dense_as_said(name: str) -> None:
     assert np.isneginf(one.log_density(outside)).all()
     assert one.record()["kind"] == name
     # The density is one: its mean over the whole box times the box's size.
-    spread = Box.whole(SPACE).draw(np.random.default_rng(3), 40_000)
+    spread = Box.whole(SPACE).sample(np.random.default_rng(3), 40_000)
     assert abs(np.exp(one.log_density(spread)).mean() * np.prod(SPACE.upper - SPACE.lower) - 1.0) < 0.06
 
 
@@ -64,7 +64,7 @@ def test_a_bounded_normal_of_one_dimension_by_quadrature() -> None:
 
 def test_the_whole_bounded_normal_is_the_box() -> None:
     whole = BoundedNormal.whole(SPACE)
-    points = Box.whole(SPACE).draw(np.random.default_rng(0), 50)
+    points = Box.whole(SPACE).sample(np.random.default_rng(0), 50)
     np.testing.assert_allclose(whole.log_density(points), Box.whole(SPACE).log_density(points), atol=1e-9)
     assert whole.entropy() == pytest.approx(Box.whole(SPACE).entropy())
 
@@ -72,7 +72,7 @@ def test_the_whole_bounded_normal_is_the_box() -> None:
 def test_relative_entropy_is_that_of_the_draws() -> None:
     """In the space's own units, though it is worked out for z."""
     other = BoundedNormal.whole(SPACE)
-    points = NORMAL.draw(np.random.default_rng(5), 20_000)
+    points = NORMAL.sample(np.random.default_rng(5), 20_000)
     ratio = NORMAL.log_density(points) - other.log_density(points)
     error = ratio.std() / np.sqrt(len(ratio))
     assert NORMAL.divergence_from(other) == pytest.approx(ratio.mean(), abs=4 * error)

@@ -46,7 +46,7 @@ def test_starts_fill_the_range_that_the_task_declares(name: str) -> None:
     np.testing.assert_allclose(drawn.min(axis=0), lower, atol=0.03 * (upper - lower).max())
     np.testing.assert_allclose(drawn.max(axis=0), upper, atol=0.03 * (upper - lower).max())
     space = of_task.starts_of(task)
-    points = Box.whole(space).draw(rng, 5)
+    points = Box.whole(space).sample(rng, 5)
     values = of_task.start_values(task, space, points)
     assert ((values >= lower) & (values <= upper)).all()
     varied = lower < upper
@@ -76,14 +76,16 @@ def test_looks_of_points(model: Model) -> None:
     bright[:, space.names.index("look/exposure")] = 0.2
     rng = np.random.default_rng(0)
     own = own_looks(model, 3)
-    same = of_task.LooksAt(space, nominal).draw(model, rng, 3)
-    brighter = of_task.LooksAt(space, bright).draw(model, rng, 3)
+    same = of_task.LooksAt(space, nominal).sample(model, rng, 3)
+    brighter = of_task.LooksAt(space, bright).sample(model, rng, 3)
     for name, value in vars(own).items():
         torch.testing.assert_close(vars(same)[name], value)
     torch.testing.assert_close(brighter.gain, own.gain * math.exp(0.2))
     with pytest.raises(InputError, match="3 points"):
-        of_task.LooksAt(space, nominal).draw(model, rng, 2)
-    one, again = (of_task.DrawnLooks(Box.whole(space)).draw(model, np.random.default_rng(5), 8) for _ in "ab")
+        of_task.LooksAt(space, nominal).sample(model, rng, 2)
+    one, again = (
+        of_task.DrawnLooks(Box.whole(space)).sample(model, np.random.default_rng(5), 8) for _ in "ab"
+    )
     torch.testing.assert_close(one.colors, again.colors, rtol=0, atol=0)
     assert float(one.noise.min()) >= 0.0 and float(one.noise.std()) > 0.2
 
@@ -188,7 +190,7 @@ def test_what_real2sim_found_is_begun_with_more_often() -> None:
     begun = Real2SimUpdated.begin(of_task.starts_of(task), FoundSettings(share=0.4))
     after = begun.update(evidence)
     assert len(after.ask(np.random.default_rng(0))) == 0
-    points = after.distribution.draw(np.random.default_rng(0), 2000)
+    points = after.distribution.sample(np.random.default_rng(0), 2000)
     close = (np.abs(points - near[:2]) <= 0.0002 + 1e-12).all(axis=1).mean()
     assert close == pytest.approx(0.4, abs=0.04)
     assert after.distribution.entropy() < begun.distribution.entropy() - 0.5

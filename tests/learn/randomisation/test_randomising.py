@@ -86,7 +86,7 @@ def test_simopt_learns_before_training(tmp_path: Path) -> None:
     found.before_training()
     assert found.distribution is not None and found.summary()["questions"] == 3
     space = found.distribution.space
-    points = found.distribution.draw(np.random.default_rng(0), 500)
+    points = found.distribution.sample(np.random.default_rng(0), 500)
     friction = np.exp(points[:, space.names.index("log/friction")])
     assert abs(np.median(friction) - FRICTION) < 0.15 and np.median(friction) < 0.85
     assert friction.std() < 0.2  # 0.39 at first

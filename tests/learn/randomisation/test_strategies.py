@@ -29,7 +29,7 @@ def rounds(strategy: Any, result: Any, count: int, seed: int = 0) -> list[Any]:
 
 def test_uniform_is_the_whole_space_and_asks_nothing() -> None:
     strategy: Strategy = Uniform(SPACE)
-    points = strategy.distribution.draw(np.random.default_rng(0), 500)
+    points = strategy.distribution.sample(np.random.default_rng(0), 500)
     assert (points >= SPACE.lower).all() and (points <= SPACE.upper).all()
     share = (points - SPACE.lower) / (SPACE.upper - SPACE.lower)
     np.testing.assert_allclose(np.quantile(share, [0.1, 0.5, 0.9], axis=0), [[0.1] * 2, [0.5] * 2, [0.9] * 2],
@@ -76,7 +76,7 @@ def test_adr_finds_where_an_actor_still_succeeds() -> None:
 def test_adr_between_its_thresholds_stays_and_forgets() -> None:
     """Mean success of 0.65 moves nothing; the buffer is emptied all the same."""
     begun = Adr.begin(SPACE, replace(ADR, buffer=2))
-    point = begun.distribution.draw(np.random.default_rng(0), 2)
+    point = begun.distribution.sample(np.random.default_rng(0), 2)
     point[:, 1] = begun.distribution.upper[1]
     question = Question(point, np.array([3, 3]))
     after = begun.update(Evidence(question, np.array([0.5, 0.8])))
@@ -115,7 +115,7 @@ def test_simopt_recovers_a_known_parameter_in_three_iterations(seed: int) -> Non
     last = found[-1]
     error = np.abs(last.fitted.median - TRUE) / (SPACE.upper - SPACE.lower)
     assert (error < 0.06).all(), "a sixteenth of the bounds' width"
-    mean_cost = [quadratic(one.distribution.draw(np.random.default_rng(9), 500)).mean() for one in found]
+    mean_cost = [quadratic(one.distribution.sample(np.random.default_rng(9), 500)).mean() for one in found]
     assert all(a > b for a, b in zip(mean_cost[:-1], mean_cost[1:], strict=True))
     assert mean_cost[-1] < 0.1 * mean_cost[0]
     assert len(last.steps) == 3 and all(0.0 < kl <= 1.0 + 1e-9 for kl in last.steps)
@@ -142,7 +142,7 @@ def test_simopt_leaves_alone_what_no_discrepancy_speaks_of() -> None:
     last = rounds(SimOpt.begin(SPACE, rest, SimOptSettings(draws=128)), cost, 3)[-1]
     assert last.distribution.space.names == ("look/x", "a/x", "b/y")
     assert (np.abs(last.fitted.median - TRUE) / (SPACE.upper - SPACE.lower) < 0.06).all()
-    looks = last.distribution.draw(np.random.default_rng(0), 2000)[:, 0]
+    looks = last.distribution.sample(np.random.default_rng(0), 2000)[:, 0]
     assert abs(looks.mean()) < 0.06 and looks.std() == pytest.approx(1 / np.sqrt(3), abs=0.03)
 
 

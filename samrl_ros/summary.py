@@ -79,7 +79,7 @@ def summarise(
         error, messages, timing = f"{error}; no figures: {unreadable}", {}, _timing_of([], [], [])
     truth_file = folder / "evaluation" / "truth.jsonl"
     truth = read_truth(truth_file) if truth_file.is_file() else {}
-    episodes = [
+    episodes: list[dict[str, Any]] = [
         _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
         | {"marks": [[round(s, 4), what] for s, what in marks.get(number, [])]}
         for number, topics in sorted(messages.items())

@@ -17,6 +17,7 @@ import numpy as np
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
+from samrl_core.types.share import wilson
 from samrl_core.whole_file import write_whole
 from samrl_core.world.evaluation import ending_of, read_truth
 from samrl_ros.bags.reader import open_bag
@@ -36,16 +37,6 @@ def samrl_version() -> str:
         return version("samrl")
     except PackageNotFoundError:
         return "source"
-
-
-def wilson(successes: int, n: int, z: float = 1.959964) -> tuple[float, float]:
-    """Wilson score interval of a rate (Wilson 1927), 95 % by default; (0, 1) without cases."""
-    if n == 0:
-        return (0.0, 1.0)
-    p = successes / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
-    return (max(0.0, centre - half), min(1.0, centre + half))
 
 
 def summarise(

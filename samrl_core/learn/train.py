@@ -4,6 +4,7 @@ Each stage leaves files in the training's folder, part by part; what is there is
 training that was killed goes on where it was.
 
     train.json        what is trained, and with which settings
+    randomisation/    what a strategy asked and what came out, question by question
     states/           labelled states (eqs. 18-22)
     actor-0/ ...      regression on them (eq. 23), one folder per round
     round-0/ ...      episodes of the actor, the states that it came to, labelled
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -38,12 +39,15 @@ from samrl_core.learn.kept_groups import kept_groups
 from samrl_core.learn.kept_samples import KeptSamples
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.learn.prepare import label_all, prepare_states
-from samrl_core.learn.rendered_samples import RenderedSamples, Scenes
+from samrl_core.learn.randomisation.names import REAL2SIM
+from samrl_core.learn.randomising import Randomising
+from samrl_core.learn.rendered_samples import DrawSettings, RenderedSamples, Scenes
 from samrl_core.learn.rollouts import PER_ACTION
 from samrl_core.learn.samples import ACTION, Samples
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
+from samrl_core.learn.visited import VisitedStates, load_visited
 from samrl_core.learn.weights import WeightsInfo, load_weights, save_weights, sha256_of
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
@@ -65,6 +69,7 @@ def train(
     settings: TrainSettings,
     tell: Tell = lambda stage, row: None,
     given: Path | None = None,
+    visited: Sequence[Path] = (),
 ) -> dict[str, Any]:
     """All stages that are left; the summary, which is in the folder too.
 
@@ -74,33 +79,48 @@ def train(
         settings: sizes and seeds. Device and workers may differ when a training goes on.
         tell: called as each stage gets on.
         given: weights of an actor; only its Q is then trained, and it is judged.
+        visited: files of states that Real2Sim found in the cell: where some episodes begin (lines 16-17 of
+            Algorithm 1), or what SimOpt compares the model with.
 
     Raises:
-        InputError: the given actor does not fit; the folder holds a training of another task or with other
-            settings, or what is in it is damaged; or another process is training there.
+        InputError: the given actor or a file of visited states does not fit; the folder holds a training of
+            another task or with other settings, or what is in it is damaged; or another process is training
+            there.
         SolveError: a loss or gradient is not finite; the state before it is in the folder.
     """
     with folder_lock(folder):
-        return _Training(task, folder, settings, tell, given).run()
+        return _Training(task, folder, settings, tell, given, visited).run()
 
 
 class _Training:
     def __init__(
-        self, task: str, folder: Path, settings: TrainSettings, tell: Tell, given: Path | None
+        self,
+        task: str,
+        folder: Path,
+        settings: TrainSettings,
+        tell: Tell,
+        given: Path | None,
+        visited: Sequence[Path],
     ) -> None:
         self.task, self.folder, self.settings, self.tell = task_named(task), folder, settings, tell
         self.given = None if given is None else load_weights(given, "sim_actor", task, default_cell())
-        self._check_folder("" if given is None else sha256_of(given))
+        parts = [load_visited(path, task) for path in visited]
+        seen = VisitedStates.joined(parts) if parts else None
+        self.starts = seen.starts(self.task) if seen and settings.randomisation == REAL2SIM else None
         self.model = Model(self.task, default_cell())
+        self.randomising = Randomising(self.model, settings, folder, seen, tell, given is not None)
+        self._check_folder("" if given is None else sha256_of(given), [sha256_of(path) for path in visited])
         self.renderer = BatchRenderer(self.model, settings.device)
 
     def run(self) -> dict[str, Any]:
+        self.randomising.before_training()
         actor, figures = self._learned_actor() if self.given is None else self._given_actor(*self.given)
         self._keep(actor, figures)
         q, q_figures = self._q(self._episodes(actor), actor)
         self._keep(q, q_figures)
         judged = self._judged(actor)
         summary = {"schema": 1, "task": self.task.name, "actor": figures, "q": q_figures, "success": judged}
+        summary["randomisation"] = self.randomising.summary()
         write_whole(self.folder / SUMMARY, (json.dumps(summary, indent=1) + "\n").encode())
         return summary
 
@@ -117,25 +137,27 @@ class _Training:
             s.seed,
             s.workers,
             s.explore,
+            self.starts,
             progress=lambda done, wanted: self.tell("states", {"done": done, "of": wanted}),
+            drawn=None if self.starts else self.randomising.distribution,
         )
         known, looked_at = _split(states, s.validation)
         parts = [Scenes.of_states(known)]
         validation = self._samples(Scenes.of_states(looked_at), 1)
         actor, figures = self._actor(0, parts, validation)
         for k in range(s.rounds):
+            self.randomising.after_actor(actor)
             parts.append(self._round(k, actor))
             actor, figures = self._actor(k + 1, parts, validation)
         return actor, figures
 
-    def _check_folder(self, given: str) -> None:
+    def _check_folder(self, given: str, visited: list[str]) -> None:
         """Writes down settings and commit of a new training; one that goes on must have the same settings."""
         config = asdict(replace(self.settings, device="", workers=0))
         for part in ("actor", "q"):  # where it is computed, and how precisely, may change on the way
             config[part] |= {"device": "", "bfloat16": False}
-        wanted = _flat(
-            json.loads(json.dumps({"schema": 1, "task": self.task.name, "given_actor": given, **config}))
-        )
+        config |= {"schema": 1, "task": self.task.name, "given_actor": given, "visited": visited}
+        wanted = _flat(json.loads(json.dumps(config)))
         path = self.folder / CONFIG
         if not path.exists():
             self.commit = _commit()
@@ -155,7 +177,8 @@ class _Training:
             )
 
     def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:
-        return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream)
+        settings = DrawSettings(looks=self.randomising.looks)
+        return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream, settings)
 
     def _to_learn_from(self, scenes: Scenes, stream: int, stage: str) -> Samples:
         """What a regression sees many times over; what validates is drawn anew each time."""
@@ -297,7 +320,8 @@ class _Training:
 
     def _group(self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool) -> Group:
         s = self.settings
-        return Group((s.seed, *stream), count, hold, noise, noisy, s.max_actions)
+        drawn = self.randomising.distribution if noisy else None  # what is judged is the task as it is
+        return Group((s.seed, *stream), count, hold, noise, noisy, s.max_actions, drawn)
 
     def _run(
         self, actor: SimActor, groups: list[Group], names: tuple[str, ...], folder: Path, stage: str

@@ -52,7 +52,7 @@ def _flipping() -> Task:
 def _threading() -> Task:
     """A fence towards the start view, a wide plate on the other side.
 
-    The eye stands still, so that some views always show it; from none are all threads seen that hang beside it.
+    The eye stands still, so that some views always show it; none shows all threads that hang beside it.
     """
     task = NeedleThreading()
     target = task.view_region().target

@@ -198,8 +198,8 @@ _ALL: list[Topic] = [
         "residual_trainer/weights",
         "std_msgs/msg/String",
         "residual_trainer",
-        "residual policy in force, JSON: task, version, file (absolute), sha256; version 0 is the zero"
-        " residual. view_planner loads it after checking the hash",
+        "residual policy in force, JSON: task, version, file (absolute), sha256, steps (collected so far);"
+        " version 0 is the zero residual. view_planner loads it after checking the hash",
         LATCHED,
         "on update",
     ),

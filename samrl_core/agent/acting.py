@@ -10,9 +10,9 @@ import torch
 from samrl_core.agent.settings import AgentSettings, Tell, required, silent
 from samrl_core.errors import InputError
 from samrl_core.learn.expert import label_of
+from samrl_core.learn.exploration import Exploration, shortened, within_reach
 from samrl_core.learn.network_image import observed_image
 from samrl_core.learn.networks import ResidualActor
-from samrl_core.learn.residual import explored
 from samrl_core.learn.sensing_value import Networks, SensingValue
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate
@@ -46,17 +46,32 @@ class Acting:
         """`networks` for policy "learned".
 
         Raises:
-            InputError: policy "learned" without networks.
+            InputError: policy "learned" without networks, or a task whose actions are too long for the tool.
         """
+        if model.task.action_limit > settings.longest:
+            raise InputError(
+                f"{model.task.name} has actions of up to {model.task.action_limit} m, the tool moves at most "
+                f"{settings.longest} m; shorten the task's steps or allow longer ones"
+            )
         self._model, self._settings, self._tell = model, settings, tell
         self._networks = required(networks, "policy 'learned'") if settings.policy == "learned" else None
-        self._rng = np.random.default_rng(settings.seed)
+        self.explore_from(0)
         self.residual: ResidualActor | None = None  # None is the zero residual of eq. 15
 
     def prepare(self) -> None:
         """Compile the physics now instead of in the first plan."""
         if self._networks is None:
             self._model.dynamics.prepare()
+
+    def begin(self) -> None:
+        """An episode starts."""
+        self._exploration.begin()
+
+    def explore_from(self, steps: int) -> None:
+        """Draw what a run explores with, which begins with so many steps collected: no two have the same."""
+        s = self._settings
+        rng = np.random.default_rng([s.seed, steps])
+        self._exploration = Exploration(s.exploration, s.exploration_memory, rng)
 
     def choose(self, estimate: Estimate, observation: Observation) -> ActionChoice:
         """The next action, in the state of the estimate and the observation's joints.
@@ -81,9 +96,13 @@ class Acting:
     def _imitated(
         self, networks: Networks, estimate: Estimate, tip: np.ndarray, observation: Observation
     ) -> tuple[str, np.ndarray]:
-        value = SensingValue(self._model, networks, estimate, observation.tool_arm.position)
+        if self._settings.actor_image == "real":
+            image = observed_image(observation, tip, self._model.cell)[None]
+        else:
+            value = SensingValue(self._model, networks, estimate, observation.tool_arm.position)
+            image = value.view(observation.camera.camera_in_world)
         with torch.no_grad():
-            action = networks.actor(value.view(observation.camera.camera_in_world))[0].numpy()
+            action = networks.actor(image)[0].numpy()
         goals = self._model.task.sub_goals(estimate.values, tip)
         return goals[0].name if goals else "none", _finite(action, "actor")
 
@@ -97,8 +116,8 @@ class Acting:
         s = self._settings
         if s.exploration > 0.0:
             limit = s.exploration_limit if self.residual is None else self.residual.limit
-            residual = explored(residual, s.exploration, limit, self._rng)
-        return residual
+            residual = shortened(residual + self._exploration.next(), limit)
+        return within_reach(nominal, residual, s.longest)
 
 
 def _finite(action: np.ndarray, who: str) -> np.ndarray:

@@ -100,6 +100,7 @@ def run_episode(
     task = agent.model.task
     loop = settings or LoopSettings(task.max_actions)
     agent.updating.begin()
+    agent.acting.begin()
     state = LoopState()
     steps: list[Step] = []
     while True:

@@ -15,6 +15,7 @@ from gymnasium import spaces
 
 from samrl_core.errors import InputError, ReachError
 from samrl_core.experiments.cell_driver import CellDriver
+from samrl_core.learn.exploration import shortened
 from samrl_core.learn.network_image import CHANNELS, COLOR_CENTER, COLOR_UNIT, XYZ_CLIP, observed_image
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
@@ -31,7 +32,9 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     """One task in PyBullet, seen from where the task's episodes start.
 
     Observation: `image` (6, H, W) float32, see `learn.network_image`, and `tip` (3,) float32 in the tool
-    arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]. Reward: the paper's, in
+    arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]; the action space is a
+    cube, as these learners take it, and an action longer than the task's limit is shortened to it, so that
+    nobody moves faster than SAM-RL's nominal actions. Reward: the paper's, in
     metres (`Task.shaped_reward`); an episode terminates in success, is truncated after `Task.max_actions`.
     `info` has `success`, `final_error` [m] and `refused`, true where the arm cannot reach what was asked for
     and stood still.
@@ -93,7 +96,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             )
         refused = False
         try:
-            self._motion.displace(wanted.astype(np.float64))
+            self._motion.displace(shortened(wanted.astype(np.float64), self._task.action_limit))
         except ReachError:
             refused = True
             self._motion.rest()

@@ -1,18 +1,23 @@
 """The world that the model does not know: what the residual is trained in, and the ablations judged in.
 
-Three things differ from the nominal world, none of which the model or its calibration is told. The tool arm's
+Three things differ from the nominal world, none of which the model is told. The tool arm's
 impedance is soft, its joints have friction and its gravity compensation falls short, so that small
 displacements are lost and the tool gives way. The light falls from another side and bodies cast shadows.
-Depth and colour are noisier.
+Depth and colour are noisier. Where it is asked for, the calibration is off as well: the camera arm's base
+does not stand where it says.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
+from samrl_core.types.pose import Pose
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.sensor_noise import RgbdNoise
 from samrl_core.world.settings import WorldSettings
@@ -49,17 +54,32 @@ def differing_settings() -> WorldSettings:
     )
 
 
-def differing_cell(cell: CellSpec) -> CellSpec:
-    """The cell as it really is where `cell` is what is known of it: a soft tool arm."""
+def differing_cell(cell: CellSpec, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> CellSpec:
+    """The cell as it really is where `cell` is what is known of it: a soft tool arm, and a camera arm that
+    stands off by (3,) in world [m].
+    """
     nominal = cell.tool_arm.controller
     soft = replace(
         nominal,
         stiffness=STIFFNESS_SHARE * nominal.stiffness,
         damping=STIFFNESS_SHARE**0.5 * nominal.damping,
     )
-    return replace(cell, tool_arm=replace(cell.tool_arm, controller=soft))
+    base = cell.camera_base_in_world
+    moved = Pose(base.position + np.asarray(offset, dtype=np.float64), base.quat_xyzw)
+    return replace(cell, tool_arm=replace(cell.tool_arm, controller=soft), camera_base_in_world=moved)
 
 
-def differing_world(task: Task, cell: CellSpec | None = None) -> PyBulletWorld:
-    """The world; whoever acts in it keeps the nominal `cell`, by default that of `default_cell`."""
-    return PyBulletWorld(task, differing_cell(cell or default_cell()), differing_settings())
+def differing_world(
+    task: Task, cell: CellSpec | None = None, offset: Sequence[float] = (0.0, 0.0, 0.0)
+) -> PyBulletWorld:
+    """The world; whoever acts in it keeps the nominal `cell`, by default that of `default_cell`.
+
+    `offset` (3,) is how far off the camera arm's base is in world [m].
+    """
+    return PyBulletWorld(task, differing_cell(cell or default_cell(), offset), differing_settings())
+
+
+def trained_offset(figures: Mapping[str, float]) -> tuple[float, float, float]:
+    """The offset (3,) [m] of the world that a residual was trained in, from what its weight file says."""
+    x, y, z = (figures.get(f"offset_{axis}", 0.0) for axis in "xyz")
+    return x, y, z

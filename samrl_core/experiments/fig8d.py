@@ -2,17 +2,20 @@
 
 Algorithm 1 with its learned parts in `differing_world`, and the same without Real2Sim's updates, without the
 residual, and without both, on the same seeds. The residual is `<task>_residual_actor.safetensors` beside
-actor and Q; of a task that has none, the two conditions without it are shown.
+actor and Q, and the calibration is off as it was where that one was trained. Of a task that has none, the
+two conditions without it are shown.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from samrl_core.experiments.differing_world import trained_offset
 from samrl_core.experiments.experiment import CaseLog, Experiment, Options, Tell
 from samrl_core.experiments.success_rates import compared, rates, write_bars
 from samrl_core.experiments.world_episodes import Condition, EpisodeJob, run_episodes
-from samrl_core.learn.weights import sha256_of, shipped
+from samrl_core.learn.weights import load_weights, sha256_of, shipped
+from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS
 
 COUNT = 50  # episodes per condition
@@ -42,16 +45,25 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
         "count": options.count or COUNT,
         "tasks": summary,
         "first_against": versus,
+        "offset": {task: of_task[0].offset for task, of_task in jobs.items()},
         "residual_sha256": {task: sha256_of(file) if file else "" for task, file in residuals.items()},
     }
 
 
 def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
-    """Episodes of a task, condition by condition; those with a residual only where there is one."""
+    """Episodes of a task, condition by condition; those with a residual only where there is one.
+
+    Raises:
+        InputError: the residual's file does not fit; see `load_weights`.
+    """
     file = shipped(task, "residual_actor")
     if options.weights is not None:
         file = options.weights / file.name
     residual = file if file.is_file() else None
+    offset = (0.0, 0.0, 0.0)
+    if residual is not None:
+        _, info = load_weights(residual, "residual_actor", task, default_cell())
+        offset = trained_offset(info.figures)
     return [
         EpisodeJob(
             key=f"{task}/{name}/{seed}",
@@ -60,6 +72,7 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
             condition=condition,
             seed=seed,
             differs=True,
+            offset=offset,
             weights=options.weights,
             residual=residual,
         )

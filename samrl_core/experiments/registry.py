@@ -11,6 +11,7 @@ MODULES: dict[str, str] = {  # module of `samrl_core.experiments`, by the experi
     "fig6": "fig6",
     "fig7": "fig7",
     "fig8d": "fig8d",
+    "sample_efficiency": "sample_efficiency",
     "table1": "table1",
     "table1_world": "table1_world",
 }

@@ -39,6 +39,7 @@ class Condition:
     strategy: str = "q"  # of `samrl_core.agent.policies.STRATEGIES`, or HELD
     update: bool = True  # Real2Sim
     residual: bool = False
+    view_period: int = LoopSettings.view_period  # actions from one search for a view to the next
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class EpisodeJob:
     view: int = -1  # number of the view that is held, -1 the task's own
     way: tuple[tuple[float, ...], ...] = ()  # of the camera arm before the episode starts [rad]
     differs: bool = False  # see `differing_world`
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the calibration, where it differs [m]
     weights: Path | None = None  # folder of actor and Q, in place of the package's
     residual: Path | None = None  # file, for conditions that have one
 
@@ -74,12 +76,13 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     agent = _agent(job.task, job.condition, job.weights, job.residual if job.condition.residual else None)
     task, cell = agent.model.task, agent.model.cell
     agent.looking.begin(job.seed)
-    world = differing_world(task, cell) if job.differs else PyBulletWorld(task, cell)
+    world = differing_world(task, cell, job.offset) if job.differs else PyBulletWorld(task, cell)
     plant, watch = WorldPlant(world, task, cell), Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:
         plant.look_from(np.array(stop))
-    loop = LoopSettings(task.max_actions, looks=0 if job.condition.strategy == HELD else 1)
+    looks = 0 if job.condition.strategy == HELD else LoopSettings.looks
+    loop = LoopSettings(task.max_actions, job.condition.view_period, looks)
     began_ns = world.time_ns
     trouble = ""
     try:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
@@ -40,6 +39,7 @@ class ResidualSettings:
     average: float = 0.01  # share of the new weights in the targets, per update of the actor
     target_noise: float = 0.2  # standard deviation per axis, of the limit
     target_noise_clip: float = 0.5  # of the limit
+    effort: float = 0.0  # return that a residual of full length must be worth, quadratic in its length
     delay: int = 2  # updates of the critics per update of the actor
     warm_up: int = 200  # updates of the critics before the first one of the actor
     shift: int = 4  # images are shifted by up to this [px]
@@ -52,7 +52,7 @@ class ResidualSettings:
         for name in ("gamma", "average", "critic_rate", "actor_rate", "limit"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InputError(f"{name} is {getattr(self, name)}, must be above 0 and at most 1")
-        for name in ("warm_up", "shift", "target_noise", "target_noise_clip"):
+        for name in ("warm_up", "shift", "target_noise", "target_noise_clip", "effort"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} is {getattr(self, name)}, must not be negative")
 
@@ -102,7 +102,8 @@ class ResidualLearner:
             action = self.actor(image, batch.nominal)
             # The state's features stand still here: the actor is to climb the critic, not to move it.
             value = self.critic.values(features.detach(), action)[0].mean()
-            actor_slopes = self._slopes(-value, self.actor, "actor")
+            effort = s.effort * (action / s.limit).square().sum(dim=1).mean()
+            actor_slopes = self._slopes(effort - value, self.actor, "actor")
             actor_value, residual = value.item(), action.detach().norm(dim=1).mean().item()
         _apply(self._critic_adam, self.critic, critic_slopes)
         if actor_slopes is not None:
@@ -167,10 +168,12 @@ class ResidualLearner:
         if pad == 0:
             return images
         height, width = images.shape[-2:]
-        padded = functional.pad(images, (pad, pad, pad, pad))
-        offsets = torch.randint(2 * pad + 1, (len(images), 2), generator=self.generator).tolist()
-        moved = zip(padded, offsets, strict=True)
-        return torch.stack([p[:, v : v + height, u : u + width] for p, (v, u) in moved])
+        padded = functional.pad(images, (pad, pad, pad, pad)).movedim(1, -1)  # (B, H, W, 6)
+        offsets = torch.randint(2 * pad + 1, (len(images), 2), generator=self.generator).to(self.device)
+        rows = offsets[:, :1] + torch.arange(height, device=self.device)  # (B, H)
+        columns = offsets[:, 1:] + torch.arange(width, device=self.device)
+        which = torch.arange(len(images), device=self.device)[:, None, None]
+        return padded[which, rows[:, :, None], columns[:, None, :]].movedim(-1, 1).contiguous()
 
     def _follow(self, slow: nn.Module, fast: nn.Module) -> None:
         with torch.no_grad():
@@ -192,15 +195,6 @@ class ResidualLearner:
 def shortened(vectors: torch.Tensor, limit: float) -> torch.Tensor:
     """Rows (B, 3), those longer than `limit` cut to it."""
     return vectors * (limit / vectors.norm(dim=1, keepdim=True).clamp(min=limit))
-
-
-def explored(residual: np.ndarray, noise: float, limit: float, rng: np.random.Generator) -> np.ndarray:
-    """A residual (3,) with Gaussian noise of `noise` per axis, no longer than `limit` [m].
-
-    Without noise a zero residual would never be varied, and no critic could tell what another would do.
-    """
-    tried = torch.from_numpy(residual + noise * rng.standard_normal(3))
-    return shortened(tried[None], limit)[0].numpy()
 
 
 def _apply(adam: torch.optim.Adam, module: nn.Module, slopes: tuple[torch.Tensor, ...]) -> None:

@@ -66,6 +66,7 @@ class Announcement:
     version: int = 0
     file: str = ""
     sha256: str = ""
+    steps: int = 0  # in the replay at that time: no two runs that collect begin at the same
 
 
 def announced(folder: Path, task: str) -> Announcement:
@@ -79,8 +80,11 @@ def announced(folder: Path, task: str) -> Announcement:
         return Announcement(task)
     try:
         found = Announcement(**json.loads(path.read_text()))
-    except (ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise InputError(f"cannot read {path} ({error}); remove it to begin anew") from error
+    texts = (found.task, found.file, found.sha256)
+    if type(found.version) is not int or found.version < 0 or not all(isinstance(t, str) for t in texts):
+        raise InputError(f"{path} announces {found}, which is no version and file; remove it to begin anew")
     if found.task != task:
         raise InputError(f"{folder} holds the residual of {found.task!r}, not of {task!r}; give another")
     if not found.version:
@@ -103,7 +107,17 @@ class ResidualTraining:
         InputError: what lies in the folder is corrupt, or was made with other settings of the learner.
     """
 
-    def __init__(self, folder: Path, task: str, cell: CellSpec, settings: TrainingSettings) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        task: str,
+        cell: CellSpec,
+        settings: TrainingSettings,
+        tell: Callable[[str], None] = print,
+    ) -> None:
+        """`tell` hears what the folder does not hold as it should; by default the worker's log."""
+        self._tell = tell
+        self._granted = 0  # updates that the steps of earlier replays allowed
         self._folder, self._task, self._cell, self._settings = folder, task, cell, settings
         self._replay = Replay.read(*replay_of(folder, task, cell, settings))
         self._learner = ResidualLearner(settings.learner, settings.seed)
@@ -130,7 +144,8 @@ class ResidualTraining:
         self._replay.refresh()
         s = self._settings.learner
         self._transitions = transitions_of(self._replay, s.n_step, s.gamma)
-        allowed = self._settings.updates_per_step * (self._replay.last - self._settings.first_steps + 1)
+        steps = max(0, self._replay.last - self._settings.first_steps + 1)
+        allowed = self._granted + self._settings.updates_per_step * steps
         return len(self._transitions) > 0 and self.updates < allowed
 
     def step(self) -> Figures:
@@ -145,16 +160,19 @@ class ResidualTraining:
         assert self._transitions is not None
         learner = self._learner
         size, generator = learner.settings.batch, learner.generator
+        before = generator.get_state()
         try:
             batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         except InputError:
             # The cell goes on beside this: a full ring's oldest step may have gone since `due` looked.
             self.due()
+            before = generator.get_state()
             batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         try:
             figures = learner.update(batch)
         except SolveError as error:
-            save_checkpoint(self._folder / "stopped.safetensors", KIND, learner.state(), self._about)
+            state = {**learner.state(), "generator": before}  # draws the same batch and noise once more
+            save_checkpoint(self._folder / "stopped.safetensors", KIND, state, self._about)
             self._summarise(str(error))
             raise
         self._figures = figures
@@ -180,7 +198,8 @@ class ResidualTraining:
 
     def save(self) -> None:
         """Write the state, so that the next process goes on from here."""
-        save_checkpoint(self._checkpoint, KIND, self._learner.state(), self._about)
+        about = {**self._about, "steps": self._replay.last, "granted": self._granted}
+        save_checkpoint(self._checkpoint, KIND, self._learner.state(), about)
         self._summarise("")
 
     @property
@@ -189,12 +208,21 @@ class ResidualTraining:
 
     def _resume(self) -> None:
         tensors, about = load_checkpoint(self._checkpoint, KIND)
+        steps, self._granted = int(about.pop("steps", 0)), int(about.pop("granted", 0))
         if about != self._about:
             raise InputError(
                 f"{self._checkpoint} was made with {about}, asked for is {self._about}; give another folder "
                 f"or the same settings"
             )
         self._learner.load_state(tensors)
+        if self._replay.last < steps:
+            # Counted over all steps, the updates done would be ahead of what the new ones allow for long.
+            self._granted = self.updates
+            self._tell(
+                f"{self._checkpoint} has learnt from {steps} steps, {self._replay.path} holds "
+                f"{self._replay.last}: another replay. Its steps count anew, the weights go on; remove the "
+                f"checkpoint as well to begin anew"
+            )
 
     def _publish(self) -> None:
         figures = self._figures

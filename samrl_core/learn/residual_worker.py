@@ -63,7 +63,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with folder_lock(options.folder, BEFORE_S):
             settings = read_settings(options.folder)
-            training = ResidualTraining(options.folder, options.task, default_cell(), settings)
+            training = ResidualTraining(
+                options.folder, options.task, default_cell(), settings, lambda text: print(text, flush=True)
+            )
             training.run(lambda: bool(asked) or os.getppid() != options.parent)
     except SamrlError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)

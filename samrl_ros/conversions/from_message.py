@@ -14,6 +14,9 @@ from samrl_core.types.camera import Intrinsics
 from samrl_core.types.observation import ArmCommand, ArmReading
 from samrl_core.types.pose import Pose
 
+# Names in sensor_msgs/distortion_models.hpp whose coefficients count from a pinhole; drivers may say nothing.
+UNDISTORTED = ("", "plumb_bob", "rational_polynomial")
+
 
 def stamp_ns(message: Any) -> int:
     """Header stamp [ns]."""
@@ -102,12 +105,27 @@ def image(message: Any) -> np.ndarray:
 def intrinsics(message: Any) -> Intrinsics:
     """CameraInfo to intrinsics.
 
+    With coefficients of zero the models of `UNDISTORTED` are a pinhole; `equidistant` is a fisheye even then.
+
     Raises:
-        InputError: distorted images; rectify them first.
+        InputError: images that are distorted, cut out or made smaller, or that no pinhole takes.
     """
-    if any(abs(float(d)) > 0 for d in message.d):
+    if any(float(d) != 0.0 for d in message.d):  # NaN is not 0 either
         raise InputError(f"camera_info has distortion {list(message.d)}; publish rectified images")
-    return Intrinsics.from_ros_k(int(message.width), int(message.height), tuple(float(v) for v in message.k))
+    if message.distortion_model not in UNDISTORTED:
+        raise InputError(
+            f"camera_info has the distortion model {message.distortion_model!r}, must be one of "
+            f"{', '.join(map(repr, UNDISTORTED))}; publish rectified images"
+        )
+    if max(message.binning_x, message.binning_y) > 1 or message.roi.x_offset or message.roi.y_offset:
+        raise InputError(
+            f"camera_info has binning {message.binning_x}x{message.binning_y} and a region of interest at "
+            f"({message.roi.x_offset}, {message.roi.y_offset}); publish whole images, not binned"
+        )
+    k = tuple(float(v) for v in message.k)
+    if len(k) == 9 and (k[1], k[3], *k[6:]) != (0.0, 0.0, 0.0, 0.0, 1.0):
+        raise InputError(f"camera_info K is {k}: skewed, or no camera matrix; publish rectified images")
+    return Intrinsics.from_ros_k(int(message.width), int(message.height), k)
 
 
 def pose(message: Any) -> Pose:
@@ -167,6 +185,7 @@ class AnnouncedWeights:
     version: int
     file: Path
     sha256: str  # of the file, hexadecimal
+    steps: int = 0  # in the trainer's replay at that time; 0 in bags that do not say
 
 
 def announced_weights(text: str) -> AnnouncedWeights:
@@ -177,13 +196,17 @@ def announced_weights(text: str) -> AnnouncedWeights:
     """
     try:
         data = json.loads(text)
-        found = AnnouncedWeights(data["task"], data["version"], Path(data["file"]), data["sha256"])
+        found = AnnouncedWeights(
+            data["task"], data["version"], Path(data["file"]), data["sha256"], data.get("steps", 0)
+        )
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"cannot read the weights' announcement ({error!r}); see msgs_docs/topics.md"
         ) from error
     texts = (found.task, found.sha256)
-    if type(found.version) is not int or found.version < 0 or not all(isinstance(t, str) for t in texts):
+    numbers = (found.version, found.steps)
+    right = all(type(n) is int and n >= 0 for n in numbers) and all(isinstance(t, str) for t in texts)
+    if not right:
         raise InputError(f"weights are announced as {data}; see msgs_docs/topics.md")
     if found.version > 0 and not (found.file.is_absolute() and found.sha256):
         raise InputError(f"weights version {found.version} needs an absolute file and its sha256, has {data}")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections import OrderedDict
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +117,8 @@ class ResidualTrainer(Behaviour):
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
+        if self._process is not None:
+            self._process.check()  # joint states come all the time: its end is noticed at once
         if topic == EXECUTED:
             self._transitions += 1
             self._record(message)
@@ -157,16 +159,16 @@ class ResidualTrainer(Behaviour):
 
     def _announce(self, weights: Announcement) -> None:
         self._version = weights.version
-        self._outbox.publish(WEIGHTS, String(data=json.dumps(asdict(weights))))
+        said = replace(weights, steps=self._replay.last if self._replay is not None else 0)
+        self._outbox.publish(WEIGHTS, String(data=json.dumps(asdict(said))))
 
     def _look_after_training(self) -> None:
-        """Announce a new version when there is one; raise when the training has ended."""
+        """Announce a new version when there is one."""
         if self._process is None:
             return
         newest = self._newest()
         if newest.version != self._version:
             self._announce(newest)
-        self._process.check()
 
     def _wanted(self, stamp_ns: int) -> bool:
         return self._asked_ns is not None and stamp_ns >= self._asked_ns and len(self._frames) < MAX_FRAMES

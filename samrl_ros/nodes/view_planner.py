@@ -11,7 +11,7 @@ from samrl_msgs.msg import ToolAction, ViewTarget
 
 from samrl_core.agent.acting import Acting
 from samrl_core.agent.looking import Looking
-from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_core.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.errors import InputError
 from samrl_core.model.model import Model
@@ -48,6 +48,11 @@ class ViewPlannerSettings:
         "how the view is chosen: ascent of the trained Q, expected information, stay, or at random",
         choices=STRATEGIES,
     )
+    actor_image: str = setting(
+        ACTOR_IMAGES[0],
+        "what the trained actor reads: the updated model's image, or the camera's (randomised models)",
+        choices=ACTOR_IMAGES,
+    )
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of the random strategy and of exploration", range=(0, 2**31 - 1))
     horizon: int = setting(
@@ -58,6 +63,12 @@ class ViewPlannerSettings:
     )
     exploration_limit: float = setting(
         0.003, "longest residual tried before the trainer has one; as its `limit`", "m", (1e-4, 0.02)
+    )
+    exploration_memory: float = setting(
+        0.9, "correlation of what is added to an action and to the next one", range=(0.0, 1.0)
+    )
+    task_action_limit: float = setting(
+        0.02, "longest displacement, residual included; not above manipulator's", "m", (1e-3, 0.2)
     )
     max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
 
@@ -80,9 +91,12 @@ class ViewPlannerNode(Behaviour):
         agent = AgentSettings(
             policy=settings.policy,
             strategy=settings.strategy,
+            actor_image=settings.actor_image,
             seed=settings.seed,
             exploration=settings.exploration,
+            exploration_memory=settings.exploration_memory,
             exploration_limit=settings.exploration_limit,
+            longest=settings.task_action_limit,
             plan=TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1),
         )
         folder = Path(settings.weights) if settings.weights else None
@@ -97,6 +111,7 @@ class ViewPlannerNode(Behaviour):
         self._request: Any = None
         self._moves = 0
         self._residual_version = 0
+        self._collected = -1  # steps in the trainer's replay when it first announced its weights
 
     def start(self) -> None:
         """See `Behaviour`: reachable views and compiled physics are there before the first request."""
@@ -108,6 +123,7 @@ class ViewPlannerNode(Behaviour):
         if topic == WEIGHTS:
             self._on_weights(message)
         elif topic == READY:
+            self._acting.begin()
             self._state = self._request = None
             self._observations, self._wanted_more = [], 0
         elif topic == STATE:
@@ -145,6 +161,9 @@ class ViewPlannerNode(Behaviour):
 
     def _on_weights(self, message: Any) -> None:
         announced = from_message.announced_weights(message.data)
+        if self._collected < 0:  # the first one of this run
+            self._collected = announced.steps
+            self._acting.explore_from(announced.steps)
         if announced.version == 0:
             self._acting.residual = None
         else:

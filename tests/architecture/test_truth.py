@@ -27,7 +27,11 @@ MAY_END = {
 }
 # Who may ask for success and reward: the environment of the compared learners while an episode runs, whose
 # observations have no part in it, and an experiment when an episode has ended.
-MAY_BE_REWARDED = {"samrl_core/baselines/gym_env.py", "samrl_core/experiments/world_episodes.py"}
+MAY_BE_REWARDED = {
+    "samrl_core/baselines/gym_env.py",
+    "samrl_core/experiments/residual_episodes.py",
+    "samrl_core/experiments/world_episodes.py",
+}
 # Who may draw or judge with truth through the task border.
 MAY_JUDGE = {
     "draw": {"samrl_core/world/pybullet_world.py", "samrl_core/world/mock_world.py"},

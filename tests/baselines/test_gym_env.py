@@ -47,6 +47,9 @@ def test_observations_rewards_and_refusals() -> None:
     assert seen["tip"][2] - first["tip"][2] == pytest.approx(-limit, abs=0.003)
     assert reward == pytest.approx(-info["final_error"]) and -0.3 < reward < 0
     assert not (terminated or truncated or info["refused"])
+    at = seen["tip"]
+    seen, *_ = env.step(np.full(3, limit, dtype=np.float32))  # a corner of the cube: shortened to the limit
+    assert np.linalg.norm(seen["tip"] - at) == pytest.approx(limit, abs=0.003)
     for bad in (2 * down, np.full(3, np.nan), np.zeros(2)):
         with pytest.raises(InputError, match="three numbers within"):
             env.step(bad)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from samrl_core.errors import InputError
-from samrl_core.experiments.differing_world import differing_cell, differing_world
+from samrl_core.experiments.differing_world import differing_cell, differing_world, trained_offset
 from samrl_core.experiments.world_plant import WorldPlant
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.types.observation import Observation
 from samrl_core.world.pybullet_world import PyBulletWorld
-from samrl_core.world.settings import WorldSettings
+from samrl_core.world.settings import NOISELESS, WorldSettings
 from samrl_core.world.world import SimulatedWorld
 
 TASK, CELL = task_named("peg_insertion"), default_cell()
@@ -62,9 +62,40 @@ def test_what_is_known_of_the_cell_stays_nominal() -> None:
     found = differing_cell(CELL)
     assert (found.tool_arm.controller.stiffness < CELL.tool_arm.controller.stiffness).all()
     same = replace(found, tool_arm=replace(found.tool_arm, controller=CELL.tool_arm.controller))
-    assert all(getattr(same, k) is getattr(CELL, k) for k in vars(CELL) if k != "tool_arm")
+    others = [k for k in vars(CELL) if k not in ("tool_arm", "camera_base_in_world")]
+    assert all(getattr(same, k) is getattr(CELL, k) for k in others)
+    assert np.array_equal(found.camera_base_in_world.position, CELL.camera_base_in_world.position)
+
+
+def test_the_calibration_can_be_off() -> None:
+    """Then the camera arm really stands elsewhere, and the camera with it; nothing else has moved."""
+    offset = (0.003, -0.002, 0.004)
+    found = differing_cell(CELL, offset)
+    np.testing.assert_allclose(
+        found.camera_base_in_world.position - CELL.camera_base_in_world.position, offset, atol=1e-12
+    )
+    assert np.array_equal(found.camera_base_in_world.rotation, CELL.camera_base_in_world.rotation)
+    assert found.tool_base_in_world is CELL.tool_base_in_world
+    assert trained_offset({"offset_x": 0.001, "offset_y": 0.002, "offset_z": 0.003}) == (0.001, 0.002, 0.003)
+    assert trained_offset({"success": 1.0}) == (0.0, 0.0, 0.0)
 
 
 def test_friction_is_a_share() -> None:
     with pytest.raises(InputError, match="joint_friction is 1.0"):
         WorldSettings(joint_friction=1.0)
+
+
+def test_a_calibration_that_is_off_shows_what_is_elsewhere() -> None:
+    """The camera's base stands off; who believes the calibration sees the hole off the other way."""
+    offset = np.array([0.004, -0.003, 0.0])
+    real = differing_cell(CELL, tuple(offset))
+    middles = []
+    for cell in (CELL, real):
+        world = PyBulletWorld(TASK, cell, NOISELESS)
+        plant = WorldPlant(world, TASK, CELL)
+        plant.begin(3)
+        seen = plant.observe()
+        points = seen.camera.unproject(seen.frame.depth)[seen.frame.mask == 1]
+        middles.append(np.median(points, axis=0))
+        world.close()
+    np.testing.assert_allclose((middles[1] - middles[0])[:2], -offset[:2], atol=1.5e-3)

@@ -16,6 +16,9 @@ from samrl_core.experiments.experiment import Case, Options
 from samrl_core.experiments.held_views import HeldView
 from samrl_core.experiments.stopwatch import GROUPS
 from samrl_core.experiments.world_episodes import HELD, Condition, EpisodeJob, episode_cases
+from samrl_core.learn.networks import ResidualActor
+from samrl_core.learn.weights import WeightsInfo, save_weights
+from samrl_core.robots.cell import default_cell
 from samrl_core.types.pose import Pose
 from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
@@ -102,15 +105,22 @@ def test_ablations(tmp_path: Path, with_residual: bool) -> None:
     weights = tmp_path / "weights"
     weights.mkdir()
     file = weights / f"{TASK}_residual_actor.safetensors"
+    off = {"offset_x": 0.001, "offset_y": 0.002, "offset_z": -0.003} if with_residual else {}
     if with_residual:
-        file.write_bytes(b"weights")
+        figures = {"offset_x": 0.001, "offset_y": 0.0, "offset_z": -0.002}
+        lens = default_cell().intrinsics
+        info = WeightsInfo("residual_actor", TASK, lens, 0.003, 0, figures)
+        save_weights(file, ResidualActor(0.003), info)
     options = Options(tmp_path, tasks=(TASK,), count=2, workers=1, weights=weights)
     summary = fig8d.run(options, lambda line: None)
     names = list(fig8d.ABLATIONS) if with_residual else ["without_residual", "without_both"]
     assert list(summary["tasks"][TASK]) == names
     assert list(summary["first_against"][TASK]) == names[1:]
     assert all(job.differs and job.seed in (0, 1) for job in JOBS) and len(JOBS) == 2 * len(names)
+    # The world is the one that the residual was trained in, for all conditions alike.
+    assert {j.offset for j in JOBS} == {(0.001, 0.0, -0.002) if with_residual else (0.0, 0.0, 0.0)}
     assert {j.residual for j in JOBS} == {file if with_residual else None}
+    assert {j.offset for j in JOBS} == {tuple(off.values()) or (0.0, 0.0, 0.0)}
     assert bool(summary["residual_sha256"][TASK]) == with_residual
     assert (tmp_path / "fig8d.png").is_file()
 
@@ -153,13 +163,15 @@ def test_the_camera_is_where_it_is_held(monkeypatch: pytest.MonkeyPatch) -> None
     seen: list[np.ndarray] = []
 
     def episode(agent: Any, plant: Any, loop: Any, watch: Any) -> Any:
+        assert (loop.view_period, loop.looks, loop.max_actions) == (2, 0, 100)
         seen.append(plant.observe().camera_arm.position)
         return SimpleNamespace(ended="done")
 
     monkeypatch.setattr(world_episodes, "run_episode", episode)
     start = world_episodes.task_named(TASK).start_joints(world_episodes.default_cell())["camera_arm"]
     stops = (start + 0.03, start + 0.05)
-    job = EpisodeJob("k", TASK, "held", JOB.condition, 2, 0, tuple(tuple(s.tolist()) for s in stops))
+    condition = Condition("optimised", HELD, view_period=2)
+    job = EpisodeJob("k", TASK, "held", condition, 2, 0, tuple(tuple(s.tolist()) for s in stops))
     case = episode_cases(job)[0]
     np.testing.assert_allclose(seen[0], stops[-1], atol=3e-3)
     assert case["simulated_s"] == pytest.approx(0.3, abs=1e-3)

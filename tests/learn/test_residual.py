@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from samrl_core.errors import InputError, SolveError
-from samrl_core.learn.residual import ResidualLearner, ResidualSettings, explored
+from samrl_core.learn.residual import ResidualLearner, ResidualSettings
 from samrl_core.learn.transitions import Batch
 
 QUICK = ResidualSettings(batch=4, n_step=1, warm_up=0, delay=1, shift=2)
@@ -94,15 +94,6 @@ def test_what_is_not_finite_stops_the_update_before_it_changes_anything(where: s
     after = {name: value for name, value in learner.state().items() if name != "generator"}
     assert before.keys() == after.keys()
     assert all(torch.equal(before[k].nan_to_num(7), after[k].nan_to_num(7)) for k in before)
-
-
-def test_exploration_varies_within_the_bound() -> None:
-    rng = np.random.default_rng(0)
-    tried = np.array([explored(np.array([0.002, 0.0, 0.0]), 0.001, 0.003, rng) for _ in range(400)])
-    lengths = np.linalg.norm(tried, axis=1)
-    assert lengths.max() <= 0.003 + 1e-12 and tried.std(axis=0).min() > 0.0005
-    still = np.array([0.001, 0.0, -0.001])
-    assert np.array_equal(explored(still, 0.0, 0.003, rng), still)
 
 
 @pytest.mark.parametrize(

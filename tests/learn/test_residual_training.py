@@ -99,6 +99,30 @@ def test_updates_wait_for_steps(tmp_path: Path) -> None:
     assert training.due()
 
 
+def test_another_replay_beside_the_checkpoint_is_said_and_counted_anew(tmp_path: Path) -> None:
+    """Its first steps allow updates at once: they do not wait until it is as long as the one before."""
+    settings = replace(SETTINGS, updates_per_step=0.5, publish_every=100)
+    toy_cell.start(tmp_path, settings, 30).close()
+    first = toy_cell.training(tmp_path, settings)
+    while first.due():
+        first.step()
+    first.save()
+    assert first.updates == 15
+    (tmp_path / "replay.bin").unlink()
+    replay = toy_cell.start(tmp_path, settings, 4)
+    told: list[str] = []
+    for expected in (1, 0):  # a restart remembers, and has nothing to say
+        training = ResidualTraining(tmp_path, toy_cell.TASK, SMALL, settings, told.append)
+        assert len(told) == 1 and "30 steps" in told[0] and "holds 4" in told[0]
+        before = training.updates
+        while training.due():
+            training.step()
+        assert (training.updates - before > 0) == bool(expected) and training.updates == 17
+        training.save()
+    toy_cell.act(replay, np.random.default_rng(1), 2, lambda _: np.zeros(3), 0.001, 0.003)
+    assert training.due()
+
+
 def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
     toy_cell.start(tmp_path, SETTINGS, 30)
     training = trained(tmp_path, 2)
@@ -113,6 +137,22 @@ def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
     good, _ = load_checkpoint(tmp_path / "checkpoint.safetensors", KIND)
     assert all(bool(torch.isfinite(value.double()).all()) for value in good.values())
     assert announced(tmp_path, toy_cell.TASK).version == 1
+
+
+@pytest.mark.parametrize("who", ["critic", "actor"])
+def test_from_the_state_of_a_stop_the_same_batch_is_drawn_again(tmp_path: Path, who: str) -> None:
+    toy_cell.start(tmp_path, SETTINGS, 30)
+    training = trained(tmp_path, 2)
+    with torch.no_grad():
+        getattr(training.learner, who).get_parameter("encoder.out.bias")[0] = math.nan
+    assert training.due()
+    before = training.learner.state()
+    with pytest.raises(SolveError, match=f"update 2: the {who}'s loss is nan"):
+        training.step()
+    saved, _ = load_checkpoint(tmp_path / "stopped.safetensors", KIND)
+    assert saved.keys() == before.keys()
+    for name, value in saved.items():  # no weight was changed, and the generator is as it was
+        assert torch.equal(value.nan_to_num(7.0), before[name].nan_to_num(7.0)), name
 
 
 def test_what_is_corrupt_or_foreign_is_refused(tmp_path: Path) -> None:

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from samrl_core.learn.exploration import shortened
 from samrl_core.learn.packed_images import network_images, packed_depth, poses_as_rows
 from samrl_core.learn.replay import End, Replay, Step
-from samrl_core.learn.residual import ResidualSettings, explored
+from samrl_core.learn.residual import ResidualSettings
 from samrl_core.learn.residual_training import ResidualTraining, TrainingSettings, replay_of
 from samrl_core.types.pose import look_at
 from tests.learn.small_cell import SIZE, SMALL
@@ -61,7 +62,7 @@ def act(
     """Episodes of one action each into the replay."""
     for _ in range(count):
         state, error = draw_state(rng, replay.next_episode())
-        residual = explored(residual_of(state), noise, limit, rng)
+        residual = shortened(residual_of(state) + noise * rng.standard_normal(3), limit)
         step = Step(**{**state.__dict__, "residual": residual, "executed": state.nominal + residual})
         ended = End.SUCCESS if succeeds(residual, error) else End.FAILURE
         replay.end_episode(replay.append(step), ended)

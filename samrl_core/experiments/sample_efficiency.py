@@ -1,0 +1,182 @@
+"""How many real steps the residual needs (SAM-RL, section IV-C): success in a world that differs.
+
+Per task and training seed, episodes of the agent in a PyBullet world that its model does not know fill a
+replay, and TD3 trains the residual on it (eqs. 13 to 16). The model's own verdict is the reward. At each
+point of the curve, the first one before any real step, episodes of other scenes are judged by the truth;
+they explore nothing, are not learnt from and not counted as steps. `count` is the number of real steps. How
+far the calibration is off in that world is found first, see `calibration_gap`.
+
+Episodes of all runs share the worker processes; the learners are threads of this process and update on
+`device`, so that one accelerator serves them all.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from samrl_core.experiments.calibration_gap import gaps, offset_of
+from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options, Tell
+from samrl_core.experiments.residual_episodes import Order, Place, Play, Played, play
+from samrl_core.experiments.residual_run import Evaluated, ResidualRun, RunSettings
+from samrl_core.experiments.sample_efficiency_curve import summary_of, write_picture
+from samrl_core.learn.weights import shipped
+from samrl_core.learn.workers import worker_pool
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import TASKS
+
+NAME = "sample_efficiency"
+SEEDS = 3  # trainings per task
+BUDGET = 8000  # real steps
+POINTS = (0, 250, 500, 1000, 2000, 4000, 8000)
+
+
+def points_up_to(budget: int) -> tuple[int, ...]:
+    """Where the curve is evaluated, the budget included."""
+    return (*(p for p in POINTS if p < budget), budget)
+
+
+def policy_for(task: str, weights: Path | None) -> str:
+    """The nominal policy: the learned one where it has been trained, else the planner's."""
+    file = shipped(task, "sim_actor")
+    return "learned" if ((weights / file.name) if weights else file).is_file() else "optimised"
+
+
+def run(options: Options, tell: Tell) -> dict[str, Any]:
+    """The gap, then all runs side by side; see the module."""
+    points = points_up_to(options.count or BUDGET)
+    log = CaseLog(options.out)
+    calibrated = [
+        Place(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0)) for t in options.tasks
+    ]
+    for place in calibrated:
+        tell(f"{place.task}: nominal actions are {place.policy}")
+    with _player(options) as player:
+        found = gaps(log, calibrated, player, tell)
+        places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
+        jobs = [
+            _Job(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
+            for k in range(SEEDS)
+            for place in places
+        ]
+        left = [job for job in jobs if any(job.key(n) not in log.cases for n in points)]
+        _run_all(left, options, log, player, tell)
+    cases = [log.cases[job.key(n)] for job in jobs for n in points]
+    summary = {
+        "settings": asdict(jobs[0].settings),
+        "gap": found,
+        "tasks": {t: summary_of([c for c in cases if c["task"] == t]) for t in options.tasks},
+        "cases": cases,
+    }
+    write_picture(summary["tasks"], options.out / f"{NAME}.png")
+    return summary
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One training."""
+
+    place: Place
+    seed: int
+    settings: RunSettings
+
+    def key(self, point: int) -> str:
+        return f"{self.place.task}/{self.seed}/{point}"
+
+
+@contextmanager
+def _player(options: Options) -> Iterator[Play]:
+    """Plays episodes in as many processes as there shall be, or here."""
+    if options.processes == 1:
+        yield _here
+        return
+    # A worker ends with the thread that started it, so one that outlives all of them starts them.
+    with ThreadPoolExecutor(1) as starter, worker_pool(options.processes) as pool:
+
+        def spread(orders: Sequence[Order]) -> list[Played]:
+            futures = starter.submit(lambda: [pool.submit(play, order) for order in orders]).result()
+            return [future.result() for future in futures]
+
+        yield spread
+
+
+def _here(orders: Sequence[Order]) -> list[Played]:
+    return [play(order) for order in orders]
+
+
+def _run_all(jobs: Sequence[_Job], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
+    if not jobs:
+        return
+    lock, stop = threading.Lock(), threading.Event()
+
+    def keep(case: Case) -> None:
+        with lock:
+            log.keep(case)
+            rate = case["successes"] / case["evaluated"]
+            tell(f"{case['key']}: success {rate:.2f} after {case['steps']} real steps")
+
+    torch.set_num_threads(max(1, options.processes // len(jobs)))
+    with ThreadPoolExecutor(len(jobs)) as threads, ExitStack() as last:
+        last.callback(stop.set)  # before the threads are waited for: they end with their round
+        runs = [threads.submit(_one, job, options, log, player, keep, stop) for job in jobs]
+        for one in as_completed(runs):
+            one.result()
+
+
+def _one(
+    job: _Job,
+    options: Options,
+    log: CaseLog,
+    player: Play,
+    keep: Callable[[Case], None],
+    stop: threading.Event,
+) -> None:
+    """One training from where it was left."""
+    task, points = job.place.task, job.settings.points
+    folder = options.out / "runs" / f"{task}-{job.seed}"
+    residual = ResidualRun(folder, job.place, default_cell(), job.seed, job.settings, player, options.device)
+    try:
+        for point in points:
+            residual.advance(point, lambda: not stop.is_set())
+            if stop.is_set():
+                return
+            if job.key(point) not in log.cases:
+                case = _case(job, point, residual.evaluate())
+                file = options.out / "weights" / f"seed_{job.seed}" / shipped(task, "residual_actor").name
+                residual.save_weights(file, {"success": case["successes"] / case["evaluated"]})
+                keep(case)
+    finally:
+        residual.close()
+
+
+def _case(job: _Job, point: int, found: Evaluated) -> Case:
+    return {
+        "key": job.key(point),
+        "task": job.place.task,
+        "policy": job.place.policy,
+        "seed": job.seed,
+        "point": point,
+        "steps": found.steps,
+        "episodes": found.episodes,
+        "updates": found.updates,
+        "evaluated": len(found.successes),
+        "successes": sum(found.successes),
+        "detected": sum(found.detected),
+        "false_detections": sum(d and not s for d, s in zip(found.detected, found.successes, strict=True)),
+        "final_error": sum(found.final_errors) / len(found.final_errors),
+        "actions": sum(found.actions) / len(found.actions),
+        "residual": found.residual,
+        "errors": found.errors,
+    }
+
+
+EXPERIMENT = Experiment(
+    NAME, "success over real steps of the residual, in a world that differs", tuple(TASKS), run
+)

@@ -1,0 +1,211 @@
+"""A run of residual training: it comes to the same however often it is stopped, and learns what it can."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from samrl_core.errors import InputError
+from samrl_core.experiments.residual_episodes import Order, Place, Played
+from samrl_core.experiments.residual_run import ResidualRun, RunSettings
+from samrl_core.learn.exploration import Exploration, shortened
+from samrl_core.learn.networks import ResidualActor
+from samrl_core.learn.replay import End
+from samrl_core.learn.residual import ResidualSettings
+from samrl_core.learn.weights import load_weights
+from tests.learn import toy_cell
+from tests.learn.small_cell import SMALL
+
+PLACE = Place("toy", "optimised", None, (0.001, 0.0, -0.002))
+LEARNER = ResidualSettings(batch=4, n_step=2, warm_up=1, delay=1, shift=2)
+SETTINGS = RunSettings(
+    (0, 12, 20), LEARNER, episodes=2, first_steps=5, updates_per_step=0.3, evaluated=3, max_actions=3
+)
+
+
+class FakeCell:
+    """Episodes of a few actions in the toy's world."""
+
+    def __init__(self) -> None:
+        self.orders: list[Order] = []
+        self.break_after = 10**6
+
+    def __call__(self, orders: Sequence[Order]) -> list[Played]:
+        if len(self.orders) + len(orders) > self.break_after:
+            raise KeyboardInterrupt
+        self.orders += orders
+        return [self.play(order) for order in orders]
+
+    def play(self, order: Order) -> Played:
+        rng = np.random.default_rng(order.seed)
+        noise = Exploration(order.exploration, order.memory, np.random.default_rng(order.noise_seed))
+        actor = ResidualActor(order.limit)
+        if order.residual:
+            actor.load_state_dict({k: torch.from_numpy(v) for k, v in order.residual.items()})
+        steps, good = [], False
+        for index in range(order.max_actions):
+            state, error = toy_cell.draw_state(rng, 0)
+            chosen = toy_cell.chosen_residual(actor, state)
+            residual = shortened(chosen + noise.next(), order.limit)
+            steps.append(replace(state, step=index, residual=residual, executed=state.nominal + residual))
+            good = toy_cell.succeeds(residual, error)
+            if good:
+                break
+        return Played(tuple(steps), "done" if good else "action_limit", "", good, 0.001)
+
+
+def run(folder: Path, play: FakeCell, settings: RunSettings = SETTINGS, seed: int = 0) -> ResidualRun:
+    return ResidualRun(folder, PLACE, SMALL, seed, settings, play)
+
+
+def content(one: ResidualRun) -> dict[str, torch.Tensor]:
+    return one._learner.state()
+
+
+def test_a_run_collects_trains_and_counts(tmp_path: Path) -> None:
+    play = FakeCell()
+    one = run(tmp_path, play)
+    before = one.evaluate()
+    assert before.steps == before.updates == before.episodes == 0 and before.residual == 0.0
+    assert len(before.successes) == 3 and not any(order.residual for order in play.orders)
+    assert {order.exploration for order in play.orders} == {0.0} and play.orders[0].max_actions == 3
+    one.advance(12)
+    after = one.evaluate()
+    assert after.steps == one.steps >= 12 and after.updates == int(np.ceil(0.3 * (one.steps - 5)))
+    trained = play.orders[3:-3]
+    assert {o.exploration for o in trained} == {SETTINGS.exploration} and len(trained) == after.episodes
+    scenes = [o.seed for o in trained]
+    assert len(set(scenes)) == len(scenes) and not {o.seed for o in play.orders[:3]} & set(scenes)
+    assert [o.seed for o in play.orders[:3]] == [o.seed for o in play.orders[-3:]]
+    _, episodes, steps, ends = one._replay.outline()
+    assert len(episodes) == one.steps and set(episodes) == set(range(after.episodes))
+    assert (ends[np.flatnonzero(steps == 0)[1:] - 1] != End.OPEN).all()  # every episode's last step says how
+    assert after.residual > 0.0
+    one.save_weights(tmp_path / "w.safetensors", {"success": 0.5})
+    _, info = load_weights(tmp_path / "w.safetensors", "residual_actor", "toy", SMALL)
+    wanted = {"steps": one.steps, "updates": after.updates, "success": 0.5, "offset_z": -0.002}
+    assert wanted.items() <= info.figures.items()
+
+
+@pytest.mark.parametrize("stopped", [1, 3, 6])
+def test_a_stopped_run_comes_to_the_same(tmp_path: Path, stopped: int) -> None:
+    """Bit for bit, stopped within a round or between two, with half of a round in the replay."""
+    whole = run(tmp_path / "whole", FakeCell())
+    whole.advance(20)
+    play = FakeCell()
+    first = run(tmp_path / "stopped", play)
+    play.break_after = stopped
+    with pytest.raises(KeyboardInterrupt):
+        first.advance(20)
+    state, _ = toy_cell.draw_state(np.random.default_rng(5), 77)
+    first._replay.append(state)  # of a round that was cut off
+    first.close()
+    second = run(tmp_path / "stopped", FakeCell())
+    assert second.steps < 20
+    second.advance(20)
+    a, b = content(whole), content(second)
+    assert a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
+    for mine, other in zip(whole._replay.outline(), second._replay.outline(), strict=True):
+        assert np.array_equal(mine, other)
+
+
+def test_seeds_differ(tmp_path: Path) -> None:
+    cells = [FakeCell(), FakeCell()]
+    for seed, play in enumerate(cells):
+        run(tmp_path / str(seed), play, seed=seed).advance(4)
+    assert not {o.seed for o in cells[0].orders} & {o.seed for o in cells[1].orders}
+    assert not {o.noise_seed for o in cells[0].orders} & {o.noise_seed for o in cells[1].orders}
+
+
+def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
+    one = run(tmp_path, FakeCell())
+    one.advance(6)
+    one.close()
+    with pytest.raises(InputError, match="another settings"):
+        run(tmp_path, FakeCell(), replace(SETTINGS, exploration=0.002))
+    with pytest.raises(InputError, match="another seed"):
+        run(tmp_path, FakeCell(), seed=1)
+    (tmp_path / "replay.bin").unlink()
+    with pytest.raises(InputError, match="put the replay back"):
+        run(tmp_path, FakeCell())
+
+
+@pytest.mark.parametrize("bad", [{"points": ()}, {"points": (5, 2)}, {"episodes": 0}, {"exploration": 0.0}])
+def test_settings_out_of_range_are_refused(bad: dict) -> None:
+    with pytest.raises(InputError, match=next(iter(bad))):
+        replace(SETTINGS, **bad)
+
+
+def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every point of every seed once, the picture, the weights, and nothing done twice."""
+    from samrl_core.experiments import calibration_gap, sample_efficiency
+    from samrl_core.experiments.experiment import Options
+
+    cells: list[FakeCell] = []
+
+    nominal: list[Order] = []
+
+    def here(orders: Sequence[Order]) -> list[Played]:
+        if len(orders) == calibration_gap.EPISODES:  # of the search for the gap
+            nominal.extend(orders)
+            return [Played((), "done", "", o.place.offset[0] < 0.48 * 0.0045, 0.0) for o in orders]
+        cells[-1].orders += orders
+        return [cells[-1].play(order) for order in orders]
+
+    def settings(points: tuple[int, ...], max_actions: int) -> RunSettings:
+        assert max_actions == 40  # of a task with 100
+        return replace(SETTINGS, points=points)
+
+    monkeypatch.setattr(sample_efficiency, "default_cell", lambda: SMALL)
+    monkeypatch.setattr(sample_efficiency, "_here", here)
+    monkeypatch.setattr(sample_efficiency, "RunSettings", settings)
+    monkeypatch.setattr(sample_efficiency, "POINTS", (0, 6))
+
+    told: list[str] = []
+    results = []
+    for _ in range(2):
+        cells.append(FakeCell())
+        options = Options(tmp_path, ("peg_insertion",), count=12, workers=1)
+        results.append(sample_efficiency.EXPERIMENT.result(options, told.append))
+    assert cells[0].orders and not cells[1].orders and results[0] == results[1]
+    found = json.loads((tmp_path / "sample_efficiency.json").read_text())
+    curve = found["tasks"]["peg_insertion"]["curve"]
+    assert [one["point"] for one in curve] == [0, 6, 12] and curve[0]["steps"] == 0
+    assert all(one["success"]["trials"] == 9 and len(one["by_seed"]) == 3 for one in curve)
+    assert (tmp_path / "sample_efficiency.png").stat().st_size > 1000
+    assert len(list((tmp_path / "weights").rglob("peg_insertion_residual_actor.safetensors"))) == 3
+    assert found["gap"]["peg_insertion"]["length"] == 0.005
+    # No larger error was tried, and the scenes are the same at each.
+    assert len(nominal) == 5 * calibration_gap.EPISODES
+    assert len({o.seed for o in nominal}) == calibration_gap.EPISODES
+    assert {order.place.offset for order in cells[0].orders} == {calibration_gap.offset_of(0.005)}
+    assert sum("real steps" in line for line in told) == 9
+
+
+@pytest.mark.parametrize(("fails_from", "taken"), [(0.004, 0.004), (0.0, 0.0), (1.0, 0.008)])
+def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
+    tmp_path: Path, fails_from: float, taken: float
+) -> None:
+    """None where they fail without, and the largest where they never do."""
+    from samrl_core.experiments.calibration_gap import EPISODES, LADDER, gaps, offset_of
+    from samrl_core.experiments.experiment import CaseLog
+
+    place = Place("peg_insertion", "optimised", None, (0.0, 0.0, 0.0))
+    orders: list[Order] = []
+
+    def play(some: Sequence[Order]) -> list[Played]:
+        orders.extend(some)
+        good = [np.linalg.norm(order.place.offset) < fails_from - 1e-9 for order in some]
+        return [Played((), "done", "", bool(one), 0.0) for one in good]
+
+    for _ in range(2):
+        found = gaps(CaseLog(tmp_path), [place], play, lambda text: None)["peg_insertion"]
+        assert found["length"] == taken and tuple(found["offset"]) == offset_of(taken)
+    tried = [n for n in LADDER if n <= taken]
+    assert len(found["success"]) == len(tried) and len(orders) == len(tried) * EPISODES  # once

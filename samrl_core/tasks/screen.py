@@ -102,6 +102,8 @@ def fence(
     height: float,
     gap: float,
     slats: Sequence[int],
+    shift: float = 0.0,
 ) -> tuple[Screen, ...]:
-    """Slats with gaps between them [m], in one plane; see `beside`. Slat 0 stands in its middle."""
-    return tuple(beside(target, azimuth, distance, width, height, k * (width + gap)) for k in slats)
+    """Slats with gaps between them [m], in one plane; see `beside`. `shift` is that of slat 0 [m]."""
+    step = width + gap
+    return tuple(beside(target, azimuth, distance, width, height, shift + k * step) for k in slats)

@@ -57,16 +57,22 @@ def goal(task: Variant, values: np.ndarray) -> np.ndarray:
 
 
 def moments(task: Variant) -> list[np.ndarray]:
-    """Goals (N, 3) of several starts, and where the goal moves, of several moments on its way [m]."""
-    found = [goal(task, values) for values in starts(task, 20)]
-    if isinstance(task, SpatulaFlipping):
-        lying = goal(task, np.array([task.center_x, task.center_y, 0.006, 0.0, 0.0]))
-        x, radius = task.lip_x, task.pancake_radius
-        turning = [goal(task, np.array([x - 0.5 * radius, 0.0, 0.6 * radius, 0.0, 0.9]))]
-        turning += [goal(task, np.array([x, 0.0, radius, 0.0, 1.57]))]
-        over = goal(task, np.array([x + radius, 0.0, 0.018, 0.0, 3.1]))
-        return [lying, *turning, over]
-    return found
+    """What must be seen (N, 3) of several starts, and of moments on the way where it moves [m]."""
+    if isinstance(task, PegInsertion):
+        return [goal(task, values) for values in starts(task, 20)]
+    if isinstance(task, NeedleThreading):
+        above = task.eye + [0.0, 0.0, task.start_above + task.links * task.link_length]
+        return [task.eye + task.eye_radius * CIRCLE] + [
+            task.thread_points(values, above)[-5:] for values in starts(task, 20)
+        ]
+    nominal = np.array([p.nominal for p in task.parameters()])
+    x, radius = task.lip_x, task.pancake_radius
+    return [
+        goal(task, nominal),
+        goal(task, np.array([x - 0.5 * radius, 0.0, 0.6 * radius, 0.0, 0.9])),
+        goal(task, np.array([x, 0.0, radius, 0.0, 1.57])),
+        goal(task, np.array([x + radius, 0.0, 0.018, 0.0, 3.1])),
+    ]
 
 
 def hidden(task: Variant, points: np.ndarray, camera: Pose) -> bool:
@@ -90,8 +96,7 @@ def test_half_of_the_reachable_views_do_not_see_the_goal(name: str) -> None:
     print(f"{name}: seen from {shown.mean():.2f} of all, the best view sees {most:.2f} of the moments")
     assert shown.mean() <= 0.5
     assert shown.any(axis=1).all()
-    if not isinstance(task, NeedleThreading):  # its eye stands still
-        assert most <= 0.8
+    assert most <= (0.95 if isinstance(task, NeedleThreading) else 0.8)  # no view sees all of them
 
 
 @EVERY

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import numpy as np
 import torch
 
 from samrl_core.inverse.target_renderer import TargetRenderer
 from samrl_core.learn.sensing_value import Networks, SensingValue
-from samrl_core.learn.view_search import Answer, Found, Request, ViewAscentSettings, ViewSearch, place_camera
+from samrl_core.learn.view_search import (
+    Answer,
+    Found,
+    Request,
+    ViewAscentSettings,
+    ViewSearch,
+    place_camera,
+)
 from samrl_core.model.model import Model
 from samrl_core.real2sim import Estimate
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
 from samrl_core.types.camera import Camera
+from samrl_core.types.pose import Pose
 from samrl_core.view_planning import ViewChoice
 from samrl_core.view_reach import ViewReach
 
@@ -46,7 +56,8 @@ class ViewAscent:
         """Choose the next view.
 
         Renderings, all without moving: 1 + `first_looks` alone and `starts` (1 + `steps`) with gradient at
-        most, as many passes of either network, and one of the renderer's depth for the visibility.
+        most, as many passes of either network, and one of the renderer's depth for the visibility from the
+        present view and from each of the best ones until some show enough.
 
         Args:
             estimate: what is believed.
@@ -64,11 +75,22 @@ class ViewAscent:
             present = float(value.q(value.view(present_pose))[0])
         obstacles = self._reach.obstacles(tool_arm_position, estimate.values)
         search = ViewSearch(self._cell, self._region, self._reach, s, here, obstacles)
-        found = self._answered(search, present, value)
+
+        def visibility(camera_in_world: Pose) -> float:
+            camera = Camera(self._cell.intrinsics, camera_in_world)
+            renderer = TargetRenderer(self._model, camera, tool_arm_position)
+            return renderer.visibility(estimate.values, estimate.colors)
+
+        found = self._answered(
+            search.found(
+                present, visibility(present_pose), lambda look: visibility(look.view.camera_in_world)
+            ),
+            value,
+        )
         if not found.moves:
             reason = (
-                f"stays: of {found.views} views none that is free gains {s.min_gain:g}; the most is "
-                f"{found.most:.3f}"
+                f"stays: of {found.views} views none that is free and shows the target gains "
+                f"{s.min_gain:g}; the most is {found.most:.3f}"
             )
             pose, joints, q = present_pose, here, present
         else:
@@ -76,13 +98,10 @@ class ViewAscent:
             pose, joints, q = best.view.camera_in_world, best.view.joint_position, best.q
             gain = best.utility - present
             reason = f"the best of {found.views} views gains {gain:.3f} after the price of moving"
-        renderer = TargetRenderer(self._model, Camera(self._cell.intrinsics, pose), tool_arm_position)
-        visibility = renderer.visibility(estimate.values, estimate.colors)
-        return ViewChoice(bool(found.moves), pose, joints, q, present, visibility, found.views, reason)
+        return ViewChoice(bool(found.moves), pose, joints, q, present, visibility(pose), found.views, reason)
 
-    def _answered(self, search: ViewSearch, present: float, value: SensingValue) -> Found:
+    def _answered(self, asking: Generator[Request, Answer, Found], value: SensingValue) -> Found:
         """The search's end, each of its requests drawn in one rendering."""
-        asking = search.found(present)
         try:
             request = next(asking)
             while True:

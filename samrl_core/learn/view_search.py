@@ -13,8 +13,10 @@ searches side by side can be drawn at a time.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import islice
 
 import numpy as np
 import torch
@@ -52,6 +54,9 @@ class ViewAscentSettings:
     time_price: float = 0.01  # of camera motion [Q/s]
     speed_share: float = 0.5  # of the joints' velocity limits, for the time of a motion
     finalists: int = 4  # ways to the best views that are checked for collisions
+    # Share of the target's surface towards the camera that a view must show, 0..1. Q knows the state of the
+    # model as if it were true, and so prefers views that serve the action; an update needs to see the target.
+    least_visibility: float = 0.5
 
 
 def place_camera(places: torch.Tensor, target: np.ndarray) -> CameraPose:
@@ -126,11 +131,21 @@ class ViewSearch:
         self._scale = np.array(settings.scale)
         self._views = 1
 
-    def found(self, present: float) -> Generator[Request, Answer, Found]:
+    def found(
+        self,
+        present: float,
+        present_visibility: float = 1.0,
+        visibility: Callable[[Look], float] = lambda look: 1.0,
+    ) -> Generator[Request, Answer, Found]:
         """Ask for what is to be looked at; the end is what was found.
+
+        A view that shows too little of the target is not taken, and the present one is worth nothing if it
+        does. Where no other view shows enough, those are taken that show no less than the present one.
 
         Args:
             present: Q of the present view.
+            present_visibility: share of the target that it shows, see `least_visibility`.
+            visibility: the same of a look; asked of the best ones until enough of them are good.
         """
         s = self._settings
         looks = yield from self._first_looks()
@@ -138,17 +153,23 @@ class ViewSearch:
         places = [place_of(start, self._region), *(look.place for look in looks)]
         climbed = yield from self._from_places(places[: s.starts])
         found = sorted([*looks, *climbed], key=lambda look: -look.utility)
-        best = next(
-            (
-                look
-                for look in found[: s.finalists]
-                if look.utility > present + s.min_gain
-                and self._reach.way_is_clear(self._here, look.view.joint_position, self._obstacles)
-            ),
-            None,
-        )
+        shown = cache(visibility)
+        worth = present if present_visibility >= s.least_visibility else 0.0
+        best = self._best(found, worth, lambda look: shown(look) >= s.least_visibility)
+        if best is None:
+            best = self._best(found, present, lambda look: shown(look) >= present_visibility)
         most = found[0].utility - present if found else 0.0
         return Found(() if best is None else (best,), most, self._views)
+
+    def _best(self, found: Sequence[Look], worth: float, shows: Callable[[Look], bool]) -> Look | None:
+        """The first that gains enough over `worth`, shows the target, and has a clear way to it."""
+        s = self._settings
+        gaining = (look for look in found if look.utility > worth + s.min_gain)
+        good = islice(filter(shows, gaining), s.finalists)
+        clear = self._reach.way_is_clear
+        return next(
+            (look for look in good if clear(self._here, look.view.joint_position, self._obstacles)), None
+        )
 
     def _first_looks(self) -> Asking:
         """Clear views of the grid, spread over it, the best first."""

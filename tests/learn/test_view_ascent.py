@@ -16,8 +16,11 @@ from samrl_core.learn.network_image import network_image, upright
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.learn.sensing_value import Networks, SensingValue
 from samrl_core.learn.view_ascent import ViewAscent, ViewAscentSettings, place_camera
+from samrl_core.learn.view_search import Answer, ViewSearch
 from samrl_core.model.model import Model, ModelSettings, world_to_camera
 from samrl_core.real2sim import initial_estimate
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
 from samrl_core.types.pose import Pose, look_at
 from samrl_core.view_reach import ReachSettings, ViewReach, bounds_of, place_of, place_position
 
@@ -206,3 +209,41 @@ def test_network_image_of_one_pixel_turned() -> None:
     image = network_image(color, torch.ones((4, 4, 3)), torch.ones((4, 4)), tip, base)
     over = upright(image, look_at(np.array([0.3, 0.0, 0.3]), np.zeros(3), np.pi).rotation)
     assert float(over[0, 3, 2]) == float(image[0, 0, 1]) != float(image[0, 0, 0])
+
+
+def test_goes_to_where_the_target_can_be_seen() -> None:
+    """Behind a screen the present view is worth nothing, whatever Q says."""
+    hidden = Model(task_named("needle_threading_occluded"), default_cell())
+    estimate, joints = initial_estimate(hidden), hidden.task.start_joints(hidden.cell)
+    found = {}
+    for least in (0.0, 0.5):
+        settings = ViewAscentSettings(first_looks=40, starts=1, steps=1, least_visibility=least)
+        behind = ViewAscent(hidden, hidden.cell, hidden.task, networks(SmoothQ(gain=0.0)), settings)
+        found[least] = behind.plan(estimate, joints["tool_arm"], joints["camera_arm"])
+    assert not found[0.0].move and found[0.0].visibility < 0.1
+    assert found[0.5].move and found[0.5].visibility >= 0.5
+    assert found[0.5].score == pytest.approx(found[0.5].present_score, abs=0.05)
+
+
+def test_no_view_is_taken_that_hides_the_target(
+    ascent: ViewAscent, model: Model, joints: dict[str, np.ndarray]
+) -> None:
+    """Where none shows enough, none is gone to that shows less than the present one."""
+    asks = initial_estimate(model), joints["tool_arm"], joints["camera_arm"]
+    present = with_settings(ascent, SmoothQ(), min_gain=1.0).plan(*asks).visibility
+    searching = ViewSearch(
+        model.cell,
+        model.task.view_region(),
+        ascent._reach,
+        replace(SETTINGS, min_gain=0.0, time_price=0.0, starts=0, least_visibility=1.01),
+        joints["camera_arm"],
+        ascent._reach.obstacles(asks[1], asks[0].values),
+    )
+    assert 0.5 < present < 1.0
+    for shown, moves in ((present, True), (present - 1e-6, False)):
+        asking = searching.found(0.1, present, lambda look, shown=shown: shown)
+        request = next(asking)
+        count = len(request.places)
+        with pytest.raises(StopIteration) as end:
+            asking.send(Answer(np.full(count, 0.6), np.zeros((count, 3))))
+        assert bool(end.value.value.moves) == moves

@@ -38,7 +38,6 @@ class Assembler:
         self._slop_ns = slop_ns
         self._camera_arm: ArmModel | None = None
         self._camera_in_flange: Pose | None = None
-        self._intrinsics: Intrinsics | None = None
         self._parts: OrderedDict[int, dict[str, Any]] = OrderedDict()
         self._readings: dict[str, deque[ArmReading]] = {role: deque(maxlen=_READINGS) for role in ROLES}
 
@@ -50,7 +49,8 @@ class Assembler:
         """Hand in one message; returns an observation when this one completes it.
 
         Raises:
-            InputError: an image, joint state or calibration that cannot be used; nothing is kept of it.
+            InputError: an image, joint state or calibration that cannot be used, or a camera with another
+                image size or lens than the cell's; nothing is kept of it.
         """
         if topic in JOINTS:
             role = JOINTS[topic]
@@ -61,12 +61,22 @@ class Assembler:
             self._camera_in_flange = poses["camera_in_flange"]
             self._camera_arm = ArmModel(self._cell.camera_arm, poses["camera_arm"], None)
             return self._complete()
-        value = from_message.intrinsics(message) if topic == INFO else from_message.image(message)
+        value = self._lens(message) if topic == INFO else from_message.image(message)
         parts = self._parts.setdefault(from_message.stamp_ns(message), {})
         parts[topic] = value
         while len(self._parts) > _PENDING_FRAMES:
             self._parts.popitem(last=False)
         return self._complete()
+
+    def _lens(self, message: Any) -> Intrinsics:
+        """Networks, replay and model are of one camera: what another one sees would be silently wrong."""
+        found = from_message.intrinsics(message)
+        if found != self._cell.intrinsics:
+            raise InputError(
+                f"the camera publishes {found}, the cell's is {self._cell.intrinsics}; set the camera to "
+                f"that, or describe this one in the cell and train for it"
+            )
+        return found
 
     def _complete(self) -> Observation | None:
         for stamp in list(self._parts):

@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -15,12 +16,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from samrl_core.errors import InputError, SamrlError
 from samrl_core.tasks import task_named
+from samrl_core.tasks.task import Task
 from samrl_ros.cell_options import NODE_ORDER, CellOptions, prepare
 from samrl_ros.exit_codes import FAILED, INTERRUPTED, OK
 from samrl_ros.require_ros import require_ros
 
 __all__ = ["CellOptions", "run_cell", "main"]
 
+VISITED = "visited.npz"  # of a run's folder: states that Real2Sim found, to learn from
 SETTLING_S = 0.5  # wall time in which the last messages reach the recorder
 BRAKING_S = 2.0  # wall time in which the bridge brakes arms whose commands ceased, and the recorder sees it
 DISCOVERY_S = 1.0  # wall time in which whoever is in the ROS domain already is heard of
@@ -180,7 +183,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
 
     task, out = task_named(options.task), options.out
     try:
-        summary = summarise(out, task, options.as_dict(), watch.wall_time_s, trouble)
+        summary = summarise(out, task, options.as_dict(), watch.wall_time_s, watch.marks, trouble)
     except InputError as error:
         console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return
@@ -199,6 +202,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         highlight=False,
     )
     console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)
+    _keep_visited(out, task, console)
     picture = out / "contact_sheet.png"
     try:
         draw_contact_sheet(out / "bag", picture, episode=summary["episodes"][0]["episode"] if n else 0)
@@ -206,6 +210,22 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         console.print(f"[yellow]no picture:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return
     console.print(f"picture: {picture}", highlight=False)
+
+
+def _keep_visited(out: Path, task: Task, console: Console) -> None:
+    """Line 16 of Algorithm 1: what Real2Sim found, for `samrl train --visited`."""
+    from samrl_core.learn.visited import save_visited
+    from samrl_core.robots.cell import default_cell
+    from samrl_ros.visited_states import visited_in_bag
+
+    try:
+        found = visited_in_bag(out / "bag", task, default_cell())
+    except InputError as error:
+        console.print(f"[yellow]no visited states:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return
+    if len(found):
+        save_visited(out / VISITED, found)
+        console.print(f"visited: {out / VISITED}", highlight=False)
 
 
 def _line(episode: dict[str, Any]) -> str:

@@ -184,6 +184,13 @@ def train(
     workers: Annotated[
         int, typer.Option(help="Processes for states, labels and episodes; 0: free cores.", min=0)
     ] = 0,
+    visited: Annotated[
+        list[Path] | None,
+        typer.Option(help="States that a run of the cell found (its visited.npz); may be repeated."),
+    ] = None,
+    randomisation: Annotated[
+        str, typer.Option(help="What differs between models: real2sim, uniform, adr or simopt.")
+    ] = "real2sim",
 ) -> None:
     """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
     from samrl_ros.train_command import TrainOptions, train_task
@@ -205,6 +212,8 @@ def train(
         kept,
         workers,
         actor,
+        tuple(visited or ()),
+        randomisation,
     )
     raise typer.Exit(train_task(options))
 

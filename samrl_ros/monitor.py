@@ -18,6 +18,7 @@ CLOCK_SILENCE_S = 10.0  # wall time without joint states, once they have come, t
 PROGRESS_SILENCE_S = 180.0  # wall time without a new phase that means the cell is stuck
 JOINTS = arm_topic("tool_arm", "joint_states")
 PHASE, OUTCOME, SAFETY = cell_topic("phase"), cell_topic("supervisor/outcome"), cell_topic("safety_state")
+NOMINAL = cell_topic("view_planner/nominal_action")
 
 
 @dataclass
@@ -36,6 +37,7 @@ class Watch:
 
     outcomes: dict[int, Any] = field(default_factory=dict)
     wall_time_s: dict[int, float] = field(default_factory=dict)
+    marks: dict[int, list[tuple[float, str]]] = field(default_factory=dict)  # see `summary.summarise`
     phase: str = ""
     phases: int = 0
     safety: str = ""
@@ -52,6 +54,7 @@ class Monitor:
 
     def __init__(self, on_event: Callable[[str], None] = lambda text: None) -> None:
         self.watch = Watch()
+        self._marks: list[tuple[float, str]] = []  # of the present episode
         self._on_event = on_event
         self._node = Node("monitor", namespace=NAMESPACE)
         self._executor = EventsExecutor()
@@ -59,6 +62,7 @@ class Monitor:
         for name, callback in (
             (PHASE, self._on_phase),
             (OUTCOME, self._on_outcome),
+            (NOMINAL, self._on_nominal),
             (SAFETY, self._on_safety),
             ("/diagnostics", self._on_diagnostics),
             (JOINTS, self._on_joints),
@@ -110,6 +114,14 @@ class Monitor:
         self.watch.last_progress = time.monotonic()
         if message.data.startswith("episode "):
             self.watch.episode_since = time.monotonic()
+            self._marks = self.watch.marks.setdefault(int(message.data.split()[1]), [])
+        self._mark(message.data)
+
+    def _on_nominal(self, message: Any) -> None:
+        self._mark("move")
+
+    def _mark(self, what: str) -> None:
+        self._marks.append((time.monotonic() - self.watch.episode_since, what))
 
     def _on_outcome(self, message: Any) -> None:
         now = time.monotonic()

@@ -17,6 +17,7 @@ import numpy as np
 from samrl_core.errors import InputError
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks.task import Task
+from samrl_core.types.share import wilson
 from samrl_core.whole_file import write_whole
 from samrl_core.world.evaluation import ending_of, read_truth
 from samrl_ros.bags.reader import open_bag
@@ -38,18 +39,13 @@ def samrl_version() -> str:
         return "source"
 
 
-def wilson(successes: int, n: int, z: float = 1.959964) -> tuple[float, float]:
-    """Wilson score interval of a rate (Wilson 1927), 95 % by default; (0, 1) without cases."""
-    if n == 0:
-        return (0.0, 1.0)
-    p = successes / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
-    return (max(0.0, centre - half), min(1.0, centre + half))
-
-
 def summarise(
-    folder: Path, task: Task, settings: dict[str, Any], wall_time_s: dict[int, float], error: str = ""
+    folder: Path,
+    task: Task,
+    settings: dict[str, Any],
+    wall_time_s: dict[int, float],
+    marks: dict[int, list[tuple[float, str]]],
+    error: str = "",
 ) -> dict[str, Any]:
     """Read `folder/bag` and `folder/evaluation/truth.jsonl` and join them per episode.
 
@@ -58,6 +54,8 @@ def summarise(
         task: for its definition of success.
         settings: what was asked for, recorded as it is.
         wall_time_s: wall time per finished episode [s].
+        marks: per episode, when by the wall clock each of its phases began: seconds since it was laid out,
+            and a mark of the topic `phase`, or "move" when the action was known.
         error: why the run ended early, empty when it did not.
 
     Raises:
@@ -72,8 +70,9 @@ def summarise(
         error, messages, timing = f"{error}; no figures: {unreadable}", {}, _timing_of([], [], [])
     truth_file = folder / "evaluation" / "truth.jsonl"
     truth = read_truth(truth_file) if truth_file.is_file() else {}
-    episodes = [
+    episodes: list[dict[str, Any]] = [
         _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
+        | {"marks": [[round(s, 4), what] for s, what in marks.get(number, [])]}
         for number, topics in sorted(messages.items())
         if topics[OUTCOME]
     ]

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from samrl_core.errors import InputError
 from samrl_core.learn.fit_settings import FitSettings
+from samrl_core.learn.randomisation.names import REAL2SIM
 from samrl_core.learn.train import SUMMARY, train
 from samrl_core.learn.train_picture import write_picture
 from samrl_core.learn.train_settings import TrainSettings
@@ -33,6 +34,8 @@ class TrainOptions:
     kept: int
     workers: int
     actor: Path | None = None  # weights of one; only its Q is trained then
+    visited: tuple[Path, ...] = ()  # files of states that Real2Sim found
+    randomisation: str = REAL2SIM
 
 
 def train_task(options: TrainOptions) -> int:
@@ -52,6 +55,7 @@ def train_task(options: TrainOptions) -> int:
         q_target=options.q_target,
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
+        randomisation=options.randomisation,
         seed=options.seed,
         max_actions=options.max_actions,
         kept=options.kept,
@@ -64,7 +68,7 @@ def train_task(options: TrainOptions) -> int:
         console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
 
     try:
-        summary = train(options.task, options.out, settings, tell, options.actor)
+        summary = train(options.task, options.out, settings, tell, options.actor, options.visited)
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
         raise

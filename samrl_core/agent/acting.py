@@ -96,9 +96,13 @@ class Acting:
     def _imitated(
         self, networks: Networks, estimate: Estimate, tip: np.ndarray, observation: Observation
     ) -> tuple[str, np.ndarray]:
-        value = SensingValue(self._model, networks, estimate, observation.tool_arm.position)
+        if self._settings.actor_image == "real":
+            image = observed_image(observation, tip, self._model.cell)[None]
+        else:
+            value = SensingValue(self._model, networks, estimate, observation.tool_arm.position)
+            image = value.view(observation.camera.camera_in_world)
         with torch.no_grad():
-            action = networks.actor(value.view(observation.camera.camera_in_world))[0].numpy()
+            action = networks.actor(image)[0].numpy()
         goals = self._model.task.sub_goals(estimate.values, tip)
         return goals[0].name if goals else "none", _finite(action, "actor")
 

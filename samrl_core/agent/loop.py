@@ -20,6 +20,7 @@ class LoopSettings:
     view_period: int = 3  # actions from one search for a better view to the next
     looks: int = 1  # camera moves in one search; the model is updated after each (line 5's loop)
     max_lost_updates: int = 5  # updates in a row that may miss the target
+    believe: bool = True  # end when the model says done; off where it is not updated and knows nothing of it
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def stage_after_update(
     """
     if state.lost_updates > settings.max_lost_updates:
         return "lost"
-    if task.is_done(values, tip_position):
+    if settings.believe and task.is_done(values, tip_position):
         return "done"
     if state.step >= settings.max_actions:
         return "action_limit"

@@ -8,7 +8,9 @@ STRATEGIES = (
     "random",
 )  # view: ascent of the learned Q, expected information, none, any
 
+ACTOR_IMAGES = ("rendered", "real")  # what the actor reads: the updated model's image, or the camera's own
+
 # The strategy that goes with a policy unless another one is asked for.
 STRATEGY_OF = {"learned": "q", "optimised": "best"}
 
-DEFAULT_POLICY = "optimised"  # needs no trained weights
+DEFAULT_POLICY = "learned"  # with the networks of the package

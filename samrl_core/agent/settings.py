@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_core.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_core.errors import InputError
 from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor
 from samrl_core.learn.sensing_value import Networks
@@ -29,12 +29,13 @@ class AgentSettings:
     """What the agent does in each of its parts.
 
     Raises:
-        InputError: a policy or strategy that there is not.
+        InputError: a policy, strategy or actor's image that there is not, or a real one without an actor.
     """
 
     policy: str = DEFAULT_POLICY  # of `samrl_core.agent.policies.POLICIES`
     strategy: str = STRATEGY_OF[DEFAULT_POLICY]  # of `samrl_core.agent.policies.STRATEGIES`
     update: bool = True  # Real2Sim; off for ablations
+    actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
     seed: int = 0  # of strategy "random" and of exploration
     exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]
     exploration_memory: float = 0.9  # correlation of what is added to an action and to the next one
@@ -50,6 +51,14 @@ class AgentSettings:
         if self.strategy not in STRATEGIES:
             raise InputError(
                 f"no view strategy is named {self.strategy!r}; there are: {', '.join(STRATEGIES)}"
+            )
+        if self.actor_image not in ACTOR_IMAGES:
+            raise InputError(
+                f"no actor reads the image {self.actor_image!r}; there are: {', '.join(ACTOR_IMAGES)}"
+            )
+        if self.actor_image == "real" and self.policy != "learned":
+            raise InputError(
+                f"policy {self.policy!r} has no actor to read a real image; take policy 'learned'"
             )
 
     @property

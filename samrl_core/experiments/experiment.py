@@ -18,6 +18,7 @@ from typing import Any
 from samrl_core.errors import InputError
 from samrl_core.folder_lock import folder_lock
 from samrl_core.learn.workers import free_cores, worker_pool
+from samrl_core.same_settings import keep_to
 from samrl_core.whole_file import write_whole
 
 Tell = Callable[[str], None]  # hears a line of progress
@@ -74,7 +75,9 @@ class Experiment:
             raise InputError(f"{self.name} knows no task {unknown[0]!r}; there are: {', '.join(self.tasks)}")
         options = replace(options, tasks=options.tasks or self.tasks)
         with folder_lock(options.out):
-            _check_folder(self.name, options)
+            where = ("out", "device", "workers")  # may differ when it goes on
+            asked = {k: v for k, v in asdict(options).items() if k not in where}
+            keep_to(options.out / CONFIG, {"experiment": self.name, **asked}, "experiment", {})
             summary = {"schema": 1, "experiment": self.name, "seed": options.seed, **self.run(options, tell)}
             write_whole(options.out / f"{self.name}.json", json.dumps(summary, indent=1) + "\n")
         return summary
@@ -155,22 +158,3 @@ def run_cases(
 def _words(case: Case) -> str:
     shown = {k: v for k, v in case.items() if k != "key" and isinstance(v, bool | int | float | str)}
     return "  ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in shown.items())
-
-
-def _check_folder(name: str, options: Options) -> None:
-    """Writes down a new experiment's options; one that goes on must have the same."""
-    where = ("out", "device", "workers")  # may differ when it goes on
-    plain = {k: v for k, v in asdict(options).items() if k not in where}
-    wanted = json.loads(json.dumps({"experiment": name, **plain}, default=str))
-    path = options.out / CONFIG
-    if not path.exists():
-        write_whole(path, json.dumps(wanted, indent=1) + "\n")
-        return
-    try:
-        found = dict(json.loads(path.read_text()))
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{path} cannot be read ({error}); take another folder") from error
-    different = [k for k in {**wanted, **found} if wanted.get(k) != found.get(k)]
-    if different:
-        listed = ", ".join(f"{k} {found.get(k)!r} (asked for: {wanted.get(k)!r})" for k in different)
-        raise InputError(f"{options.out} holds another experiment: {listed}; take another folder")

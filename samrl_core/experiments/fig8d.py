@@ -51,7 +51,11 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
 
 
 def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
-    """Episodes of a task, condition by condition; those with a residual only where there is one."""
+    """Episodes of a task, condition by condition; those with a residual only where there is one.
+
+    Raises:
+        InputError: the residual's file does not fit; see `load_weights`.
+    """
     file = shipped(task, "residual_actor")
     if options.weights is not None:
         file = options.weights / file.name

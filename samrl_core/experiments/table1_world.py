@@ -5,7 +5,7 @@ contacts another engine's. All conditions act by the learned policy on the same 
 
 - active: Algorithm 1, views by ascent of Q. fixed: the task's start view all the time.
 - best_fixed: of reachable views the one that did best in a search on other seeds, held.
-- held_random: a reachable view drawn for each episode, held. random: a view drawn at every search for one.
+- held_random: a reachable view drawn for each episode, held. random: a view drawn before every action.
 - optimised, for reference: actions from plans through the model, views by expected information.
 """
 
@@ -30,7 +30,7 @@ LOOKING = {
     "fixed": Condition(strategy=HELD),
     "best_fixed": Condition(strategy=HELD),
     "held_random": Condition(strategy=HELD),
-    "random": Condition(strategy="random"),
+    "random": Condition(strategy="random", view_period=1),
     "optimised": Condition("optimised", "best"),
 }
 WHOLE = ("active", "best_fixed")  # conditions with all the episodes

@@ -39,6 +39,7 @@ class Condition:
     strategy: str = "q"  # of `samrl_core.agent.policies.STRATEGIES`, or HELD
     update: bool = True  # Real2Sim
     residual: bool = False
+    view_period: int = LoopSettings.view_period  # actions from one search for a view to the next
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     plant.begin(job.seed)
     for stop in job.way:
         plant.look_from(np.array(stop))
-    loop = LoopSettings(task.max_actions, looks=0 if job.condition.strategy == HELD else 1)
+    looks = 0 if job.condition.strategy == HELD else LoopSettings.looks
+    loop = LoopSettings(task.max_actions, job.condition.view_period, looks)
     began_ns = world.time_ns
     trouble = ""
     try:

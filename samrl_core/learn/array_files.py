@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.whole_file import write_whole
+from samrl_core.whole_file import read_whole, write_whole
 
+MAX_BYTES = 2**32  # of a file of arrays
 _MEMBER = ".npy"  # NumPy's npz is a zip of these
 # What zipfile, zlib and NumPy raise on bytes that are none of theirs.
 UNREADABLE = (
@@ -78,11 +79,7 @@ def read_arrays(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
     Raises:
         InputError: it cannot be read, holds other arrays, or a number that is not finite.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path} ({error}); remove it to make it anew") from error
-    found = unpacked(content, path)
+    found = unpacked(read_whole(path, MAX_BYTES), path)
     if set(found) != set(names):
         raise InputError(
             f"{path} holds the arrays {', '.join(sorted(found)) or 'none'}, must hold "

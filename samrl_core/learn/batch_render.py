@@ -159,7 +159,8 @@ class BatchRenderer:
                 xyz = nearest_points(r, (rotation, translation), self.model.cell.intrinsics)
                 if noise is not None and generator is not None:
                     eye = -(rotation.mT @ translation[..., None])[..., 0]
-                    color, xyz, seen = noisy(color, xyz, r.depth, eye, generator, noise)
+                    factor = None if chosen is None else chosen.noise
+                    color, xyz, seen = noisy(color, xyz, r.depth, eye, generator, noise, factor)
                 parts.append(network_image(color, xyz, seen, tips[few], base))
         return torch.cat(parts)
 

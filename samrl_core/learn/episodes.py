@@ -14,21 +14,34 @@ from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
-from samrl_core.learn.looks import LookSettings
+from samrl_core.learn.looks import LookSettings, LookSource
 from samrl_core.learn.networks import SimActor
+from samrl_core.learn.randomisation.distributions import ParameterDistribution
+from samrl_core.learn.randomisation.of_task import (
+    LOOK,
+    LooksAt,
+    dynamics_at,
+    start_values,
+    with_one_attribute,
+)
 from samrl_core.learn.rollouts import Rollouts, RolloutSettings, held, new_each_step, roll_out
 from samrl_core.learn.views import draw_views
 from samrl_core.learn.workers import worker_pool
 from samrl_core.model.model import Model
+from samrl_core.model.task_physics.border import TaskDynamics
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 
 Weights = dict[str, torch.Tensor]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Group:
-    """Episodes from the task's own starts, side by side."""
+    """Episodes from the task's own starts, or from those of a distribution, side by side.
+
+    What a distribution says nothing of is as the task, or `LookSettings`, has it. All episodes have the same
+    physical attributes: those of the first point.
+    """
 
     seed: tuple[int, ...]  # of all that is random in it
     count: int
@@ -36,6 +49,8 @@ class Group:
     action_noise: float  # per axis, standard deviation [action limits]
     noisy: bool  # colours, light and camera noise vary; else the model's own, clean
     max_actions: int  # of an episode; 0 takes the task's
+    drawn: ParameterDistribution | None = None
+    points: np.ndarray | None = None  # (count, P) of the distribution's space; None draws them
 
 
 def run_groups(
@@ -74,14 +89,32 @@ def _run(task: str, weights: Weights, group: Group, device: str) -> Rollouts:
     actor = SimActor(model.task.action_limit)
     actor.load_state_dict(weights)
     actor.to(renderer.device).eval()
-    values = np.array([model.task.start_values(rng) for _ in range(group.count)])
+    values, looks, dynamics = begun(model, group, rng)
     starts = Starts(values, np.tile(SceneFrames(model).start_tip, (group.count, 1)))
     region = model.task.view_region()
     viewer = held(draw_views(region, rng, group.count)) if group.hold else new_each_step(region)
     settings = RolloutSettings(
         max_actions=group.max_actions,
         action_noise=group.action_noise,
-        looks=LookSettings() if group.noisy else None,
+        looks=looks if group.noisy else None,
         noise=ImageNoiseSettings() if group.noisy else None,
     )
-    return roll_out(model, renderer, actor, starts, viewer, settings, rng)
+    return roll_out(model, renderer, actor, starts, viewer, settings, rng, dynamics)
+
+
+def begun(
+    model: Model, group: Group, rng: np.random.Generator
+) -> tuple[np.ndarray, LookSource, TaskDynamics]:
+    """Values (count, P) at the start, how the images look, and how the model moves.
+
+    Raises:
+        InputError: points that differ in physical attributes.
+    """
+    if group.drawn is None:
+        values = np.array([model.task.start_values(rng) for _ in range(group.count)])
+        return values, LookSettings(), model.dynamics
+    space, points = group.drawn.space, group.points
+    if points is None:
+        points = with_one_attribute(space, group.drawn.sample(rng, group.count))
+    looks = LooksAt(space, points) if space.columns(LOOK) else LookSettings()
+    return start_values(model.task, space, points), looks, dynamics_at(model.dynamics, space, points)

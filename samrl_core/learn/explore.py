@@ -9,7 +9,7 @@ as the task begins, in a state that was handed in, or at the stage that has been
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -115,6 +115,7 @@ class Explorer:
         rng: source of everything random.
         settings: how widely.
         given: other states to begin in.
+        starts: draws values (P,) to begin with, in the place of the task's own.
     """
 
     def __init__(
@@ -125,10 +126,12 @@ class Explorer:
         rng: np.random.Generator,
         settings: ExploreSettings | None = None,
         given: Starts | None = None,
+        starts: Callable[[np.random.Generator], np.ndarray] | None = None,
     ) -> None:
         self._dynamics, self._task, self._start_tip, self._rng = dynamics, task, start_tip, rng
         self._settings = settings or ExploreSettings()
         self._given = given
+        self._start_values = starts or task.start_values
         specs = task.parameters()
         self._lower, self._upper = (np.array([getattr(p, n) for p in specs]) for n in ("lower", "upper"))
         s = self._settings
@@ -169,7 +172,7 @@ class Explorer:
                 stage = min(self._stages.values(), key=lambda one: one.met)
                 state = stage.states[int(rng.integers(len(stage.states)))]
             else:
-                state = self._dynamics.start(self._task.start_values(rng), self._start_tip)
+                state = self._dynamics.start(self._start_values(rng), self._start_tip)
             slot = self._box(state)
             if self._usable(state, slot):
                 return state, slot

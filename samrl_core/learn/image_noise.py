@@ -48,6 +48,7 @@ def noisy(
     eye: torch.Tensor,
     generator: torch.Generator,
     settings: ImageNoiseSettings | None = None,
+    factor: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Colour, XYZ and what is seen of B images, with noise of a size of its own for each.
 
@@ -58,6 +59,7 @@ def noisy(
         eye: (B, 3) camera's place in world [m].
         generator: on the images' device.
         settings: sizes.
+        factor: (B,) on the size of all noise; 1 without it.
 
     Returns:
         Colour and XYZ like those given, and seen (B, H, W) bool.
@@ -73,6 +75,8 @@ def noisy(
 
     level = s.least + (s.most - s.least) * uniform(count)
     level = level * (uniform(count) >= s.clean_share)
+    if factor is not None:
+        level = level * factor.to(level)
     size = level[:, None, None]
     spread = (s.color_read**2 + s.color_shot * color.clamp(0.0, 1.0)).sqrt()
     painted = (color + size[..., None] * spread * normal(*color.shape)).clamp(0.0, 1.0)

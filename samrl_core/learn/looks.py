@@ -6,12 +6,21 @@ At run time Real2Sim fits the colours of what it tracks; an actor must not depen
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
 
 from samrl_core.errors import InputError
 from samrl_core.model.model import Model
+
+
+class LookSource(Protocol):
+    """Where looks are drawn from."""
+
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+        """So many looks of the model; the same ones for the same generator."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -31,15 +40,20 @@ class LookSettings:
             if not value >= 0.0:
                 raise InputError(f"{name} is {value}, must be at least 0")
 
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
+        """See `LookSource`."""
+        return draw_looks(model, rng, count, self)
+
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """Colours and light of B images."""
+    """Colours and light of B images, and how noisy the camera is."""
 
     colors: torch.Tensor  # (B, G, 3) of the colour groups, linear RGB, as `Model.color_names`
     gain: torch.Tensor  # (B, C, 3) on each of the C fixed colours (table, tool, hand, arm)
     towards_light: torch.Tensor  # (B, 3) unit, in world
     ambient: torch.Tensor  # (B,) share of light without direction, 0..1
+    noise: torch.Tensor  # (B,) factor on the size of the camera's noise, where there is any
 
     def rows(self, which: np.ndarray | slice) -> Looks:
         """Those of some of the images."""
@@ -58,6 +72,7 @@ def own_looks(model: Model, count: int) -> Looks:
         np.ones((count, len(model.mesh.palette[0]), 3)),
         np.tile(light / np.linalg.norm(light), (count, 1)),
         np.full(count, model.settings.ambient),
+        np.ones(count),
     )
 
 
@@ -88,7 +103,39 @@ def draw_looks(
     light = own.towards_light.numpy() + varied[:, 0] * s.light * rng.standard_normal((count, 3))
     light /= np.maximum(np.linalg.norm(light, axis=1, keepdims=True), 1e-6)
     ambient = own.ambient.numpy() + varied[:, 0, 0] * s.ambient * rng.standard_normal(count)
-    return _looks(colors, gain, light, np.clip(ambient, 0.05, 0.95))
+    return _looks(colors, gain, light, np.clip(ambient, 0.05, 0.95), np.ones(count))
+
+
+def looks_at(model: Model, rng: np.random.Generator, points: LookPoints) -> Looks:
+    """Looks as points say; what each colour is painted with, within its size, is drawn.
+
+    Args:
+        model: whose colours and light vary.
+        rng: source of everything random.
+        points: N of them.
+    """
+    own, count = own_looks(model, 1), len(points.exposure)
+
+    def painted(number: int) -> np.ndarray:
+        each = points.paint[:, None, None] * rng.standard_normal((count, number, 3))
+        return np.exp(points.exposure[:, None, None] + each)
+
+    colors = np.clip(own.colors.numpy() * painted(own.colors.shape[1]), 0.0, 1.0)
+    gain = painted(own.gain.shape[1])
+    light = own.towards_light.numpy() + points.light
+    light /= np.maximum(np.linalg.norm(light, axis=1, keepdims=True), 1e-6)
+    return _looks(colors, gain, light, points.ambient, points.noise)
+
+
+@dataclass(frozen=True, eq=False)
+class LookPoints:
+    """What N looks are, but for the paint."""
+
+    exposure: np.ndarray  # (N,) logarithm of a gain on all colours
+    paint: np.ndarray  # (N,) standard deviation of the logarithm of each channel of each colour
+    light: np.ndarray  # (N, 3) added to the unit vector towards the light, in world
+    ambient: np.ndarray  # (N,) share of light without direction, 0..1
+    noise: np.ndarray  # (N,) factor on the size of the camera's noise
 
 
 def _looks(*parts: np.ndarray) -> Looks:

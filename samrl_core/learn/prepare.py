@@ -25,6 +25,7 @@ from samrl_core.learn.draw_states import draw_states
 from samrl_core.learn.expert import label_of
 from samrl_core.learn.explore import ExploreSettings, Starts
 from samrl_core.learn.frames import SceneFrames
+from samrl_core.learn.randomisation.distributions import ParameterDistribution
 from samrl_core.learn.shards import DataInfo, ShardFolder
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.workers import free_cores, worker_pool
@@ -48,6 +49,7 @@ def prepare_states(
     given: Starts | None = None,
     shard_size: int = SHARD_SIZE,
     progress: Progress = lambda done, wanted: None,
+    drawn: ParameterDistribution | None = None,
 ) -> StateSamples:
     """All labelled states of a data set, made or resumed.
 
@@ -61,16 +63,17 @@ def prepare_states(
         given: other states to begin in, e.g. estimates of Real2Sim.
         shard_size: states that one process makes in one go.
         progress: called after each shard.
+        drawn: what starts and, once per shard, physical attributes are drawn from; None: the task's own.
 
     Raises:
         InputError: the folder holds another data set, or a setting is outside its meaning.
     """
     s = settings or ExploreSettings()
     info = DataInfo(
-        "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given)
+        "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given, drawn)
     )
     data = ShardFolder(folder, info)
-    _fill(data, _shard, lambda k: (task, info, k, s, given), workers, progress)
+    _fill(data, _shard, lambda k: (task, info, k, s, given, drawn), workers, progress)
     return load_states(folder, task)
 
 
@@ -78,7 +81,7 @@ def load_states(folder: Path, task: str) -> StateSamples:
     """All states of a finished data set.
 
     Raises:
-        InputError: there is none, or it is unfinished, damaged, or of another task or cell.
+        InputError: there is none, or it is unfinished, damaged, or of another task.
     """
     data = ShardFolder.open(folder, "states", task)
     return StateSamples.joined([StateSamples.from_arrays(arrays) for arrays in data.read_all()])
@@ -153,10 +156,16 @@ def _fill(
             keep(running[future], future.result())
 
 
-def _recorded(task: str, settings: ExploreSettings, given: Starts | None) -> dict[str, object]:
+def _recorded(
+    task: str, settings: ExploreSettings, given: Starts | None, drawn: ParameterDistribution | None
+) -> dict[str, object]:
     """What a shard depends on besides seed and task, and what its frames are."""
     starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
-    return {"frames": SceneFrames(_model(task)).names, "explore": asdict(settings), "given": starts}
+    frames = SceneFrames(_model(task)).names
+    found: dict[str, object] = {"frames": frames, "explore": asdict(settings), "given": starts}
+    if drawn is not None:
+        found["drawn"] = drawn.record()
+    return found
 
 
 @cache
@@ -175,9 +184,14 @@ def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> dict[str, np.nda
 
 
 def _shard(
-    task: str, info: DataInfo, shard: int, settings: ExploreSettings, given: Starts | None
+    task: str,
+    info: DataInfo,
+    shard: int,
+    settings: ExploreSettings,
+    given: Starts | None,
+    drawn: ParameterDistribution | None,
 ) -> dict[str, np.ndarray]:
-    return draw_states(_model(task), info.rng(shard), info.size(shard), settings, given).arrays()
+    return draw_states(_model(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
 
 
 def main(arguments: list[str] | None = None) -> int:

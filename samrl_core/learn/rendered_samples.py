@@ -15,7 +15,7 @@ import torch
 from samrl_core.errors import InputError
 from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.image_noise import ImageNoiseSettings
-from samrl_core.learn.looks import LookSettings, draw_looks
+from samrl_core.learn.looks import LookSettings, LookSource
 from samrl_core.learn.samples import ACTION, IMAGE, RETURN
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.views import ViewSettings, draw_views
@@ -26,7 +26,7 @@ class DrawSettings:
     """What varies between images of one state."""
 
     views: ViewSettings = ViewSettings()
-    looks: LookSettings = LookSettings()
+    looks: LookSource = LookSettings()
     noise: ImageNoiseSettings = ImageNoiseSettings()
 
 
@@ -107,7 +107,7 @@ class RenderedSamples:
             views = draw_views(self._region, rng, len(which), s.views)
         else:
             views = scenes.view[which]
-        looks = draw_looks(self._renderer.model, rng, len(which), s.looks)
+        looks = s.looks.sample(self._renderer.model, rng, len(which))
         generator = torch.Generator(self._renderer.device).manual_seed(int(rng.integers(2**62)))
         images = self._renderer.images(
             scenes.frames[which], scenes.tip_in_base[which], views, looks, s.noise, generator

@@ -24,9 +24,10 @@ from samrl_core.types.camera import Intrinsics
 from samrl_core.types.pose import Pose
 from samrl_core.whole_file import write_whole
 
-MAGIC = b"samrl-replay-1\n"
+MAGIC = b"samrl-replay-2\n"
 HEADER_BYTES = 4096  # a page, so that slots begin on one
 _VOID = -1  # number of a slot that is being written
+_END_CODE = 0x11111111  # times an end is what is stored: it is written after the checksum, and guards itself
 
 
 class End(IntEnum):
@@ -100,13 +101,14 @@ class Replay:
                 process.
         """
         kind = info.slot_type()
-        if not path.exists():
+        if not path.exists() and not path.is_symlink():
             path.parent.mkdir(parents=True, exist_ok=True)
             half = path.with_name(path.name + ".new")
             write_whole(half, _header(info))
             with half.open("r+b") as file:
                 file.truncate(HEADER_BYTES + info.capacity * kind.itemsize)  # sparse: grows as it fills
             half.replace(path)
+        _check_file(path)
         lock = path.open("r+b")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -145,7 +147,7 @@ class Replay:
         slot = self._slots[self._slot(number)]
         slot["number"] = _VOID
         slot["body"] = body
-        slot["end"] = End.OPEN
+        slot["end"] = _END_CODE * End.OPEN
         slot["crc"] = _checksum(number, body)
         slot["number"] = number
         self.last = number
@@ -159,7 +161,7 @@ class Replay:
         """
         if not 1 <= number <= self.last or self._slots["number"][self._slot(number)] != number:
             raise InputError(f"step {number} is not in the replay, whose newest is {self.last}")
-        self._slots["end"][self._slot(number)] = int(end)
+        self._slots["end"][self._slot(number)] = _END_CODE * int(end)
 
     def drop_after(self, number: int) -> None:
         """Forget the steps that came after step `number`, 0 for all: they are to be done again.
@@ -201,7 +203,7 @@ class Replay:
         """Numbers, episodes, steps and ends (N,) of what is there."""
         numbers = self.present()
         index, body = self._slot(numbers), self._slots["body"]
-        ends = np.asarray(self._slots["end"][index])
+        ends = np.asarray(self._slots["end"][index]) // _END_CODE
         return numbers, np.asarray(body["episode"][index]), np.asarray(body["step"][index]), ends
 
     def bodies(self, numbers: np.ndarray) -> np.ndarray:
@@ -255,7 +257,8 @@ class Replay:
             if number == 0:
                 continue
             slot = self._slots[index]
-            whole = number > 0 and self._slot(number) == index and slot["end"] <= max(End)
+            end, rest = divmod(int(slot["end"]), _END_CODE)
+            whole = number > 0 and self._slot(number) == index and end <= max(End) and rest == 0
             if whole and slot["crc"] == _checksum(number, slot["body"]):
                 self.last = max(self.last, number)
             else:
@@ -280,6 +283,7 @@ def _header(info: ReplayInfo) -> bytes:
 
 
 def _slots(path: Path, info: ReplayInfo, mode: Literal["r", "r+"]) -> np.memmap:
+    _check_file(path)
     with path.open("rb") as file:
         head = file.read(HEADER_BYTES)
     kind, expected = info.slot_type(), _header(info)
@@ -297,3 +301,9 @@ def _slots(path: Path, info: ReplayInfo, mode: Literal["r", "r+"]) -> np.memmap:
             f"away to begin anew"
         )
     return np.memmap(path, dtype=kind, mode=mode, offset=HEADER_BYTES, shape=(info.capacity,))
+
+
+def _check_file(path: Path) -> None:
+    """It can be opened: it is no folder, and no pipe that would be waited for."""
+    if not path.is_file():
+        raise InputError(f"{path} is no file; give another path")

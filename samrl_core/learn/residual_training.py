@@ -80,8 +80,11 @@ def announced(folder: Path, task: str) -> Announcement:
         return Announcement(task)
     try:
         found = Announcement(**json.loads(path.read_text()))
-    except (ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise InputError(f"cannot read {path} ({error}); remove it to begin anew") from error
+    texts = (found.task, found.file, found.sha256)
+    if type(found.version) is not int or found.version < 0 or not all(isinstance(t, str) for t in texts):
+        raise InputError(f"{path} announces {found}, which is no version and file; remove it to begin anew")
     if found.task != task:
         raise InputError(f"{folder} holds the residual of {found.task!r}, not of {task!r}; give another")
     if not found.version:
@@ -157,16 +160,19 @@ class ResidualTraining:
         assert self._transitions is not None
         learner = self._learner
         size, generator = learner.settings.batch, learner.generator
+        before = generator.get_state()
         try:
             batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         except InputError:
             # The cell goes on beside this: a full ring's oldest step may have gone since `due` looked.
             self.due()
+            before = generator.get_state()
             batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
         try:
             figures = learner.update(batch)
         except SolveError as error:
-            save_checkpoint(self._folder / "stopped.safetensors", KIND, learner.state(), self._about)
+            state = {**learner.state(), "generator": before}  # draws the same batch and noise once more
+            save_checkpoint(self._folder / "stopped.safetensors", KIND, state, self._about)
             self._summarise(str(error))
             raise
         self._figures = figures

@@ -17,10 +17,11 @@ from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
-from samrl_core.learn.looks import Looks, LookSettings, draw_looks
+from samrl_core.learn.looks import Looks, LookSource
 from samrl_core.learn.state_batch import joined, moved, rows
 from samrl_core.learn.views import COORDINATES, ViewSettings, draw_views
 from samrl_core.model.model import Model
+from samrl_core.model.task_physics.border import TaskDynamics
 from samrl_core.tasks.task import ViewRegion
 
 Actor = Callable[[torch.Tensor], torch.Tensor]  # images (B, 6, H, W) to actions (B, 3) [m]
@@ -60,7 +61,7 @@ class RolloutSettings:
     max_actions: int = 0  # of an episode; 0 takes the task's
     discount: float = 0.97  # gamma of eq. 24
     action_noise: float = 0.0  # per axis, standard deviation [action limits]
-    looks: LookSettings | None = None  # of an episode's colours and light; None: the model's own
+    looks: LookSource | None = None  # of an episode's colours and light; None: the model's own
     noise: ImageNoiseSettings | None = None  # of the camera; None: clean images, as the model's are in use
 
     def __post_init__(self) -> None:
@@ -100,6 +101,7 @@ def roll_out(
     viewer: Viewer,
     settings: RolloutSettings,
     rng: np.random.Generator,
+    dynamics: TaskDynamics | None = None,
 ) -> Rollouts:
     """Episodes side by side until all have ended; the same ones for the same generator.
 
@@ -114,17 +116,20 @@ def roll_out(
         viewer: where the camera is, e.g. `held(views)`.
         settings: of the episodes.
         rng: source of everything random.
+        dynamics: moves in the model's place, e.g. with other attributes.
 
     Raises:
         InputError: no start, views of a wrong shape, or an action that is not finite.
     """
-    return _Episodes(model, renderer, actor, starts, viewer, settings, rng).run()
+    moves = dynamics or model.dynamics
+    return _Episodes(model, moves, renderer, actor, starts, viewer, settings, rng).run()
 
 
 class _Episodes:
     def __init__(
         self,
         model: Model,
+        dynamics: TaskDynamics,
         renderer: BatchRenderer,
         actor: Actor,
         starts: Starts,
@@ -135,12 +140,12 @@ class _Episodes:
         count = len(starts.values)
         if count == 0:
             raise InputError("no start was given; an episode needs one")
-        self._task, self._dynamics = model.task, model.dynamics
+        self._task, self._dynamics = model.task, dynamics
         self._renderer, self._actor, self._viewer = renderer, actor, viewer
         self._settings, self._rng = settings, rng
         self._frames = SceneFrames(model)
         self._generator = torch.Generator(renderer.device).manual_seed(int(rng.integers(2**62)))
-        self._looks = None if settings.looks is None else draw_looks(model, rng, count, settings.looks)
+        self._looks = None if settings.looks is None else settings.looks.sample(model, rng, count)
         self._states = joined(
             [self._dynamics.start(*pair) for pair in zip(starts.values, starts.tip_in_base, strict=True)]
         )

@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError
-from samrl_core.learn.array_files import packed, unpacked
+from samrl_core.learn.array_files import MAX_BYTES, packed, unpacked
 from samrl_core.types.camera import Intrinsics
-from samrl_core.whole_file import write_whole
+from samrl_core.whole_file import read_whole, write_whole
 
 FORMAT = 1
 MANIFEST = "manifest.json"
+_MAX_MANIFEST = 2**28  # [bytes], of some 150 per shard
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,12 @@ class DataInfo:
     settings: Mapping[str, Any]  # plain values that the samples depend on
 
     def __post_init__(self) -> None:
+        whole = (self.count, self.shard_size, self.seed)
+        if not all(type(n) is int for n in whole) or not (type(self.kind) is type(self.task) is str):
+            raise InputError(
+                f"count, shard_size and seed are {whole}, must be integers; kind {self.kind!r} and task "
+                f"{self.task!r} must be texts"
+            )
         if self.count < 1 or self.shard_size < 1:
             raise InputError(f"{self.count} samples in shards of {self.shard_size}; both must be at least 1")
         try:
@@ -58,6 +65,11 @@ class DataInfo:
     def size(self, shard: int) -> int:
         """Samples in a shard."""
         return min(self.shard_size, self.count - shard * self.shard_size)
+
+    def entry(self, shard: int, sha256: str) -> dict[str, Any]:
+        """What the manifest lists of a shard."""
+        name = f"{self.kind}-{shard:05d}.npz"
+        return {"shard": shard, "file": name, "count": self.size(shard), "sha256": sha256}
 
     def rng(self, shard: int) -> np.random.Generator:
         """The source of everything random in a shard."""
@@ -94,7 +106,7 @@ class ShardFolder:
                     f"{folder} holds another data set: its {k} is {manifest.get(k)!r}, must be "
                     f"{wanted.get(k)!r}; take another folder or delete this one"
                 )
-            self._listed = {int(one["shard"]): one for one in listed}
+            self._listed = _checked(listed, info, path)
         else:
             self._write_manifest()
 
@@ -114,7 +126,11 @@ class ShardFolder:
                 f"{folder} holds {manifest['kind']} of task {manifest['task']}, not {kind} of task {task}"
             )
         fields = {k: v for k, v in manifest.items() if k not in ("format", "shards", "intrinsics")}
-        return ShardFolder(folder, DataInfo(intrinsics=Intrinsics(**manifest["intrinsics"]), **fields))
+        try:
+            info = DataInfo(intrinsics=Intrinsics(**manifest["intrinsics"]), **fields)
+        except (TypeError, OverflowError, InputError) as error:
+            raise InputError(f"{path} is damaged ({error}); delete the folder and make it anew") from error
+        return ShardFolder(folder, info)
 
     def missing(self) -> tuple[int, ...]:
         """Shards that are still to be made, in order."""
@@ -133,10 +149,9 @@ class ShardFolder:
         if wrong or not arrays:
             raise InputError(f"shard {shard} must hold {size} samples in every array; these differ: {wrong}")
         content = packed(arrays)
-        name = f"{self.info.kind}-{shard:05d}.npz"
-        write_whole(self.folder / name, content)
-        digest = hashlib.sha256(content).hexdigest()
-        self._listed[shard] = {"shard": shard, "file": name, "count": size, "sha256": digest}
+        entry = self.info.entry(shard, hashlib.sha256(content).hexdigest())
+        write_whole(self.folder / entry["file"], content)
+        self._listed[shard] = entry
         self._write_manifest()
 
     def read(self, shard: int) -> dict[str, np.ndarray]:
@@ -153,7 +168,7 @@ class ShardFolder:
             raise InputError(
                 f"{path} is listed in the manifest and missing; delete the folder and make it anew"
             )
-        content = path.read_bytes()
+        content = read_whole(path, MAX_BYTES)
         if hashlib.sha256(content).hexdigest() != entry["sha256"]:
             raise InputError(
                 f"{path} is not the file that the manifest lists; delete the folder and make it anew"
@@ -182,8 +197,8 @@ class ShardFolder:
 def _manifest(path: Path) -> dict[str, Any]:
     """Checked as far as reading it needs."""
     try:
-        manifest = json.loads(path.read_text())
-    except (ValueError, UnicodeDecodeError) as error:
+        manifest = json.loads(read_whole(path, _MAX_MANIFEST))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is no manifest: {error}") from error
     wanted = {"format", "kind", "task", "intrinsics", "seed", "count", "shard_size", "settings", "shards"}
     if not isinstance(manifest, dict) or set(manifest) != wanted:
@@ -193,3 +208,16 @@ def _manifest(path: Path) -> dict[str, Any]:
             f"{path} is a manifest of format {manifest['format']}, this version reads {FORMAT}; make it anew"
         )
     return manifest
+
+
+def _checked(listed: Any, info: DataInfo, path: Path) -> dict[int, dict[str, Any]]:
+    """A manifest's shards by number."""
+    found: dict[int, dict[str, Any]] = {}
+    for one in listed if isinstance(listed, list) else [listed]:
+        shard = one.get("shard") if isinstance(one, dict) else None
+        if not isinstance(shard, int) or shard not in range(info.shards) or shard in found:
+            raise InputError(f"{path} is damaged: it lists {one!r}; delete the folder and make it anew")
+        if one != info.entry(shard, str(one.get("sha256"))):
+            raise InputError(f"{path} is damaged: it lists {one!r}; delete the folder and make it anew")
+        found[shard] = one
+    return found

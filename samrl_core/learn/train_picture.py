@@ -18,7 +18,7 @@ COLUMNS = {
     "error_mm": "all actions",
     "near_error_mm": "short actions",
     "error": "all",
-    "error_where_high": "successes",
+    "error_where_high": "where it is above one half",
 }
 
 
@@ -29,9 +29,9 @@ def write_picture(folder: Path, summary: dict[str, Any], path: Path) -> None:
         _curves(axes[0], log, ("error_mm", "near_error_mm"), f"{log.parent.name}, ")
     drawn = bool(axes[0].lines)  # an actor that was given has no curves
     axes[0].set(xlabel="epoch", ylabel="error of the action [mm]", title=summary["task"])
-    axes[0].set_yscale("log" if drawn else "linear")
+    axes[0].set_ylim(bottom=0.0)
     _curves(axes[1], folder / "q" / LOG, ("error", "error_where_high"), "")
-    axes[1].set(xlabel="epoch", ylabel="error of the return [-]", title="sensing-aware Q")
+    axes[1].set(xlabel="epoch", ylabel="error of Q's target [-]", title="sensing-aware Q")
     for axis in axes[0 if drawn else 1 : 2]:
         axis.legend(fontsize=8)
     names = list(summary["success"])

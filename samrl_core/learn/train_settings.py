@@ -8,6 +8,10 @@ from typing import ClassVar
 from samrl_core.errors import InputError
 from samrl_core.learn.explore import ExploreSettings
 from samrl_core.learn.fit_settings import FitSettings
+from samrl_core.learn.randomisation.adr import AdrSettings
+from samrl_core.learn.randomisation.found import FoundSettings
+from samrl_core.learn.randomisation.names import RANDOMISATIONS, REAL2SIM
+from samrl_core.learn.randomisation.simopt import SimOptSettings
 
 Q_TARGETS = ("return", "action")
 
@@ -34,6 +38,10 @@ class TrainSettings:
     kept: int = 0  # images of each state that are drawn once and kept in memory; 0 draws all anew each time
     actor: FitSettings = field(default_factory=lambda: FitSettings(epochs=40))
     q: FitSettings = field(default_factory=lambda: FitSettings(epochs=15))
+    randomisation: str = REAL2SIM  # of `RANDOMISATIONS`: what the model's differences are drawn from
+    adr: AdrSettings = AdrSettings()
+    simopt: SimOptSettings = SimOptSettings()
+    found: FoundSettings = FoundSettings()
     seed: int = 0
     device: str = "cpu"  # torch's name; draws and trains
     workers: int = 0  # processes that draw and label states and run episodes; 0 takes the free cores
@@ -56,6 +64,10 @@ class TrainSettings:
         for name, value in least.items():
             if getattr(self, name) < value:
                 raise InputError(f"{name} is {getattr(self, name)}, must be at least {value}")
+        if self.randomisation not in RANDOMISATIONS:
+            raise InputError(
+                f"no randomisation is named {self.randomisation!r}; there are: {', '.join(RANDOMISATIONS)}"
+            )
         if not 0.0 < self.validation < 0.5:
             raise InputError(f"validation is {self.validation}, must be a share above 0 and below 0.5")
         if self.workers < 0 or self.action_noise < 0.0:

@@ -76,7 +76,32 @@ def bodies_of(screens: Sequence[Screen]) -> tuple[Body, ...]:
     return tuple(screen.body(f"screen_{k}") for k, screen in enumerate(screens))
 
 
-def beside(target: np.ndarray, azimuth: float, distance: float, width: float, height: float) -> Screen:
-    """The screen whose middle is seen from a target (3,) [m] at an azimuth [rad] and distance [m]."""
-    x, y = target[:2] + distance * np.array([math.cos(azimuth), math.sin(azimuth)])
+def beside(
+    target: np.ndarray, azimuth: float, distance: float, width: float, height: float, shift: float = 0.0
+) -> Screen:
+    """A screen that faces a target (3,) [m].
+
+    Args:
+        target: its x and y count.
+        azimuth: of the screen's plane, as seen from the target [rad].
+        distance: of that plane [m].
+        width: of the screen [m].
+        height: of the screen [m].
+        shift: of its middle along the plane, to the left as seen from the target [m].
+    """
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    x, y = target[:2] + distance * np.array([c, s]) + shift * np.array([-s, c])
     return Screen((float(x), float(y)), azimuth, width, height)
+
+
+def fence(
+    target: np.ndarray,
+    azimuth: float,
+    distance: float,
+    width: float,
+    height: float,
+    gap: float,
+    slats: Sequence[int],
+) -> tuple[Screen, ...]:
+    """Slats with gaps between them [m], in one plane; see `beside`. Slat 0 stands in its middle."""
+    return tuple(beside(target, azimuth, distance, width, height, k * (width + gap)) for k in slats)

@@ -137,6 +137,11 @@ class Task(ABC):
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """Parameters (P,) of a random start, as the task declares them: what a learner may practise from."""
 
+    @property
+    @abstractmethod
+    def start_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds (P,) between which `start_values` is uniform; equal where a parameter starts as it is."""
+
     def draw(self, rng: np.random.Generator) -> Draw:
         """A random start; the simulated world calls it on reset."""
         values = self.start_values(rng)

@@ -31,6 +31,8 @@ class Intrinsics:
             raise InputError(f"image size {self.width}x{self.height} px, must be at least 1x1")
         if not (self.fx > 0 and self.fy > 0 and math.isfinite(self.fx) and math.isfinite(self.fy)):
             raise InputError(f"focal lengths fx={self.fx}, fy={self.fy} px must be positive and finite")
+        if not (math.isfinite(self.cx) and math.isfinite(self.cy)):
+            raise InputError(f"principal point cx={self.cx}, cy={self.cy} px must be finite")
 
     @staticmethod
     def from_fov(width: int, height: int, vertical_fov_rad: float) -> Intrinsics:

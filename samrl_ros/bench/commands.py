@@ -32,6 +32,16 @@ def cell(
     raise typer.Exit(bench_cell(out, seed, episodes, real_time_factor))
 
 
+@bench_app.command("actions")
+def actions(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run of `samrl cell`.")],
+) -> None:
+    """Split the wall time of each action of a run into update, view, act and move."""
+    from samrl_ros.bench.action_bench import bench_actions
+
+    raise typer.Exit(bench_actions(run))
+
+
 ModelOut = Annotated[Path, typer.Option("--out", help="Folder of the results; they must not be there yet.")]
 Rounds = Annotated[int, typer.Option(help="Turns of every alternative; the median counts.", min=1)]
 Device = Annotated[str, typer.Option(help="torch's name of the device whose rates are measured.")]

@@ -14,6 +14,9 @@ from samrl_core.types.camera import Intrinsics
 from samrl_core.types.observation import ArmCommand, ArmReading
 from samrl_core.types.pose import Pose
 
+# Names in sensor_msgs/distortion_models.hpp whose coefficients count from a pinhole; drivers may say nothing.
+UNDISTORTED = ("", "plumb_bob", "rational_polynomial")
+
 
 def stamp_ns(message: Any) -> int:
     """Header stamp [ns]."""
@@ -102,12 +105,27 @@ def image(message: Any) -> np.ndarray:
 def intrinsics(message: Any) -> Intrinsics:
     """CameraInfo to intrinsics.
 
+    With coefficients of zero the models of `UNDISTORTED` are a pinhole; `equidistant` is a fisheye even then.
+
     Raises:
-        InputError: distorted images; rectify them first.
+        InputError: images that are distorted, cut out or made smaller, or that no pinhole takes.
     """
-    if any(abs(float(d)) > 0 for d in message.d):
+    if any(float(d) != 0.0 for d in message.d):  # NaN is not 0 either
         raise InputError(f"camera_info has distortion {list(message.d)}; publish rectified images")
-    return Intrinsics.from_ros_k(int(message.width), int(message.height), tuple(float(v) for v in message.k))
+    if message.distortion_model not in UNDISTORTED:
+        raise InputError(
+            f"camera_info has the distortion model {message.distortion_model!r}, must be one of "
+            f"{', '.join(map(repr, UNDISTORTED))}; publish rectified images"
+        )
+    if max(message.binning_x, message.binning_y) > 1 or message.roi.x_offset or message.roi.y_offset:
+        raise InputError(
+            f"camera_info has binning {message.binning_x}x{message.binning_y} and a region of interest at "
+            f"({message.roi.x_offset}, {message.roi.y_offset}); publish whole images, not binned"
+        )
+    k = tuple(float(v) for v in message.k)
+    if len(k) == 9 and (k[1], k[3], *k[6:]) != (0.0, 0.0, 0.0, 0.0, 1.0):
+        raise InputError(f"camera_info K is {k}: skewed, or no camera matrix; publish rectified images")
+    return Intrinsics.from_ros_k(int(message.width), int(message.height), k)
 
 
 def pose(message: Any) -> Pose:

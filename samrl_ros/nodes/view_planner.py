@@ -11,7 +11,7 @@ from samrl_msgs.msg import ToolAction, ViewTarget
 
 from samrl_core.agent.acting import Acting
 from samrl_core.agent.looking import Looking
-from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_core.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.errors import InputError
 from samrl_core.model.model import Model
@@ -47,6 +47,11 @@ class ViewPlannerSettings:
         STRATEGY_OF[DEFAULT_POLICY],
         "how the view is chosen: ascent of the trained Q, expected information, stay, or at random",
         choices=STRATEGIES,
+    )
+    actor_image: str = setting(
+        ACTOR_IMAGES[0],
+        "what the trained actor reads: the updated model's image, or the camera's (randomised models)",
+        choices=ACTOR_IMAGES,
     )
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of the random strategy and of exploration", range=(0, 2**31 - 1))
@@ -86,6 +91,7 @@ class ViewPlannerNode(Behaviour):
         agent = AgentSettings(
             policy=settings.policy,
             strategy=settings.strategy,
+            actor_image=settings.actor_image,
             seed=settings.seed,
             exploration=settings.exploration,
             exploration_memory=settings.exploration_memory,

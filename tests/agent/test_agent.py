@@ -14,6 +14,7 @@ from samrl_core.agent.acting import Acting
 from samrl_core.agent.agent import Agent, run_episode
 from samrl_core.agent.loop import LoopSettings, LoopState, stage_after_update
 from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
+from samrl_core.agent.visited import visited_states
 from samrl_core.errors import InputError
 from samrl_core.learn.network_image import observed_image
 from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor
@@ -101,6 +102,9 @@ def test_stages() -> None:
     assert stage(0.0, looked=1) == stage(0.0, step=1) == "act"
     assert stage(0.0, step=4) == "action_limit"
     assert stage(1.0, step=4) == "done"
+    blind = replace(loop, believe=False)
+    assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=1), blind) == "act"
+    assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=4), blind) == "action_limit"
     assert stage(1.0, lost_updates=2) == "lost"
     assert stage(0.0, lost_updates=1, step=1) == "act"
 
@@ -115,6 +119,41 @@ def test_the_learned_action_is_the_actors_on_the_models_image(model: Model, plan
     np.testing.assert_array_equal(choice.nominal, expected.astype(np.float64))
     assert 0.0 < np.linalg.norm(choice.nominal) <= LIMIT
     assert choice.sub_goal == model.task.sub_goals(estimate.values, np.array([0.5, 0.0, 0.2]))[0].name
+
+
+def test_an_actor_of_a_randomised_model_reads_the_real_image(model: Model, plant: Any) -> None:
+    """It goes by the camera alone: whatever the model believes, the action is the same."""
+    trained, observation = networks(), plant.observe()
+    acting = Acting(model, AgentSettings(policy="learned", update=False, actor_image="real"), trained)
+    believed = initial_estimate(model)
+    wrong = replace(believed, values=believed.values + 0.03)
+    tip = model.tip_in_base(observation.tool_arm.position).position
+    with torch.no_grad():
+        expected = trained.actor(observed_image(observation, tip, model.cell)[None])[0].numpy()
+    for estimate in (believed, wrong):
+        nominal = acting.choose(estimate, observation).nominal
+        np.testing.assert_array_equal(nominal, expected.astype(np.float64))
+    rendered = Acting(model, AgentSettings(policy="learned"), trained)
+    assert not np.allclose(
+        rendered.choose(wrong, observation).nominal, rendered.choose(believed, observation).nominal, atol=1e-7
+    )
+    with pytest.raises(InputError, match="rendered, real"):
+        AgentSettings(policy="learned", actor_image="imagined")
+    with pytest.raises(InputError, match="no actor to read"):
+        AgentSettings(policy="optimised", actor_image="real")
+
+
+def test_an_episode_leaves_what_the_images_said(model: Model, plant: Any) -> None:
+    """Line 16: estimates with their tips; none that no image has spoken to."""
+    agent = Agent(model, AgentSettings(policy="optimised", strategy="fixed"))
+    episode = run_episode(agent, plant, LoopSettings(max_actions=2))
+    found = visited_states(model, episode, 7)
+    assert len(found) == 3 and found.step.tolist() == [0, 1, 2] and set(found.episode) == {7}
+    np.testing.assert_array_equal(found.values[1], episode.steps[1].estimate.values)
+    moved = np.diff(found.tip_in_base, axis=0)
+    np.testing.assert_allclose(moved, plant.displacements, atol=2e-4)
+    blind = Agent(model, AgentSettings(policy="optimised", strategy="fixed", update=False))
+    assert len(visited_states(model, run_episode(blind, plant, LoopSettings(max_actions=1)))) == 0
 
 
 def test_the_residual_is_that_of_the_real_image(model: Model, plant: Any) -> None:

@@ -54,7 +54,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
 
 # Layers of samrl_core, lowest first: a module imports from its own part of the code and from lower layers.
 LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "folder_lock", "whole_file"}),
+    frozenset({"errors", "folder_lock", "same_settings", "whole_file"}),
     frozenset({"types", "warp_runtime"}),
     frozenset({"robots", "tasks", "motion", "safety"}),
     frozenset({"excitation"}),

@@ -14,7 +14,7 @@ from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import task_named
 from samrl_core.types.observation import Observation
 from samrl_core.world.pybullet_world import PyBulletWorld
-from samrl_core.world.settings import WorldSettings
+from samrl_core.world.settings import NOISELESS, WorldSettings
 from samrl_core.world.world import SimulatedWorld
 
 TASK, CELL = task_named("peg_insertion"), default_cell()
@@ -83,3 +83,19 @@ def test_the_calibration_can_be_off() -> None:
 def test_friction_is_a_share() -> None:
     with pytest.raises(InputError, match="joint_friction is 1.0"):
         WorldSettings(joint_friction=1.0)
+
+
+def test_a_calibration_that_is_off_shows_what_is_elsewhere() -> None:
+    """The camera's base stands off; who believes the calibration sees the hole off the other way."""
+    offset = np.array([0.004, -0.003, 0.0])
+    real = differing_cell(CELL, tuple(offset))
+    middles = []
+    for cell in (CELL, real):
+        world = PyBulletWorld(TASK, cell, NOISELESS)
+        plant = WorldPlant(world, TASK, CELL)
+        plant.begin(3)
+        seen = plant.observe()
+        points = seen.camera.unproject(seen.frame.depth)[seen.frame.mask == 1]
+        middles.append(np.median(points, axis=0))
+        world.close()
+    np.testing.assert_allclose((middles[1] - middles[0])[:2], -offset[:2], atol=1.5e-3)

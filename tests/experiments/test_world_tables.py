@@ -105,6 +105,7 @@ def test_ablations(tmp_path: Path, with_residual: bool) -> None:
     weights = tmp_path / "weights"
     weights.mkdir()
     file = weights / f"{TASK}_residual_actor.safetensors"
+    off = {"offset_x": 0.001, "offset_y": 0.002, "offset_z": -0.003} if with_residual else {}
     if with_residual:
         figures = {"offset_x": 0.001, "offset_y": 0.0, "offset_z": -0.002}
         lens = default_cell().intrinsics
@@ -119,6 +120,7 @@ def test_ablations(tmp_path: Path, with_residual: bool) -> None:
     # The world is the one that the residual was trained in, for all conditions alike.
     assert {j.offset for j in JOBS} == {(0.001, 0.0, -0.002) if with_residual else (0.0, 0.0, 0.0)}
     assert {j.residual for j in JOBS} == {file if with_residual else None}
+    assert {j.offset for j in JOBS} == {tuple(off.values()) or (0.0, 0.0, 0.0)}
     assert bool(summary["residual_sha256"][TASK]) == with_residual
     assert (tmp_path / "fig8d.png").is_file()
 
@@ -161,13 +163,15 @@ def test_the_camera_is_where_it_is_held(monkeypatch: pytest.MonkeyPatch) -> None
     seen: list[np.ndarray] = []
 
     def episode(agent: Any, plant: Any, loop: Any, watch: Any) -> Any:
+        assert (loop.view_period, loop.looks, loop.max_actions) == (2, 0, 100)
         seen.append(plant.observe().camera_arm.position)
         return SimpleNamespace(ended="done")
 
     monkeypatch.setattr(world_episodes, "run_episode", episode)
     start = world_episodes.task_named(TASK).start_joints(world_episodes.default_cell())["camera_arm"]
     stops = (start + 0.03, start + 0.05)
-    job = EpisodeJob("k", TASK, "held", JOB.condition, 2, 0, tuple(tuple(s.tolist()) for s in stops))
+    condition = Condition("optimised", HELD, view_period=2)
+    job = EpisodeJob("k", TASK, "held", condition, 2, 0, tuple(tuple(s.tolist()) for s in stops))
     case = episode_cases(job)[0]
     np.testing.assert_allclose(seen[0], stops[-1], atol=3e-3)
     assert case["simulated_s"] == pytest.approx(0.3, abs=1e-3)

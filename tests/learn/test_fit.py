@@ -16,7 +16,7 @@ import pytest
 import torch
 
 from samrl_core.errors import InputError, SolveError
-from samrl_core.learn.checkpoint import load_checkpoint
+from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learn.fit import CHECKPOINT, LOG, STOPPED, fit
 from samrl_core.learn.fit_settings import FitSettings
 from samrl_core.learn.imitation import Imitation, fit_actor
@@ -142,6 +142,17 @@ def test_other_samples_and_other_networks_are_refused(tmp_path: Path, whole: Pat
         fit_actor(tiny.Spots(150, 1), VALIDATION, tiny.LIMIT, tiny.SETTINGS, whole)
     with pytest.raises(InputError, match="does not fit the network"):
         fit_q(TRAIN, VALIDATION, tiny.SETTINGS, whole)
+    tensors, about = load_checkpoint(whole / CHECKPOINT, "regression")
+    moment = next(name for name in tensors if name.endswith("exp_avg"))
+    for changed, said, message in (
+        ({moment: torch.zeros(3)}, {}, "optimiser's state"),
+        ({"adam.x.step": torch.zeros(())}, {}, "no state of an optimiser"),
+        ({}, {"step": "x"}, "says too little of itself"),
+        ({}, {"identity": 3}, "says too little of itself"),
+    ):
+        save_checkpoint(tmp_path / CHECKPOINT, "regression", {**tensors, **changed}, {**about, **said})
+        with pytest.raises(InputError, match=message):
+            fit_actor(TRAIN, VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path)
     (tmp_path / CHECKPOINT).write_bytes((whole / CHECKPOINT).read_bytes()[:-9])
     with pytest.raises(InputError, match="cannot read the checkpoint"):
         fit_actor(TRAIN, VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path)
@@ -149,11 +160,15 @@ def test_other_samples_and_other_networks_are_refused(tmp_path: Path, whole: Pat
         fit_actor(tiny.Spots(15, 1), VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path / "new")
 
 
-def test_a_gradient_that_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
+@pytest.mark.parametrize("which", ["actor", "q"])
+def test_a_gradient_that_is_not_finite_stops_with_the_state_saved(tmp_path: Path, which: str) -> None:
     train = tiny.Spots(160, 1)
     train.action[77] = torch.nan
     with pytest.raises(SolveError, match=r"loss nan .*must be finite.*stopped\.safetensors"):
-        fit_actor(train, VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path)
+        if which == "actor":
+            fit_actor(train, VALIDATION, tiny.LIMIT, tiny.SETTINGS, tmp_path)
+        else:
+            fit_q(train, VALIDATION, tiny.SETTINGS, tmp_path)
     tensors, about = load_checkpoint(tmp_path / STOPPED, "regression")
     assert 77 in about["indices"] and about["loss"] == "nan" and about["step"] < 10
     assert all(bool(torch.isfinite(value).all()) for value in tensors.values())  # from before the update

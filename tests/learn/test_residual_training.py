@@ -139,6 +139,22 @@ def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
     assert announced(tmp_path, toy_cell.TASK).version == 1
 
 
+@pytest.mark.parametrize("who", ["critic", "actor"])
+def test_from_the_state_of_a_stop_the_same_batch_is_drawn_again(tmp_path: Path, who: str) -> None:
+    toy_cell.start(tmp_path, SETTINGS, 30)
+    training = trained(tmp_path, 2)
+    with torch.no_grad():
+        getattr(training.learner, who).get_parameter("encoder.out.bias")[0] = math.nan
+    assert training.due()
+    before = training.learner.state()
+    with pytest.raises(SolveError, match=f"update 2: the {who}'s loss is nan"):
+        training.step()
+    saved, _ = load_checkpoint(tmp_path / "stopped.safetensors", KIND)
+    assert saved.keys() == before.keys()
+    for name, value in saved.items():  # no weight was changed, and the generator is as it was
+        assert torch.equal(value.nan_to_num(7.0), before[name].nan_to_num(7.0)), name
+
+
 def test_what_is_corrupt_or_foreign_is_refused(tmp_path: Path) -> None:
     toy_cell.start(tmp_path, SETTINGS, 30)
     trained(tmp_path, 2).save()

@@ -60,8 +60,13 @@ def test_a_resumed_data_set_has_the_same_bytes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "other",
-    [replace(INFO, seed=4), replace(INFO, task="needle_threading"), replace(INFO, settings={"explore": {}})],
-    ids=["seed", "task", "settings"],
+    [
+        replace(INFO, seed=4),
+        replace(INFO, task="needle_threading"),
+        replace(INFO, settings={"explore": {}}),
+        replace(INFO, intrinsics=replace(INFO.intrinsics, fx=1.01 * INFO.intrinsics.fx)),
+    ],
+    ids=["seed", "task", "settings", "camera"],
 )
 def test_another_data_set_is_refused(tmp_path: Path, other: DataInfo) -> None:
     filled(tmp_path)

@@ -103,9 +103,11 @@ def test_foreign_files_are_refused(file: Path) -> None:
 
 
 def _rewritten(file: Path, change) -> None:
+    """By someone who means it: without the digest, as files of before have none."""
     with safetensors.safe_open(file, framework="pt") as opened:
         info = json.loads(opened.metadata()["samrl"])
         tensors = {name: opened.get_tensor(name) for name in opened.keys()}
+    del info["sha256"]
     info, tensors = change(info, tensors)
     file.write_bytes(safetensors.torch.save(tensors, {"samrl": json.dumps(info)}))
 
@@ -123,6 +125,17 @@ def _rewritten(file: Path, change) -> None:
         (lambda i, t: (i, {k: v for k, v in t.items() if k != "head.0.bias"}), "head.0.bias"),
         (lambda i, t: (i, {**t, "head.0.bias": t["head.0.bias"][:-1]}), "head.0.bias"),
         (lambda i, t: (i, {**t, "head.0.bias": t["head.0.bias"] * torch.nan}), "head.0.bias is not finite"),
+        (lambda i, t: (i, {**t, "more": torch.zeros(2).half()}), "1 tensors differ, first more"),
+        (lambda i, t: (i, {**t, "head.0.bias": t["head.0.bias"].float()}), "torch.float32.* wanted"),
+        (lambda i, t: (i, {**t, "head.0.bias": t["head.0.bias"].to(torch.float8_e4m3fn)}), "float8"),
+        (lambda i, t: (i, {**t, "head.0.bias": t["head.0.bias"].to(torch.int64)}), "int64"),
+        (lambda i, t: ({**i, "task": 3}, t), "task 3"),
+        (lambda i, t: ({**i, "seed": "4"}, t), "seed '4'"),
+        (lambda i, t: ({**i, "limit": float("nan")}, t), "limit is nan"),
+        (lambda i, t: ({**i, "figures": {"error": 10**400}}, t), "damaged"),
+        (lambda i, t: ({**i, "figures": [1.0]}, t), "damaged"),
+        (lambda i, t: ({**i, "intrinsics": {**i["intrinsics"], "fx": 10**400}}, t), "damaged"),
+        (lambda i, t: ({**i, "intrinsics": {**i["intrinsics"], "cx": float("nan")}}, t), "principal point"),
     ],
 )
 def test_a_changed_file_is_refused(file: Path, change, message: str) -> None:

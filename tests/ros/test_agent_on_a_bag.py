@@ -28,6 +28,7 @@ from samrl_ros import assembly
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.conversions import from_message
 from samrl_ros.topics import cell_topic
+from samrl_ros.visited_states import visited_in_bag
 from tests.ros.bag_files import record
 
 pytest.importorskip("rclpy")
@@ -113,6 +114,26 @@ def test_the_library_does_what_the_graph_did(
     assert_same(plant.told, told)
     last = [m for topic, m in recorded if topic == STATE][-1]
     np.testing.assert_allclose(episode.estimate.values, last.values, rtol=0, atol=1e-12)
+
+
+def test_the_bag_keeps_what_was_visited(
+    three_actions: Any, recorded: list[tuple[str, Any]], observations: dict[int, Observation], tmp_path: Path
+) -> None:
+    """Line 16 of Algorithm 1: the last estimate before each action, with the tip of its image."""
+    bag = record(tmp_path / "bag", three_actions.messages)
+    found = visited_in_bag(bag, TASK, CELL)
+    assert found.step.tolist() == [0, 1, 2, 3] and len(set(found.episode)) == 1
+    states = {int(m.step): m for topic, m in recorded if topic == STATE}
+    model = Model(TASK, CELL)
+    for row, step in enumerate(found.step):
+        message = states[int(step)]
+        np.testing.assert_array_equal(found.values[row], message.values)
+        seen = observations[from_message.stamp_ns(message)]
+        tip = model.tip_in_base(seen.tool_arm.position).position
+        np.testing.assert_allclose(found.tip_in_base[row], tip, atol=1e-12)
+    assert len(found.starts(TASK).values) == 4
+    with pytest.raises(InputError, match="states of peg_insertion"):
+        visited_in_bag(bag, task_named("needle_threading"), CELL)
 
 
 @pytest.fixture(scope="module")

@@ -100,6 +100,54 @@ def test_camera_info_there_and_back() -> None:
     assert from_message.intrinsics(to_message.camera_info(k, STAMP, "camera")) == k
 
 
+def not_a_number(message):
+    message.d = [float("nan")]
+
+
+def a_fisheye(message):
+    message.distortion_model, message.d = "equidistant", [0.0] * 4
+
+
+def binned(message):
+    message.binning_x = 2
+
+
+def cut_out(message):
+    message.roi.y_offset = 3
+
+
+def skewed(message):
+    message.k[1] = 0.5
+
+
+def uncalibrated(message):
+    message.k = [0.0] * 9
+
+
+def without_a_middle(message):
+    message.k[2] = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (not_a_number, "distortion"),
+        (a_fisheye, "equidistant"),
+        (binned, "binning 2x0"),
+        (cut_out, "region of interest at .0, 3."),
+        (skewed, "skewed"),
+        (uncalibrated, "no camera matrix"),
+        (without_a_middle, "principal point"),
+    ],
+)
+def test_what_no_pinhole_takes_is_refused(change, why: str) -> None:
+    message = to_message.camera_info(Intrinsics.from_fov(8, 8, 0.7), STAMP, "camera")
+    from_message.intrinsics(message)
+    change(message)
+    with pytest.raises(InputError, match=why):
+        from_message.intrinsics(message)
+
+
 def test_distorted_images_are_refused() -> None:
     message = to_message.camera_info(Intrinsics.from_fov(8, 8, 0.7), STAMP, "camera")
     message.d = [0.1, 0.0, 0.0, 0.0, 0.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from samrl_core.learn.residual_training import Announcement, replay_of
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks import task_named
+from samrl_core.types.camera import Intrinsics
 from samrl_core.types.observation import ArmReading
 from samrl_ros.topics import arm_topic, camera_topic, cell_topic
 
@@ -77,15 +79,16 @@ class FakeCell:
         self.trainer = module.ResidualTrainer(self.settings, self.ears)
         self.trainer.start()
         self.now = 0
+        self.lens = CELL.intrinsics
         self.images: dict[tuple[int, int], np.ndarray] = {}
         self.trainer.handle(camera_topic("calibration"), to_message.calibration(CELL))
 
     def look(self, rng: np.random.Generator) -> int:
-        """One frame with joint states; returns its stamp."""
+        """One frame of `self.lens` with joint states; returns its stamp."""
         from samrl_ros.conversions import to_message
 
         self.now += 100_000_000
-        k, start = CELL.intrinsics, task_named("peg_insertion").start_joints(CELL)
+        k, start = self.lens, task_named("peg_insertion").start_joints(CELL)
         depth = rng.uniform(0.3, 0.5, (k.height, k.width)).astype(np.float32)
         self.color = rng.integers(0, 256, (k.height, k.width, 3), dtype=np.uint8)
         mask = np.zeros((k.height, k.width), dtype=np.uint8)
@@ -241,6 +244,28 @@ def test_the_end_of_the_training_is_noticed_between_two_actions(
     monkeypatch.setattr(cell.trainer._process, "check", ended)
     with pytest.raises(SolveError, match="SIGKILL"):
         cell.look(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        replace(CELL.intrinsics, fx=1.01 * CELL.intrinsics.fx),
+        replace(CELL.intrinsics, cx=CELL.intrinsics.cx + 0.5),
+        Intrinsics.from_fov(64, 64, 0.7),
+    ],
+    ids=["longer", "off centre", "smaller"],
+)
+def test_images_of_another_camera_are_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lens: Intrinsics
+) -> None:
+    """Their points would be worked out with the cell's lens when they are learnt from."""
+    cell = FakeCell(tmp_path, monkeypatch)
+    cell.act(0, 0)
+    assert cell.trainer._replay is not None and len(cell.trainer._replay) == 1
+    cell.lens = lens
+    cell.act(0, 1)
+    assert len(cell.trainer._replay) == 1
+    assert any(f"the camera publishes {lens}, the cell's is" in text for text in cell.ears.logs)
 
 
 def test_zero_residuals_alone_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,6 +56,19 @@ def goal(task: Variant, values: np.ndarray) -> np.ndarray:
     )
 
 
+def moments(task: Variant) -> list[np.ndarray]:
+    """Goals (N, 3) of several starts, and where the goal moves, of several moments on its way [m]."""
+    found = [goal(task, values) for values in starts(task, 20)]
+    if isinstance(task, SpatulaFlipping):
+        lying = goal(task, np.array([task.center_x, task.center_y, 0.006, 0.0, 0.0]))
+        x, radius = task.lip_x, task.pancake_radius
+        turning = [goal(task, np.array([x - 0.5 * radius, 0.0, 0.6 * radius, 0.0, 0.9]))]
+        turning += [goal(task, np.array([x, 0.0, radius, 0.0, 1.57]))]
+        over = goal(task, np.array([x + radius, 0.0, 0.018, 0.0, 3.1]))
+        return [lying, *turning, over]
+    return found
+
+
 def hidden(task: Variant, points: np.ndarray, camera: Pose) -> bool:
     """Whether more than half of the points are."""
     by_any = np.any([screen.hides(points, camera.position) for screen in task.screens], axis=0)
@@ -64,7 +77,7 @@ def hidden(task: Variant, points: np.ndarray, camera: Pose) -> bool:
 
 @EVERY
 def test_half_of_the_reachable_views_do_not_see_the_goal(name: str) -> None:
-    """The start view is one of them, and every start can be seen from somewhere."""
+    """The start view is one of them, and the goal can always be seen from somewhere."""
     task = variant(name)
     views = [view.camera_in_world for view in reach(name).views]
     nominal = np.array([p.nominal for p in task.parameters()])
@@ -72,10 +85,13 @@ def test_half_of_the_reachable_views_do_not_see_the_goal(name: str) -> None:
     print(f"{name}: {len(views)} views reached, {share:.2f} of them do not see the goal")
     assert share >= 0.5
     assert hidden(task, goal(task, nominal), task.start_camera())
-    of_starts = np.array([[hidden(task, goal(task, v), view) for view in views] for v in starts(task, 20)])
-    print(f"{name}: hidden over starts {of_starts.mean():.2f}, best view {of_starts.mean(axis=0).min():.2f}")
-    assert of_starts.mean() >= 0.5
-    assert not of_starts.all(axis=1).any()
+    shown = np.array([[not hidden(task, points, view) for view in views] for points in moments(task)])
+    most = shown.mean(axis=0).max()
+    print(f"{name}: seen from {shown.mean():.2f} of all, the best view sees {most:.2f} of the moments")
+    assert shown.mean() <= 0.5
+    assert shown.any(axis=1).all()
+    if not isinstance(task, NeedleThreading):  # its eye stands still
+        assert most <= 0.8
 
 
 @EVERY

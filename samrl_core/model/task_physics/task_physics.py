@@ -57,6 +57,17 @@ class TaskPhysics(TaskDynamics):
         """Masses, frictions and stiffnesses (1, ...): the scene's own, or those of `with_parameters`."""
         return self._parameters
 
+    @property
+    def movable_bodies(self) -> tuple[int, ...]:
+        """Which of the scene's bodies move freely."""
+        names = [body.name for body in self._assembly.scene.bodies]
+        return tuple(names.index(name) for name in self._assembly.movable)
+
+    @property
+    def chain_joints(self) -> tuple[int, ...]:
+        """Which velocities are those of the chain's joints."""
+        return tuple(range(self._chain.start, self._chain.stop))
+
     def with_parameters(self, parameters: PhysicsParameters) -> TaskPhysics:
         """The same scene with fitted parameters (1, ...); compiled kernels are shared."""
         parameters.check()

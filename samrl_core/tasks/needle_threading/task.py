@@ -223,6 +223,12 @@ class NeedleThreading(Task):
         """All joints uniform within their range."""
         return rng.uniform(-self.half_range, self.half_range, 2 * self.links)
 
+    @property
+    def start_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Task`."""
+        bound = np.full(2 * self.links, self.half_range)
+        return -bound, bound
+
     def succeeded(self, ending: Ending) -> bool:
         """The thread's centre line crosses the eye's plane inside the eye, and its end is deep enough."""
         return self._threaded(ending.chain_points, self.success_depth)

@@ -176,6 +176,12 @@ class PegInsertion(Task):
         offset = rng.uniform(-self.half_range, self.half_range, 2)
         return np.array([self.center_x, self.center_y]) + offset
 
+    @property
+    def start_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Task`."""
+        middle = np.array([self.center_x, self.center_y])
+        return middle - self.half_range, middle + self.half_range
+
     def succeeded(self, ending: Ending) -> bool:
         """Deep enough, and within the clearance and a smaller slack of the true axis."""
         x, y, _ = ending.body_in_world[BODY].position

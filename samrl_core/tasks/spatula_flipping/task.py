@@ -233,6 +233,13 @@ class SpatulaFlipping(Task):
         nominal[:2] += offset
         return nominal
 
+    @property
+    def start_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Task`: where it lies varies, that it lies flat does not."""
+        nominal = np.array([p.nominal for p in self.parameters()])
+        spread = np.array([self.half_range, self.half_range, 0.0, 0.0, 0.0])
+        return nominal - spread, nominal + spread
+
     def succeeded(self, ending: Ending) -> bool:
         """It lies on its other face, was lifted on the way, and has come to rest."""
         turned = ending.body_in_world[PANCAKE].rotation[2, 2] < self.success_axis

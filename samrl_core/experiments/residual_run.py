@@ -38,7 +38,12 @@ class RunSettings:
     """
 
     points: tuple[int, ...]  # real steps at which is evaluated; the last one ends the run
-    learner: ResidualSettings = ResidualSettings(n_step=5, warm_up=600, effort=0.1)
+    learner: ResidualSettings = ResidualSettings(
+        n_step=100,  # all of an episode: its one reward is known
+        actor_rate=3e-5,
+        warm_up=600,
+        effort=0.1,
+    )
     episodes: int = 4  # per round
     first_steps: int = 250  # in the replay before the first update
     updates_per_step: float = 2.0  # each step beyond the first ones allows so many

@@ -19,6 +19,7 @@ from samrl_core.learn.networks import ResidualActor
 from samrl_core.learn.replay import End
 from samrl_core.learn.residual import ResidualSettings
 from samrl_core.learn.weights import load_weights
+from tests.experiments import kinematic_peg
 from tests.learn import toy_cell
 from tests.learn.small_cell import SMALL
 
@@ -209,3 +210,17 @@ def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
         assert found["length"] == taken and tuple(found["offset"]) == offset_of(taken)
     tried = [n for n in LADDER if n <= taken]
     assert len(found["success"]) == len(tried) and len(orders) == len(tried) * EPISODES  # once
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_a_residual_learns_what_the_calibration_is_off_by(tmp_path: Path) -> None:
+    """As the experiment does it: from 56 episodes at most, each one's end is all that it is told."""
+    settings = RunSettings((0, 1500), evaluated=40)
+    one = ResidualRun(tmp_path, PLACE, SMALL, 0, settings, kinematic_peg.play)
+    before = one.evaluate()
+    one.advance(1500)
+    after = one.evaluate()
+    assert 0.2 < np.mean(before.successes) < 0.6
+    assert np.mean(after.successes) > np.mean(before.successes) + 0.2
+    assert np.mean(after.actions) < np.mean(before.actions)

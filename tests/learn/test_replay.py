@@ -217,3 +217,28 @@ def test_a_step_that_does_not_fit_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError):
             replay.append(bad)
     assert len(replay) == 0
+
+
+def test_the_newest_steps_can_be_forgotten(tmp_path: Path) -> None:
+    """Numbers and episodes go on from there, also after the file was opened anew; never into what is gone."""
+    info = ReplayInfo("toy", SMALL.intrinsics, 8)
+    replay = Replay.write(tmp_path / "replay.bin", info)
+    rng = np.random.default_rng(0)
+    steps = [random_step(rng, k // 2, k % 2) for k in range(6)]
+    for step in steps:
+        replay.append(step)
+    replay.drop_after(7)
+    assert replay.last == 6
+    replay.drop_after(3)
+    replay.close()
+    replay = Replay.write(tmp_path / "replay.bin", info)
+    assert replay.last == len(replay) == 3 and replay.next_episode() == 2
+    assert replay.append(steps[5]) == 4
+    assert np.array_equal(replay.bodies(np.array([4]))["color"][0], steps[5].color)
+    for step in steps:
+        replay.append(step)  # the ring goes round
+    with pytest.raises(InputError, match="cannot go back"):
+        replay.drop_after(9)
+    replay.drop_after(10)
+    assert len(replay) == 8
+    replay.close()

@@ -47,6 +47,37 @@ def test_the_actor_waits_for_the_critics() -> None:
     assert 0 < learner.actor(data.image, data.nominal).norm(dim=1).max() <= QUICK.limit
 
 
+def test_effort_keeps_residuals_short() -> None:
+    """A price that no return can pay leaves nothing of them; nothing is priced at zero."""
+    lengths = []
+    for effort in (0.0, 100.0):
+        learner = ResidualLearner(replace(QUICK, effort=effort, actor_rate=1e-3), 0)
+        for k in range(12):
+            learner.update(batch(k % 3))
+        data = batch(0)
+        lengths.append(learner.actor(data.image, data.nominal).detach().norm(dim=1).mean().item())
+    assert lengths[1] < 0.5 * lengths[0]
+    with pytest.raises(InputError, match="effort"):
+        replace(QUICK, effort=-1.0)
+
+
+def test_shifted_images_are_parts_of_the_padded_ones() -> None:
+    """Each by its own offset, the same for all channels."""
+    learner = ResidualLearner(replace(QUICK, shift=2), 0)
+    images = batch(0).image
+    moved = learner._shifted(images)
+    assert moved.shape == images.shape
+    padded = torch.nn.functional.pad(images, (2, 2, 2, 2))
+    found = []
+    for one, wide in zip(moved, padded, strict=True):
+        places = [
+            (v, u) for v in range(5) for u in range(5) if torch.equal(one, wide[:, v : v + 16, u : u + 16])
+        ]
+        assert len(places) == 1
+        found += places
+    assert len(set(found)) > 1
+
+
 def test_the_same_seed_and_batches_give_the_same_weights() -> None:
     learners = [ResidualLearner(QUICK, seed) for seed in (0, 0, 1)]
     for learner in learners:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from samrl_core.agent.settings import trained_networks
 from samrl_core.errors import InputError
 from samrl_core.learn.frames import SceneFrames
-from samrl_core.learn.weights import shipped
+from samrl_core.learn.networks import SimActor
+from samrl_core.learn.weights import WeightsInfo, load_weights, save_weights
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.geometry import Capsules, clearance
@@ -148,11 +151,23 @@ def test_variants_are_known_by_name() -> None:
     assert {plain_name(name) for name in OCCLUDED_TASKS} == set(TASKS)
 
 
-def test_a_variant_takes_the_networks_of_the_plain_task() -> None:
+def test_a_variant_takes_the_networks_of_the_plain_task(tmp_path: Path) -> None:
     """As long as it has none of its own; not the other way round."""
-    assert not shipped("peg_insertion_occluded", "sim_actor").exists()
-    networks = trained_networks("peg_insertion_occluded", CELL)
-    assert networks.actor.action_limit == PegInsertion().action_limit
+    limit = PegInsertion().action_limit
+    seeds = {"peg_insertion": 1, "peg_insertion_occluded": 2}
+    for name, seed in seeds.items():
+        network = SimActor(limit, torch.Generator().manual_seed(seed))
+        info = WeightsInfo("sim_actor", name, CELL.intrinsics, limit, seed)
+        save_weights(tmp_path / f"{name}.safetensors", network, info)
+
+    def loaded(file: str, task: str) -> int:
+        return load_weights(tmp_path / f"{file}.safetensors", "sim_actor", task, CELL)[1].seed
+
+    assert loaded("peg_insertion", "peg_insertion_occluded") == 1
+    assert loaded("peg_insertion_occluded", "peg_insertion_occluded") == 2
+    with pytest.raises(InputError, match="holds sim_actor of peg_insertion_occluded"):
+        loaded("peg_insertion_occluded", "peg_insertion")
+    assert trained_networks("peg_insertion_occluded", CELL).actor.action_limit == limit  # the package's
 
 
 def test_a_screen_hides_what_is_behind_it() -> None:

@@ -193,10 +193,9 @@ class _Training:
             validation: Samples = self._samples(_of_returns(parts[1]), 4)
         else:
             drawn = self._to_learn_from(self.episodes.labelled("q", parts[0]), 3, "q")
-            train = ActedSamples(drawn, actor, 10 * s.seed + 3)
-            validation = ActedSamples(
-                self._samples(self.episodes.labelled("check", parts[1]), 4), actor, 10 * s.seed + 4
-            )
+            train = ActedSamples(drawn, actor, 10 * s.seed + 3, s.acted)
+            checked = self._samples(self.episodes.labelled("check", parts[1]), 4)
+            validation = ActedSamples(checked, actor, 10 * s.seed + 4, s.acted)
         fit = replace(s.q, seed=s.seed, device=s.device)
         q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"))
         return q, result.figures

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from samrl_core.errors import InputError
+from samrl_core.learn.acted_samples import ActedSettings
 from samrl_core.learn.explore import ExploreSettings
 from samrl_core.learn.fit_settings import FitSettings
 from samrl_core.learn.randomisation.adr import AdrSettings
@@ -32,6 +33,7 @@ class TrainSettings:
     episodes: int = 512  # for Q (eq. 24), each with a view held
     action_noise: float = 0.3  # highest level of theirs, per axis, standard deviation [action limits]
     q_target: str = "action"  # what Q learns: worth of the "action" in its state, or "return" of episodes
+    acted: ActedSettings = ActedSettings()  # actions that Q learns the worth of, and their worth
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
     max_actions: int = 0  # of an episode; 0 takes the task's

@@ -41,11 +41,11 @@ class RunSettings:
     learner: ResidualSettings = ResidualSettings(
         n_step=100,  # all of an episode: its one reward is known
         actor_rate=3e-5,
-        warm_up=600,
+        warm_up=800,
         effort=0.1,
     )
     episodes: int = 4  # per round
-    first_steps: int = 250  # in the replay before the first update
+    first_steps: int = 400  # in the replay before the first update
     updates_per_step: float = 2.0  # each step beyond the first ones allows so many
     exploration: float = 0.0015  # standard deviation per axis of what is tried [m]
     memory: float = 0.9  # of the exploration from action to action

@@ -212,15 +212,8 @@ def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
     assert len(found["success"]) == len(tried) and len(orders) == len(tried) * EPISODES  # once
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(1500)
-def test_a_residual_learns_what_the_calibration_is_off_by(tmp_path: Path) -> None:
-    """As the experiment does it: from 56 episodes at most, each one's end is all that it is told."""
-    settings = RunSettings((0, 1500), evaluated=40)
-    one = ResidualRun(tmp_path, PLACE, SMALL, 0, settings, kinematic_peg.play)
-    before = one.evaluate()
-    one.advance(1500)
-    after = one.evaluate()
-    assert 0.2 < np.mean(before.successes) < 0.6
-    assert np.mean(after.successes) > np.mean(before.successes) + 0.2
-    assert np.mean(after.actions) < np.mean(before.actions)
+def test_the_kinematic_peg_fails_at_times_without_a_residual(tmp_path: Path) -> None:
+    """What settings of the learner are tried on: there is something to learn."""
+    one = ResidualRun(tmp_path, PLACE, SMALL, 0, RunSettings((0, 10), evaluated=40), kinematic_peg.play)
+    nominal = one.evaluate()
+    assert 0.25 < np.mean(nominal.successes) < 0.65 and nominal.successes == nominal.detected

@@ -22,13 +22,22 @@ class LocalRun:
         return [message for _, name, message in self.messages if name == topic]
 
 
-def run_local_graph(folder: Path, supervisor: dict[str, Any]) -> LocalRun:
-    """One episode of peg insertion on a `LocalGraph`."""
+# Plans through the model and looks for information: other actions and views than those of the networks.
+THREE_ACTIONS = {"seed": 1, "max_actions": 3, "view_period": 100}  # of the supervisor
+PLANNED = {"policy": "optimised", "strategy": "best"}
+
+
+def run_local_graph(
+    folder: Path, supervisor: dict[str, Any], view_planner: dict[str, Any] | None = None
+) -> LocalRun:
+    """One episode of peg insertion on a `LocalGraph`, by default with the networks of the package."""
     from samrl_ros.local_graph import LocalGraph
 
     messages: list[tuple[int, str, Any]] = []
     truth_file = folder / "evaluation" / "truth.jsonl"
-    graph = LocalGraph("peg_insertion", {"supervisor": supervisor}, truth_file)
+    graph = LocalGraph(
+        "peg_insertion", {"supervisor": supervisor, "view_planner": view_planner or {}}, truth_file
+    )
     graph.listener = lambda topic, message: messages.append((graph.bridge.time_ns, topic, message))
     try:
         graph.run()
@@ -39,9 +48,14 @@ def run_local_graph(folder: Path, supervisor: dict[str, Any]) -> LocalRun:
 
 @pytest.fixture(scope="session")
 def three_actions(tmp_path_factory: pytest.TempPathFactory) -> LocalRun:
-    """Three actions, with one search for a view at the start."""
-    settings = {"seed": 1, "max_actions": 3, "view_period": 100}
-    return run_local_graph(tmp_path_factory.mktemp("three_actions"), settings)
+    """Three actions planned through the model, with one search for a view at the start."""
+    return run_local_graph(tmp_path_factory.mktemp("three_actions"), THREE_ACTIONS, PLANNED)
+
+
+@pytest.fixture(scope="session")
+def three_learned(tmp_path_factory: pytest.TempPathFactory) -> LocalRun:
+    """The same by the networks of the package."""
+    return run_local_graph(tmp_path_factory.mktemp("three_learned"), THREE_ACTIONS)
 
 
 @pytest.fixture(scope="session")

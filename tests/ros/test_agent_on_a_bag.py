@@ -60,6 +60,11 @@ def recorded(three_actions: Any, tmp_path_factory: pytest.TempPathFactory) -> li
 
 @pytest.fixture(scope="module")
 def observations(recorded: list[tuple[str, Any]]) -> dict[int, Observation]:
+    """Of that run."""
+    return seen_in(recorded)
+
+
+def seen_in(recorded: list[tuple[str, Any]]) -> dict[int, Observation]:
     """All that the cell saw, by stamp."""
     assembler = assembly.Assembler(CELL)
     found = {}
@@ -105,15 +110,33 @@ def test_the_library_does_what_the_graph_did(
     recorded: list[tuple[str, Any]], observations: dict[int, Observation]
 ) -> None:
     """From the images alone: updates, the move of the camera, three actions, and the end."""
-    told = [said(topic, m) for topic, m in recorded if topic == ACTION or (topic == TARGET and m.move)]
+    planned = AgentSettings(policy="optimised", strategy="best")
+    told = compare(recorded, observations, Agent(Model(TASK, CELL), planned))
     assert [topic for topic, _ in told] == [TARGET, ACTION, ACTION, ACTION]
+
+
+def test_so_it_does_with_the_networks_of_the_package(
+    three_learned: Any, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """What the cell does unless it is told otherwise; whether the camera moves is the networks' affair."""
+    recorded = list(messages_of(record(tmp_path_factory.mktemp("learned") / "bag", three_learned.messages)))
+    agent = Agent(Model(TASK, CELL), AgentSettings(), trained_networks(TASK.name, CELL))
+    told = compare(recorded, seen_in(recorded), agent)
+    assert [topic for topic, _ in told if topic == ACTION] == 3 * [ACTION]
+
+
+def compare(
+    recorded: list[tuple[str, Any]], observations: dict[int, Observation], agent: Agent
+) -> list[tuple[str, np.ndarray]]:
+    """Holds the library against a run of three actions; what the arms were told."""
+    told = [said(topic, m) for topic, m in recorded if topic == ACTION or (topic == TARGET and m.move)]
     plant = BagPlant(recorded, observations)
-    agent = Agent(Model(TASK, CELL), AgentSettings(policy="optimised", strategy="best"))
     episode = run_episode(agent, plant, LoopSettings(max_actions=3, view_period=100))
     assert episode.ended == "action_limit"
     assert_same(plant.told, told)
     last = [m for topic, m in recorded if topic == STATE][-1]
     np.testing.assert_allclose(episode.estimate.values, last.values, rtol=0, atol=1e-12)
+    return told
 
 
 def test_the_bag_keeps_what_was_visited(

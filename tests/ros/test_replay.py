@@ -11,11 +11,11 @@ from samrl_core.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.topics import cell_topic
 from tests.ros.bag_files import record
+from tests.ros.conftest import PLANNED, THREE_ACTIONS
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 STATE, ACTION = cell_topic("model_updater/state"), cell_topic("view_planner/nominal_action")
-SUPERVISOR = {"seed": 1, "max_actions": 3, "view_period": 100}  # as the run was made
 
 
 def makers(*names: str) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def makers(*names: str) -> dict[str, Any]:
         node = entry(name)
         return lambda outbox: node.behaviour(node.settings(**settings.get(name, {})), outbox)
 
-    settings = {"supervisor": SUPERVISOR}
+    settings: dict[str, dict[str, Any]] = {"supervisor": THREE_ACTIONS, "view_planner": PLANNED}
     return {name: factory(name) for name in names}
 
 

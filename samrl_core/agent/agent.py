@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
@@ -108,8 +108,7 @@ def run_episode(
             observation = plant.observe()
         with watch("update"):
             estimate = agent.updating.update(observation)
-        lost = state.lost_updates + 1 if estimate.why_stopped == "no_target" else 0
-        state = replace(state, lost_updates=lost)
+        state = state.updated(estimate.why_stopped, estimate.loss_after)
         tip = agent.model.tip_in_base(observation.tool_arm.position).position
         stage = stage_after_update(task, estimate.values, tip, state, loop)
         if stage == "view":
@@ -118,7 +117,7 @@ def run_episode(
             if view.move:
                 with watch("look"):
                     plant.look_from(view.joint_position)
-                state = replace(state, looked=state.looked + 1)
+                state = state.looked_once()
                 continue
             stage = "act"
         if stage != "act":
@@ -128,4 +127,4 @@ def run_episode(
         with watch("move"):
             plant.displace_tool(choice.displacement)
         steps.append(Step(observation, estimate, choice))
-        state = LoopState(step=state.step + 1, lost_updates=state.lost_updates)
+        state = state.acted()

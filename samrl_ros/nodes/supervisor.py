@@ -74,13 +74,11 @@ class Supervisor(Behaviour):
             settings.max_lost_updates,
         )
         self._episode = -1
-        self._step = 0
+        self._state = LoopState()
         self._waiting_for = "start"
         self._asked_ns = self._published_ns = 0
         self._now_ns = 0
         self._tip = np.zeros(3)
-        self._looked = 0
-        self._lost_updates = 0
         self._sigma = float("nan")
         self._successes = 0
         self.finished = False
@@ -105,20 +103,23 @@ class Supervisor(Behaviour):
         elif topic in STATUS:
             self._on_status(STATUS[topic], message)
         elif topic == EXECUTED and self._due("act", message):
-            self._step, self._looked = self._step + 1, 0
+            self._state = self._state.acted()
             self._ask("update")
 
     def status(self) -> dict[str, str]:
         """See `Behaviour`."""
         return {
             "episode": str(self._episode),
-            "step": str(self._step),
+            "step": str(self._state.step),
             "waiting_for": self._waiting_for,
             "detected_successes": str(self._successes),
         }
 
     def _due(self, stage: str, message: Any) -> bool:
-        return self._waiting_for == stage and (message.episode, message.step) == (self._episode, self._step)
+        return self._waiting_for == stage and (message.episode, message.step) == (
+            self._episode,
+            self._state.step,
+        )
 
     def _on_joints(self, message: Any) -> None:
         reading = from_message.arm_reading(message, self._names)
@@ -144,7 +145,7 @@ class Supervisor(Behaviour):
             self._fail(f"the cell is laid out for {message.task!r}, not for {self._task.name!r}")
             return
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
-        self._step, self._looked, self._lost_updates = 0, 0, 0
+        self._state = LoopState()
         self._mark(f"episode {self._episode}")
         self._ask("update")
 
@@ -152,18 +153,17 @@ class Supervisor(Behaviour):
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
         values, covariance = from_message.model_values(message, self._parameters)
         self._sigma = float(np.sqrt(np.diag(covariance).max()))
-        self._lost_updates = self._lost_updates + 1 if message.why_stopped == "no_target" else 0
-        state = LoopState(self._step, self._looked, self._lost_updates)
-        stage = stage_after_update(self._task, values, self._tip, state, self._loop)
+        self._state = self._state.updated(message.why_stopped, message.loss_after)
+        stage = stage_after_update(self._task, values, self._tip, self._state, self._loop)
         if stage == "lost":
-            self._end(False, f"error: target not seen in {self._lost_updates} updates in a row")
+            self._end(False, f"error: target not seen in {self._state.lost_updates} updates in a row")
         elif stage in ("view", "act"):
             self._ask(stage)
         else:
             self._end(stage == "done", stage)
 
     def _on_view(self, message: Any) -> None:
-        self._looked += 1
+        self._state = self._state.looked_once()
         if message.move:
             self._waiting_for = "camera"
             self._mark("look")
@@ -171,7 +171,7 @@ class Supervisor(Behaviour):
             self._ask("act")
 
     def _on_status(self, role: str, message: Any) -> None:
-        if (message.episode, message.step) != (self._episode, self._step):
+        if (message.episode, message.step) != (self._episode, self._state.step):
             return
         if self._waiting_for not in ("camera", "act"):
             return
@@ -192,7 +192,10 @@ class Supervisor(Behaviour):
     def _publish_request(self, stage: str) -> None:
         self._published_ns = self._now_ns
         request = StepRequest(
-            header=to_message.header(self._asked_ns), episode=self._episode, step=self._step, stage=stage
+            header=to_message.header(self._asked_ns),
+            episode=self._episode,
+            step=self._state.step,
+            stage=stage,
         )
         self._outbox.publish(REQUEST, request)
 
@@ -205,7 +208,7 @@ class Supervisor(Behaviour):
         level = "error" if reason.startswith("error") else "info"
         self._outbox.log(level, f"episode {self._episode}: {reason}")
         outcome = Outcome(header=to_message.header(self._now_ns), episode=self._episode)
-        outcome.detected_success, outcome.actions, outcome.reason = detected, self._step, reason
+        outcome.detected_success, outcome.actions, outcome.reason = detected, self._state.step, reason
         outcome.estimate_error_bound = self._sigma
         self._outbox.publish(OUTCOME, outcome)
         self._mark("end")

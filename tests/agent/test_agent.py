@@ -109,6 +109,26 @@ def test_stages() -> None:
     assert stage(0.0, lost_updates=1, step=1) == "act"
 
 
+def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:
+    """A pancake that rolled out of sight was fitted to what was left of it, and was "flipped" there."""
+    loop = LoopSettings(max_actions=9)
+    task: Any = type("T", (), {"is_done": staticmethod(lambda values, tip: True)})()
+    state = LoopState(step=1)
+    for misfit in (0.04, 0.05, 0.045):
+        state = state.updated("converged", misfit)
+    bad = state.updated("iteration_limit", 1.47)
+    assert stage_after_update(task, np.zeros(1), np.zeros(3), state, loop) == "done"
+    assert stage_after_update(task, np.zeros(1), np.zeros(3), bad, loop) == "act"
+    unseen = bad.updated("no_target", 0.04)
+    assert unseen.lost_updates == 1 and unseen.misfits == bad.misfits
+    again = unseen.updated("converged", 0.06)
+    assert again.lost_updates == 0
+    assert stage_after_update(task, np.zeros(1), np.zeros(3), again, loop) == "done"
+    # Nothing was ever fitted: the model's word is all there is.
+    assert LoopState().updated("disabled", float("nan")).misfits == ()
+    assert stage_after_update(task, np.zeros(1), np.zeros(3), LoopState(step=1), loop) == "done"
+
+
 def test_the_learned_action_is_the_actors_on_the_models_image(model: Model, plant: Any) -> None:
     """Eq. 12, from where the real camera stands."""
     trained, estimate, observation = networks(), initial_estimate(model), plant.observe()

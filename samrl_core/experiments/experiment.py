@@ -17,6 +17,7 @@ from typing import Any
 
 from samrl_core.errors import InputError
 from samrl_core.folder_lock import folder_lock
+from samrl_core.learn.devices import checked_device
 from samrl_core.learn.workers import free_cores, worker_pool
 from samrl_core.same_settings import keep_to
 from samrl_core.whole_file import write_whole
@@ -31,7 +32,7 @@ class Options:
     """What the command line asks for.
 
     Raises:
-        InputError: a number below its least value.
+        InputError: a number below its least value, a device that is not there, or weights that are no folder.
     """
 
     out: Path  # folder of this experiment alone
@@ -46,6 +47,11 @@ class Options:
         if min(self.count, self.seed, self.workers) < 0:
             raise InputError(
                 f"count {self.count}, seed {self.seed} and workers {self.workers} must be at least 0"
+            )
+        checked_device(self.device)
+        if self.weights is not None and not self.weights.is_dir():
+            raise InputError(
+                f"no folder of networks at {self.weights}; `samrl train TASK --out DIR` makes one"
             )
 
     @property

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import torch
-
 from samrl_core.errors import InputError
+from samrl_core.learn.devices import checked_device
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,7 @@ class FitSettings:
                 raise InputError(f"{name} is {getattr(self, name)}, must be positive and finite")
         if not 0 <= self.warm_up < 1:
             raise InputError(f"warm_up is {self.warm_up}, must be a share of the steps, 0 to below 1")
-        try:
-            device = torch.device(self.device)
-        except RuntimeError as error:
-            raise InputError(f"device is {self.device!r}, must be cpu or cuda:0 ({error})") from error
-        if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
-            found = torch.cuda.device_count() or "no"
-            raise InputError(f"device is {self.device}, but torch finds {found} CUDA devices; use cpu")
+        checked_device(self.device)
 
     def rate(self, step: int, steps: int) -> float:
         """Learning rate of a step: up to the highest, then half a cosine down to 0."""

@@ -53,6 +53,14 @@ def test_a_folder_of_other_options_is_refused(tmp_path: Path) -> None:
     EXPERIMENT.result(Options(tmp_path, workers=2), print)  # where it runs may differ
 
 
+def test_what_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cuda:99"):
+        Options(tmp_path, device="cuda:99")
+    with pytest.raises(InputError, match="no folder of networks"):
+        Options(tmp_path, weights=tmp_path / "none")
+    assert not list(tmp_path.iterdir())
+
+
 def test_unknown_names_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="knows no task 'juggling'; there are: peg_insertion"):
         EXPERIMENT.result(Options(tmp_path, tasks=("juggling",)), print)

@@ -109,13 +109,8 @@ class ViewPlanner:
         stay = _Scored(present_pose, here, present, present)
         if strategy == "fixed":
             return self._choice(False, stay, present, 0, estimate, tool_arm_position, "fixed view")
-        obstacles = Capsules.joined(
-            (
-                self._reach.tool_capsules(tool_arm_position, estimate.values),
-                self._reach.body_capsules(estimate.values),
-            )
-        )
-        free = [v for v in self._reach.views if self._reach.is_clear(v.capsules, obstacles)]
+        obstacles = self._reach.obstacles(tool_arm_position, estimate.values)
+        free = self._reach.clear_views(obstacles)
         if strategy == "random":
             if rng is None:
                 raise InputError("strategy 'random' needs a generator; hand in np.random.default_rng(seed)")

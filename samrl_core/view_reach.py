@@ -146,6 +146,10 @@ class ViewReach:
         """Whether every gap is at least the clearance; the arm's pedestal may stand on the table."""
         return clearance(camera, obstacles) >= self.settings.clearance
 
+    def clear_views(self, obstacles: Capsules) -> list[View]:
+        """Views of the grid that are."""
+        return [view for view in self.views if self.is_clear(view.capsules, obstacles)]
+
     def way_is_clear(self, start: np.ndarray, end: np.ndarray, obstacles: Capsules) -> bool:
         """The same along a straight line in joint space, table included; the start itself is not asked."""
         for s in np.linspace(0.0, 1.0, self.settings.way_points)[1:]:

@@ -17,8 +17,8 @@ import numpy as np
 from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
 from samrl_core.experiments.expert_states import PHASES, expert_states
 from samrl_core.experiments.fig6_picture import write_picture
-from samrl_core.experiments.intervals import bootstrap_ci
-from samrl_core.experiments.view_bench import model_of, processes, view_bench
+from samrl_core.experiments.intervals import pooled_median
+from samrl_core.experiments.view_bench import processes, view_bench
 from samrl_core.experiments.view_maps import (
     DRAWS,
     rank_correlation,
@@ -27,6 +27,7 @@ from samrl_core.experiments.view_maps import (
     view_grid,
     view_maps,
 )
+from samrl_core.learn.models import model_of
 from samrl_core.tasks import TASKS
 
 COUNT = 20  # episodes per task
@@ -111,14 +112,8 @@ def _figures(cases: list[Case], reached: np.ndarray, seed: int) -> dict[str, Any
 
     def median(kind: str, pair: str) -> dict[str, Any]:
         by = {e: [case[kind][pair] for case in cases if case["seed"] == e] for e in episodes}
-        rng = np.random.default_rng([seed, 66])  # states of one episode are drawn together
-        interval = bootstrap_ci(
-            episodes, lambda some: float(np.median([v for e in some for v in by[e]])), rng
-        )
-        return {
-            "median": float(np.median([v for e in episodes for v in by[e]])),
-            "interval95": list(interval),
-        }
+        middle, interval = pooled_median(by, np.random.default_rng([seed, 66]))
+        return {"median": middle, "interval95": list(interval)}
 
     for kind in ("spearman", "regret", "regret_of_random"):
         found[kind] = {pair: median(kind, pair) for pair in PAIRS}

@@ -16,7 +16,7 @@ import numpy as np
 from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
 from samrl_core.experiments.expert_states import PHASES, expert_states
 from samrl_core.experiments.fig7_picture import write_picture
-from samrl_core.experiments.intervals import bootstrap_ci
+from samrl_core.experiments.intervals import pooled_median
 from samrl_core.experiments.saliency import NETWORKS, Examined, SaliencySettings, examine, within_patches
 from samrl_core.experiments.view_bench import processes, view_bench
 from samrl_core.experiments.view_maps import rank_correlation
@@ -120,13 +120,9 @@ def _summary(cases: list[Case], network: str, seed: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
 
     def add(name: str, values: dict[int, list[float]]) -> None:
-        def median(some: Any) -> float:
-            every = [value for episode in some for value in values[episode]]
-            return float(np.median(every)) if every else float("nan")
-
-        interval = bootstrap_ci(episodes, median, np.random.default_rng([seed, 77]))
+        middle, interval = pooled_median(values, np.random.default_rng([seed, 77]))
         seen = sum(len(some) for some in values.values())
-        found[name] = {"median": median(episodes), "interval95": list(interval), "views": seen}
+        found[name] = {"median": middle, "interval95": list(interval), "views": seen}
 
     for mask in MASKS:
         ratios: dict[int, list[float]] = {episode: [] for episode in episodes}

@@ -38,10 +38,9 @@ def held_views(task: Task, cell: CellSpec | None = None) -> tuple[HeldView, ...]
     reach = ViewReach(cell, task)
     start = task.start_joints(cell)
     nominal = np.array([p.nominal for p in task.parameters()])
-    bodies = reach.body_capsules(nominal)
-    at_start = Capsules.joined((bodies, reach.tool_capsules(start["tool_arm"], nominal)))
+    at_start = reach.obstacles(start["tool_arm"], nominal)
     ahead = [reach.tool_capsules(q, nominal) for q in _tool_way(task, cell, start["tool_arm"], nominal)]
-    left = [v for v in reach.views if reach.is_clear(v.capsules, at_start)]
+    left = reach.clear_views(at_start)
     ways: list[tuple[View, tuple[np.ndarray, ...]]] = []
     tips: list[tuple[np.ndarray, ...]] = [(start["camera_arm"],)]
     while tips:  # breadth first: as few stops as can be

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,19 @@ def bootstrap_ci(
     found = [statistic([samples[i] for i in rng.integers(0, count, count)]) for _ in range(resamples)]
     low, high = np.nanquantile(found, [0.025, 0.975])
     return float(low), float(high)
+
+
+def pooled_median(
+    by_episode: Mapping[int, Sequence[float]], rng: np.random.Generator
+) -> tuple[float, tuple[float, float]]:
+    """Median of all episodes' values, NaN of none, with its interval: an episode is drawn as a whole."""
+
+    def median(some: Sequence[int]) -> float:
+        every = [value for episode in some for value in by_episode[episode]]
+        return float(np.median(every)) if every else float("nan")
+
+    episodes = sorted(by_episode)
+    return median(episodes), bootstrap_ci(episodes, median, rng)
 
 
 def more_often(successes: int, trials: int, other_successes: int, other_trials: int) -> float:

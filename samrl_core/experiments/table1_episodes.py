@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from samrl_core.agent.settings import trained_networks
 from samrl_core.experiments.experiment import Case
 from samrl_core.experiments.table1_views import (
     ONCE,
@@ -21,15 +20,15 @@ from samrl_core.experiments.table1_views import (
     at_random,
     by_ascent,
     by_true_error,
-    start_views,
     stays,
     to_one,
 )
-from samrl_core.learn.batch_render import BatchRenderer
+from samrl_core.experiments.view_bench import view_bench
 from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
 from samrl_core.learn.looks import LookSettings
+from samrl_core.learn.models import model_of
 from samrl_core.learn.rollouts import RolloutSettings, roll_out
 from samrl_core.learn.sensing_value import Networks
 from samrl_core.learn.view_search import ViewAscentSettings
@@ -89,15 +88,16 @@ def fixed_views(reach: ViewReach, task: str) -> list[View]:
     """Views of the grid that may be held: clear as an episode begins, at the nominal values."""
     plan = task_named(task)
     nominal = np.array([p.nominal for p in plan.parameters()])
-    return start_views(reach, plan.start_joints(default_cell())["tool_arm"], nominal)
+    tool = plan.start_joints(default_cell())["tool_arm"]
+    return reach.clear_views(reach.obstacles(tool, nominal))
 
 
 def run_group(group: Group) -> list[Case]:
     """One case: success, number of actions and seconds of camera motion of each episode."""
     s = group.settings
     device = _device(group.device)
-    bench = _bench(group.task, device, s.views.reach)
-    networks = _networks(group.task, group.weights, device)
+    drawn = view_bench(group.task, device, group.weights)
+    bench, networks = Bench(drawn.renderer, _reach(group.task, s.views.reach)), drawn.networks
     camera = MovingCamera(bench, group.count, *_chooser(group, bench, networks), s.views.speed_share)
     settings = RolloutSettings(
         max_actions=s.max_actions,
@@ -153,13 +153,7 @@ def _device(device: str) -> str:
 
 
 @cache
-def _bench(task: str, device: str, reach: ReachSettings) -> Bench:
-    """One per process: meshes are copied, kernels loaded and the grid solved once."""
-    model = Model(task_named(task), default_cell())
-    return Bench(BatchRenderer(model, device), ViewReach(model.cell, model.task, reach))
-
-
-@cache
-def _networks(task: str, weights: Path | None, device: str) -> Networks:
-    networks = trained_networks(task, default_cell(), weights)
-    return Networks(networks.actor.to(device), networks.q.to(device))
+def _reach(task: str, settings: ReachSettings) -> ViewReach:
+    """One per process: the grid is solved once."""
+    model = model_of(task)
+    return ViewReach(model.cell, model.task, settings)

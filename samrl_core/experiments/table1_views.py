@@ -35,14 +35,7 @@ class Bench:
 
     def free(self, moment: Moment, k: int) -> list[View]:
         """Views of the grid that are clear in the k-th state of a moment."""
-        obstacles = self.reach.obstacles(moment.tool_arm_position[k], moment.values[k])
-        return [view for view in self.reach.views if self.reach.is_clear(view.capsules, obstacles)]
-
-
-def start_views(reach: ViewReach, tool_arm_position: np.ndarray, values: np.ndarray) -> list[View]:
-    """Views of the grid that are clear as an episode begins: those that one may hold all the time."""
-    obstacles = reach.obstacles(tool_arm_position, values)
-    return [view for view in reach.views if reach.is_clear(view.capsules, obstacles)]
+        return self.reach.clear_views(self.reach.obstacles(moment.tool_arm_position[k], moment.values[k]))
 
 
 class MovingCamera:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import torch
 
-from samrl_core.learn.batch_render import BatchRenderer
 from samrl_core.learn.explore import Starts
 from samrl_core.learn.frames import SceneFrames
 from samrl_core.learn.image_noise import ImageNoiseSettings
 from samrl_core.learn.looks import LookSettings, LookSource
+from samrl_core.learn.models import renderer_of
 from samrl_core.learn.networks import SimActor
 from samrl_core.learn.randomisation.distributions import ParameterDistribution
 from samrl_core.learn.randomisation.of_task import (
@@ -29,8 +28,6 @@ from samrl_core.learn.views import draw_views
 from samrl_core.learn.workers import worker_pool
 from samrl_core.model.model import Model
 from samrl_core.model.task_physics.border import TaskDynamics
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
 
 Weights = dict[str, torch.Tensor]
 
@@ -77,14 +74,8 @@ def run_groups(
             yield running[future], future.result()
 
 
-@cache
-def _renderer(task: str, device: str) -> BatchRenderer:
-    """One per process: meshes are copied and kernels loaded once."""
-    return BatchRenderer(Model(task_named(task), default_cell()), device)
-
-
 def _run(task: str, weights: Weights, group: Group, device: str) -> Rollouts:
-    renderer = _renderer(task, device)
+    renderer = renderer_of(task, device)
     model, rng = renderer.model, np.random.default_rng(group.seed)
     actor = SimActor(model.task.action_limit)
     actor.load_state_dict(weights)

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import as_completed
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +24,12 @@ from samrl_core.learn.draw_states import draw_states
 from samrl_core.learn.expert import label_of
 from samrl_core.learn.explore import ExploreSettings, Starts
 from samrl_core.learn.frames import SceneFrames
+from samrl_core.learn.models import model_of
 from samrl_core.learn.randomisation.distributions import ParameterDistribution
 from samrl_core.learn.shards import DataInfo, ShardFolder
 from samrl_core.learn.states import StateSamples
 from samrl_core.learn.workers import free_cores, worker_pool
-from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
 
 _CHUNK = 40  # states that one process labels in one go
 SHARD_SIZE = 500  # states: half a minute to a minute of one core
@@ -161,21 +159,15 @@ def _recorded(
 ) -> dict[str, object]:
     """What a shard depends on besides seed and task, and what its frames are."""
     starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
-    frames = SceneFrames(_model(task)).names
+    frames = SceneFrames(model_of(task)).names
     found: dict[str, object] = {"frames": frames, "explore": asdict(settings), "given": starts}
     if drawn is not None:
         found["drawn"] = drawn.record()
     return found
 
 
-@cache
-def _model(task: str) -> Model:
-    """One per process: kernels are compiled once."""
-    return Model(task_named(task), default_cell())
-
-
 def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> dict[str, np.ndarray]:
-    model = _model(task)
+    model = model_of(task)
     labels = [label_of(model.dynamics, model.task, v, t) for v, t in zip(values, tips, strict=True)]
     return {
         "action": np.array([label.action for label in labels]),
@@ -191,7 +183,7 @@ def _shard(
     given: Starts | None,
     drawn: ParameterDistribution | None,
 ) -> dict[str, np.ndarray]:
-    return draw_states(_model(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
+    return draw_states(model_of(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -173,7 +173,7 @@ class ViewSearch:
 
     def _first_looks(self) -> Asking:
         """Clear views of the grid, spread over it, the best first."""
-        free = [v for v in self._reach.views if self._reach.is_clear(v.capsules, self._obstacles)]
+        free = self._reach.clear_views(self._obstacles)
         some = spread(free, self._settings.first_looks)
         places = [place_of(view.camera_in_world.position, self._region) for view in some]
         looks = yield from self._look(places, some, with_slope=False)

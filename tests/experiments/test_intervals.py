@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.experiments.intervals import bootstrap_ci, more_often, more_often_paired
+from samrl_core.experiments.intervals import bootstrap_ci, more_often, more_often_paired, pooled_median
 
 
 def test_bootstrap_of_a_mean_is_about_two_standard_errors_wide() -> None:
@@ -26,3 +26,11 @@ def test_fisher_of_a_small_table() -> None:
 def test_pairs_that_agree_say_nothing() -> None:
     assert more_often_paired([True, False], [True, False]) == 1.0
     assert more_often_paired([True] * 5, [False] * 5) == pytest.approx(0.5**5)
+
+
+def test_a_pooled_median_draws_episodes_as_a_whole() -> None:
+    """Many equal values of one episode say no more than one does."""
+    rng = np.random.default_rng(3)
+    middle, (low, high) = pooled_median({4: [1.0] * 50, 7: [3.0] * 50, 9: []}, rng)
+    assert middle == 2.0 and (low, high) == (1.0, 3.0)
+    assert np.isnan(pooled_median({2: [], 3: []}, rng)[0])

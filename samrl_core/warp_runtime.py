@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 
+import torch
 import warp as wp
 
 if "SAMRL_WARP_CACHE" in os.environ:
@@ -43,3 +44,13 @@ def start() -> None:
 
 
 _started = False
+
+
+def numbered_device(name: str) -> torch.device:
+    """A device by torch's name, with its number: torch takes "cuda" for the current one, Warp takes no name
+    without a number.
+    """
+    device = torch.device(name)
+    if device.type == "cuda" and device.index is None:
+        return torch.device("cuda", torch.cuda.current_device())
+    return device

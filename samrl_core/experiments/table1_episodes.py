@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import current_process
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from samrl_core.experiments.experiment import Case
 from samrl_core.experiments.table1_views import (
@@ -95,8 +92,7 @@ def fixed_views(reach: ViewReach, task: str) -> list[View]:
 def run_group(group: Group) -> list[Case]:
     """One case: success, number of actions and seconds of camera motion of each episode."""
     s = group.settings
-    device = _device(group.device)
-    drawn = view_bench(group.task, device, group.weights)
+    drawn = view_bench(group.task, group.device, group.weights)
     bench, networks = Bench(drawn.renderer, _reach(group.task, s.views.reach)), drawn.networks
     camera = MovingCamera(bench, group.count, *_chooser(group, bench, networks), s.views.speed_share)
     settings = RolloutSettings(
@@ -142,14 +138,6 @@ def _chooser(group: Group, bench: Bench, networks: Networks) -> tuple[Chooser, i
     if group.condition == "best_fixed":
         return to_one(fixed_views(bench.reach, group.task)[group.view]), ONCE
     return stays, ONCE
-
-
-def _device(device: str) -> str:
-    """Processes take turns where "cuda" alone is asked for."""
-    if device != "cuda":
-        return device
-    number = re.search(r"\d+$", current_process().name)  # of pools' processes, from 1
-    return f"cuda:{(int(number.group()) if number else 0) % torch.cuda.device_count()}"
 
 
 @cache

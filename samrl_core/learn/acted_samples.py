@@ -28,8 +28,8 @@ from samrl_core.learn.samples import ACTION, IMAGE, RETURN, Samples
 class ActedSettings:
     """How actions vary about the actor's, and how fast their worth falls. ASSUMPTIONS."""
 
-    unit: float = 0.2  # error at which the worth is 1/e [action limits]
-    exact_share: float = 0.5  # of actions that are the actor's own
+    unit: float = 0.1  # error at which the worth is 1/e [action limits]
+    exact_share: float = 0.8  # of actions that are the actor's own
     noise: tuple[float, float] = (0.02, 0.5)  # of the others, per axis, standard deviation [action limits]
 
     def __post_init__(self) -> None:

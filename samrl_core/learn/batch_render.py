@@ -22,6 +22,7 @@ from samrl_core.model.body_motion import TensorPose
 from samrl_core.model.chain_skin import CHAIN
 from samrl_core.model.model import CameraPose, Model
 from samrl_core.model.renderer import Rendered, Renderer
+from samrl_core.warp_runtime import numbered_device
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class BatchRenderer:
         """
         if chunk < 1:
             raise InputError(f"chunk is {chunk} images, must be at least 1")
-        self.model, self.device, self.chunk = model, torch.device(device), chunk
+        self.model, self.device, self.chunk = model, numbered_device(device), chunk
         self.frame_names = SceneFrames(model).names
         mesh, s = model.mesh, model.settings
         self._skin = mesh.skin

@@ -84,7 +84,9 @@ class KeptSamples:
 def _check_memory(shape: tuple[int, ...], device: torch.device) -> None:
     needed = int(np.prod(shape)) * _PRECISION.itemsize
     if device.type == "cuda":
-        free = torch.cuda.mem_get_info(device)[0]
+        # What this process has given back to torch, an earlier stage's images, torch still holds.
+        held = torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
+        free = torch.cuda.mem_get_info(device)[0] + held
     else:
         free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if needed > 0.9 * free:

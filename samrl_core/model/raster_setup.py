@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import torch
 import warp as wp
 
 from samrl_core.model import cut_kernels, edge_kernels, light_kernels, raster_kernels, shade_kernels
 from samrl_core.model.kernel_types import EdgeUse, Pixel
 from samrl_core.model.topology import Topology
-from samrl_core.warp_runtime import start
+from samrl_core.warp_runtime import numbered_device, start
 
 _MODULES = (raster_kernels, shade_kernels, edge_kernels, cut_kernels, light_kernels)
 
@@ -63,7 +62,7 @@ def make_setup(
         threads: at most so many work on one batch, on a CPU.
     """
     start()
-    where = torch.device(device)
+    where = numbered_device(device)
     name = str(wp.device_from_torch(where))
     lens_struct = raster_kernels.Lens()
     lens_struct.fx, lens_struct.fy, lens_struct.cx, lens_struct.cy, lens_struct.near = lens

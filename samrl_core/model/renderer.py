@@ -26,6 +26,7 @@ from samrl_core.model.raster_setup import make_setup
 from samrl_core.model.topology import Topology
 from samrl_core.types.camera import Intrinsics
 from samrl_core.types.scene import Rgb
+from samrl_core.warp_runtime import numbered_device
 
 _FAR = 1e6  # [m] single precision can no longer tell a centimetre there
 _EDGE_STEP = 0.5  # [px] longest; steps end at pixel borders anyway (0.25 is no more accurate)
@@ -83,7 +84,7 @@ class Renderer:
             raise InputError(f"threads is {threads}, must be at least 1")
         self.topology = topology
         self.intrinsics = intrinsics
-        self._device = torch.device(device)
+        self._device = numbered_device(device)
         k = intrinsics
         lens = (k.fx, k.fy, k.cx, k.cy, near)
         size = (k.width, k.height)

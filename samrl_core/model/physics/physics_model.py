@@ -11,7 +11,7 @@ from samrl_core.model.physics.layout import lay_out
 from samrl_core.model.physics.scene import PhysicsScene
 from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState, nominal_parameters
 from samrl_core.model.physics.workspace import MOTION, PARAMETERS, Constants, Workspace
-from samrl_core.warp_runtime import start
+from samrl_core.warp_runtime import numbered_device, start
 
 RESIDUAL_LIMIT = 1.0e-3  # of all impulses added without sign; above it a step is not solved
 KEPT_WORKSPACES = 4  # lengths and batches whose arrays are kept
@@ -35,7 +35,7 @@ class PhysicsModel:
         start()
         self.scene, self.dtype, self.device = scene, dtype, device
         self.layout = lay_out(scene)
-        where = "cpu" if torch.device(device).type == "cpu" else f"cuda:{torch.device(device).index or 0}"
+        where = str(numbered_device(device))
         self._constants = Constants(scene, self.layout, dtype == torch.float64, where)
         self._workspaces: dict[tuple[int, int], Workspace] = {}
         self._checked: dict[str, tuple[torch.Tensor, int]] = {}  # parameters found good, and their versions

@@ -126,6 +126,7 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         InputError: the two contradict each other.
     """
     out = options.out.resolve()
+    weights = str(options.weights.resolve()) if options.weights else ""
     ours: dict[str, dict[str, tuple[str, Any]]] = {  # by node and parameter: option and value
         "sim_bridge": {
             "task": ("--task", options.task),
@@ -138,11 +139,11 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
             "task": ("--task", options.task),
             "policy": ("--policy", options.policy),
             "strategy": ("--strategy", options.strategy),
-            "weights": ("--weights", str(options.weights.resolve()) if options.weights else ""),
+            "weights": ("--weights", weights),
             "seed": ("--seed", options.seed),
         },
         "model_updater": {"task": ("--task", options.task), "enabled": ("--update", options.update)},
-        "residual_trainer": {"task": ("--task", options.task)},
+        "residual_trainer": {"task": ("--task", options.task), "weights": ("--weights", weights)},
         "recorder": {"out": ("--out", str(out / "bag")), "task": ("--task", options.task)},
         "supervisor": {
             "task": ("--task", options.task),

@@ -11,9 +11,8 @@ from samrl_core.errors import InputError
 from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor
 from samrl_core.learn.sensing_value import Networks
 from samrl_core.learn.view_ascent import ViewAscentSettings
-from samrl_core.learn.weights import Kind, load_weights, sha256_of, shipped
+from samrl_core.learn.weights import load_weights, sha256_of, weights_file
 from samrl_core.robots.robot import CellSpec
-from samrl_core.tasks import plain_name
 from samrl_core.trajectory import TrajectorySettings
 from samrl_core.view_planning import ViewPlannerSettings
 
@@ -75,14 +74,8 @@ def trained_networks(task: str, cell: CellSpec, folder: Path | None = None) -> N
     Raises:
         InputError: a file is missing or does not fit; see `load_weights`.
     """
-
-    def path(kind: Kind) -> Path:
-        paths = [shipped(name, kind) for name in (task, plain_name(task))]
-        paths = paths if folder is None else [folder / file.name for file in paths]
-        return next((file for file in paths if file.is_file()), paths[0])
-
-    actor, _ = load_weights(path("sim_actor"), "sim_actor", task, cell)
-    q, _ = load_weights(path("sensing_q"), "sensing_q", task, cell)
+    actor, _ = load_weights(weights_file(task, "sim_actor", folder), "sim_actor", task, cell)
+    q, _ = load_weights(weights_file(task, "sensing_q", folder), "sensing_q", task, cell)
     assert isinstance(actor, SimActor) and isinstance(q, SensingQ)
     return Networks(actor.requires_grad_(False), q.requires_grad_(False))
 

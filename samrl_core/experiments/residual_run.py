@@ -18,9 +18,10 @@ import numpy as np
 from samrl_core.errors import InputError
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
+from samrl_core.learn.networks import Encoder
 from samrl_core.learn.replay import End, Replay, ReplayInfo
 from samrl_core.learn.residual import ResidualLearner, ResidualSettings
-from samrl_core.learn.step_images import StepImages
+from samrl_core.learn.step_features import StepFeatures, fingerprint
 from samrl_core.learn.transitions import transitions_of
 from samrl_core.learn.weights import WeightsInfo, save_weights
 from samrl_core.robots.robot import CellSpec
@@ -38,14 +39,9 @@ class RunSettings:
     """
 
     points: tuple[int, ...]  # real steps at which is evaluated; the last one ends the run
-    learner: ResidualSettings = ResidualSettings(
-        n_step=100,  # all of an episode: its one reward is known
-        actor_rate=3e-5,
-        warm_up=800,
-        effort=0.1,
-    )
+    learner: ResidualSettings = ResidualSettings()
     episodes: int = 4  # per round
-    first_steps: int = 400  # in the replay before the first update
+    first_steps: int = 200  # in the replay before the first update
     updates_per_step: float = 2.0  # each step beyond the first ones allows so many
     exploration: float = 0.0015  # standard deviation per axis of what is tried [m]
     memory: float = 0.9  # of the exploration from action to action
@@ -92,6 +88,7 @@ class ResidualRun:
         folder: Path,
         place: Place,
         cell: CellSpec,
+        encoder: Encoder,
         seed: int,
         settings: RunSettings,
         play: Play,
@@ -99,15 +96,16 @@ class ResidualRun:
     ) -> None:
         self._folder, self._place, self._cell, self._seed = folder, place, cell, seed
         self._settings, self._play = settings, play
-        self._learner = ResidualLearner(settings.learner, seed, device)
+        self._learner = ResidualLearner(settings.learner, encoder, seed, device)
         # No step is ever written over: the longest run's last round may go beyond its last point.
         capacity = settings.points[-1] + settings.episodes * settings.max_actions
         self._replay = Replay.write(folder / "replay.bin", ReplayInfo(place.task, cell.intrinsics, capacity))
         about = {"place": asdict(place), "seed": seed, "settings": asdict(settings)}
+        about["encoder"] = fingerprint(encoder)
         self._about = {name: _plain(value) for name, value in about.items()}
         self._episodes = 0
         self._resume()
-        self._images = StepImages(self._replay, cell, device)
+        self._features = StepFeatures(self._replay, cell, self._learner.actor.encoder, device)
 
     @property
     def steps(self) -> int:
@@ -192,9 +190,9 @@ class ResidualRun:
         s, learner = self._settings, self._learner
         transitions = transitions_of(self._replay, s.learner.n_step, s.learner.gamma)
         allowed = s.updates_per_step * (self.steps - s.first_steps)
-        self._images.take_in()
+        self._features.take_in()
         while len(transitions) and learner.updates < allowed:
-            learner.update(self._images.batch(transitions, s.learner.batch, learner.generator))
+            learner.update(self._features.batch(transitions, s.learner.batch, learner.generator))
 
     @property
     def _checkpoint(self) -> Path:

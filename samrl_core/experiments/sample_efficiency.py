@@ -27,6 +27,7 @@ from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played, play
 from samrl_core.experiments.residual_run import Evaluated, ResidualRun, RunSettings
 from samrl_core.experiments.sample_efficiency_curve import summary_of, write_picture
+from samrl_core.learn.step_features import nominal_encoder
 from samrl_core.learn.weights import shipped
 from samrl_core.learn.workers import worker_pool
 from samrl_core.robots.cell import default_cell
@@ -141,7 +142,10 @@ def _one(
     """One training from where it was left."""
     task, points = job.place.task, job.settings.points
     folder = options.out / "runs" / f"{task}-{job.seed}"
-    residual = ResidualRun(folder, job.place, default_cell(), job.seed, job.settings, player, options.device)
+    cell = default_cell()
+    encoder = nominal_encoder(task, cell, job.place.weights)
+    device = options.device
+    residual = ResidualRun(folder, job.place, cell, encoder, job.seed, job.settings, player, device)
     try:
         for point in points:
             residual.advance(point, lambda: not stop.is_set())

@@ -12,6 +12,8 @@ key points 0.54, 5.1 mm and 1.3 mm (standing still: 1.0, 8 mm, 2.0 mm). Too shor
 
 from __future__ import annotations
 
+import copy
+
 import torch
 from torch import nn
 from torch.nn import functional
@@ -114,14 +116,27 @@ class SensingQ(nn.Module):
 
 
 class ResidualActor(nn.Module):
-    """Correction of the nominal action from the real image; exactly zero before it is trained."""
+    """Correction of the nominal action from the real image; exactly zero before it is trained.
 
-    def __init__(self, limit: float, generator: torch.Generator | None = None) -> None:
-        """`limit` is the longest correction [m]; the generator draws the first weights, default seed 0."""
+    Its encoder is the nominal policy's and stands still, only the head is trained: some dozens of episodes
+    with one reward each do not teach an encoder, they are known by heart (`learn/residual.py`).
+    """
+
+    def __init__(
+        self, limit: float, generator: torch.Generator | None = None, encoder: Encoder | None = None
+    ) -> None:
+        """Draws the head.
+
+        Args:
+            limit: longest correction [m].
+            generator: of the first weights, default seed 0.
+            encoder: a copy of it is kept; None draws one, as for weights that are about to be loaded.
+        """
         super().__init__()
         self.limit = _limit(limit)
         generator = generator or torch.Generator().manual_seed(0)
-        self.encoder = Encoder(CHANNELS + 3, generator)
+        encoder = Encoder(CHANNELS, generator) if encoder is None else copy.deepcopy(encoder)
+        self.encoder = encoder.requires_grad_(False)
         self.head = _head(FEATURES + 3, 3, generator)
         last = self.head[-1]
         assert isinstance(last, nn.Linear)
@@ -129,41 +144,33 @@ class ResidualActor(nn.Module):
 
     def forward(self, image_real: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
         """Real image (B, 6, H, W) and nominal action (B, 3) [m] to residual (B, 3) [m]."""
-        scaled = nominal / ACTION_UNIT
-        features = self.encoder(_beside(image_real, scaled))
-        with torch.autocast(image_real.device.type, enabled=False):
-            return bounded(self.head(torch.cat([features, scaled.float()], dim=1)), self.limit)
+        return self.of_features(self.encoder(image_real), nominal)
+
+    def of_features(self, features: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
+        """The same from the encoder's features (B, 128) of the images."""
+        with torch.autocast(features.device.type, enabled=False):
+            state = torch.cat([features.float(), (nominal / ACTION_UNIT).float()], dim=1)
+            return bounded(self.head(state), self.limit)
 
 
 class TwinCritic(nn.Module):
-    """Two estimates of the return of a residual. Image and nominal action are the state: one encoder, two
-    heads, so an update of the actor can keep the state's features and only the heads meet the residual.
-    """
+    """Two estimates of the return of a residual, in a state given by features and nominal action."""
 
     def __init__(self, limit: float = ACTION_UNIT, generator: torch.Generator | None = None) -> None:
         """`limit` is the longest residual [m]; the generator draws the first weights, default seed 0."""
         super().__init__()
         self.limit = _limit(limit)
         generator = generator or torch.Generator().manual_seed(0)
-        self.encoder = Encoder(CHANNELS + 3, generator)
         self.first = _head(FEATURES + 6, 1, generator, normalised=True)
         self.second = _head(FEATURES + 6, 1, generator, normalised=True)
 
     def forward(
-        self, image_real: torch.Tensor, nominal: torch.Tensor, residual: torch.Tensor
+        self, features: torch.Tensor, nominal: torch.Tensor, residual: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Image (B, 6, H, W), nominal and residual (B, 3) [m] to two returns (B,)."""
-        return self.values(self.features(image_real, nominal), residual)
-
-    def features(self, image_real: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
-        """Of the state, (B, 131): encoded image and scaled nominal action."""
-        scaled = nominal / ACTION_UNIT
-        return torch.cat([self.encoder(_beside(image_real, scaled)), scaled.float()], dim=1)
-
-    def values(self, features: torch.Tensor, residual: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Both returns (B,) of residuals (B, 3) [m] in states with these features."""
+        """Features (B, 128), nominal and residual (B, 3) [m] to two returns (B,)."""
         with torch.autocast(features.device.type, enabled=False):
-            x = torch.cat([features.float(), (residual / self.limit).float()], dim=1)
+            parts = (features, nominal / ACTION_UNIT, residual / self.limit)
+            x = torch.cat([part.float() for part in parts], dim=1)
             return self.first(x).squeeze(1), self.second(x).squeeze(1)
 
 

@@ -18,9 +18,11 @@ import numpy as np
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
+from samrl_core.learn.networks import Encoder
 from samrl_core.learn.replay import End, Replay, ReplayInfo
 from samrl_core.learn.residual import Figures, ResidualLearner, ResidualSettings
-from samrl_core.learn.transitions import Transitions, draw_batch, transitions_of
+from samrl_core.learn.step_features import StepFeatures, fingerprint
+from samrl_core.learn.transitions import Transitions, transitions_of
 from samrl_core.learn.weights import WeightsInfo, save_weights, sha256_of
 from samrl_core.robots.robot import CellSpec
 from samrl_core.whole_file import write_whole
@@ -42,8 +44,8 @@ class TrainingSettings:
     learner: ResidualSettings = field(default_factory=ResidualSettings)
     seed: int = 0
     capacity: int = 10_000  # steps of the replay; 82 kB each
-    first_steps: int = 100  # in the replay before the first update
-    updates_per_step: float = 1.0  # updates that each further step allows
+    first_steps: int = 200  # in the replay before the first update
+    updates_per_step: float = 2.0  # updates that each further step allows
     publish_every: int = 50  # updates between two versions
     cpu_share: float = 0.5  # of one core
 
@@ -112,18 +114,34 @@ class ResidualTraining:
         folder: Path,
         task: str,
         cell: CellSpec,
+        encoder: Encoder,
         settings: TrainingSettings,
         tell: Callable[[str], None] = print,
     ) -> None:
-        """`tell` hears what the folder does not hold as it should; by default the worker's log."""
+        """Reads what is there.
+
+        Args:
+            folder: of this training alone.
+            task: its name.
+            cell: whose camera the replay's images are of.
+            encoder: the nominal policy's.
+            settings: of the training.
+            tell: hears what the folder does not hold as it should; by default the worker's log.
+        """
         self._tell = tell
         self._granted = 0  # updates that the steps of earlier replays allowed
         self._folder, self._task, self._cell, self._settings = folder, task, cell, settings
         self._replay = Replay.read(*replay_of(folder, task, cell, settings))
-        self._learner = ResidualLearner(settings.learner, settings.seed)
+        self._learner = ResidualLearner(settings.learner, encoder, settings.seed)
+        self._features = StepFeatures(self._replay, cell, encoder)
         self._transitions: Transitions | None = None
         self._figures: Figures | None = None
-        self._about = {"task": task, "seed": settings.seed, "learner": asdict(settings.learner)}
+        self._about = {
+            "task": task,
+            "seed": settings.seed,
+            "learner": asdict(settings.learner),
+            "encoder": fingerprint(encoder),
+        }
         self.version = announced(folder, task).version
         if self._checkpoint.exists():
             self._resume()
@@ -142,6 +160,7 @@ class ResidualTraining:
     def due(self) -> bool:
         """Whether the steps that came in allow another update."""
         self._replay.refresh()
+        self._features.take_in()
         s = self._settings.learner
         self._transitions = transitions_of(self._replay, s.n_step, s.gamma)
         steps = max(0, self._replay.last - self._settings.first_steps + 1)
@@ -161,13 +180,7 @@ class ResidualTraining:
         learner = self._learner
         size, generator = learner.settings.batch, learner.generator
         before = generator.get_state()
-        try:
-            batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
-        except InputError:
-            # The cell goes on beside this: a full ring's oldest step may have gone since `due` looked.
-            self.due()
-            before = generator.get_state()
-            batch = draw_batch(self._replay, self._transitions, self._cell, size, generator)
+        batch = self._features.batch(self._transitions, size, generator)
         try:
             figures = learner.update(batch)
         except SolveError as error:
@@ -212,7 +225,7 @@ class ResidualTraining:
         if about != self._about:
             raise InputError(
                 f"{self._checkpoint} was made with {about}, asked for is {self._about}; give another folder "
-                f"or the same settings"
+                f"or the same settings (and the same `sim_actor`: the residual uses its encoder)"
             )
         self._learner.load_state(tensors)
         if self._replay.last < steps:

@@ -20,6 +20,7 @@ from samrl_core.errors import InputError, SamrlError
 from samrl_core.folder_lock import folder_lock
 from samrl_core.learn.residual import ResidualSettings
 from samrl_core.learn.residual_training import ResidualTraining, TrainingSettings
+from samrl_core.learn.step_features import nominal_encoder
 from samrl_core.robots.cell import default_cell
 from samrl_core.whole_file import write_whole
 
@@ -53,6 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--task", required=True)
+    parser.add_argument("--weights", type=Path, help="folder of the task's `sim_actor`, else the package's")
     parser.add_argument("--parent", type=int, required=True, help="process with which this one ends")
     options = parser.parse_args(arguments)
     asked: list[int] = []
@@ -62,9 +64,10 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)
     try:
         with folder_lock(options.folder, BEFORE_S):
-            settings = read_settings(options.folder)
+            settings, cell = read_settings(options.folder), default_cell()
+            encoder = nominal_encoder(options.task, cell, options.weights)
             training = ResidualTraining(
-                options.folder, options.task, default_cell(), settings, lambda text: print(text, flush=True)
+                options.folder, options.task, cell, encoder, settings, lambda text: print(text, flush=True)
             )
             training.run(lambda: bool(asked) or os.getppid() != options.parent)
     except SamrlError as error:

@@ -1,4 +1,4 @@
-"""Transitions of a replay, over one or more steps, and batches of them as the networks see them."""
+"""Transitions of a replay, over one or more steps, and batches of them."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from samrl_core.learn.packed_images import network_images
 from samrl_core.learn.replay import End, Replay
-from samrl_core.robots.robot import CellSpec
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,40 +53,10 @@ def transitions_of(replay: Replay, n_step: int, gamma: float) -> Transitions:
 class Batch:
     """Transitions as tensors."""
 
-    image: torch.Tensor  # (B, 6, H, W) real image before the action
+    features: torch.Tensor  # (B, 128) of the real image before the action
     nominal: torch.Tensor  # (B, 3) [m]
     residual: torch.Tensor  # (B, 3) as it was applied [m]
     reward: torch.Tensor  # (B,)
     discount: torch.Tensor  # (B,)
-    next_image: torch.Tensor  # (B, 6, H, W)
+    next_features: torch.Tensor  # (B, 128)
     next_nominal: torch.Tensor  # (B, 3) [m]
-
-
-def draw_batch(
-    replay: Replay,
-    transitions: Transitions,
-    cell: CellSpec,
-    size: int,
-    generator: torch.Generator,
-    device: torch.device | str = "cpu",
-) -> Batch:
-    """`size` transitions, drawn uniformly with replacement."""
-    chosen = torch.randint(len(transitions), (size,), generator=generator).numpy()
-    before = replay.bodies(transitions.start[chosen])
-    after = replay.bodies(transitions.after[chosen])
-
-    def images(rows: np.ndarray) -> torch.Tensor:
-        return network_images(rows["color"], rows["depth"], rows["camera"], rows["tip"], cell, device)
-
-    def floats(values: np.ndarray) -> torch.Tensor:
-        return torch.from_numpy(values.astype(np.float32)).to(device)
-
-    return Batch(
-        images(before),
-        floats(before["nominal"]),
-        floats(before["residual"]),
-        floats(transitions.reward[chosen]),
-        floats(transitions.discount[chosen]),
-        images(after),
-        floats(after["nominal"]),
-    )

@@ -69,6 +69,16 @@ def shipped(task: str, kind: Kind) -> Path:
     return Path(__file__).parent / "trained" / f"{task}_{kind}.safetensors"
 
 
+def weights_file(task: str, kind: Kind, folder: Path | None = None) -> Path:
+    """Where the weights of a task lie: `<task>_<kind>.safetensors` in a folder, or in the package.
+
+    Those of the plain task for a variant that has none of its own there. The file need not be there.
+    """
+    files = [shipped(name, kind) for name in (task, plain_name(task))]
+    files = files if folder is None else [folder / file.name for file in files]
+    return next((file for file in files if file.is_file()), files[0])
+
+
 def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file."""
     with path.open("rb") as file:

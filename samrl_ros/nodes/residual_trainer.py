@@ -43,12 +43,13 @@ class ResidualTrainerSettings:
     task: str = setting("peg_insertion", "task that the residual belongs to")
     train: bool = setting(False, "collect transitions and train; false keeps the residual as it is")
     folder: str = setting("", "where replay, training and weights lie; kept across runs, empty for none")
+    weights: str = setting("", "folder of the task's trained networks, empty for those of the package")
     seed: int = setting(0, "seed of the training", range=(0, 2**31 - 1))
     limit: float = setting(0.003, "longest residual", "m", (1e-4, 0.02))
-    batch: int = setting(64, "transitions per update", range=(1, 4096))
+    batch: int = setting(256, "transitions per update", range=(1, 4096))
     capacity: int = setting(10_000, "transitions kept, 82 kB each", range=(100, 1_000_000))
-    first_steps: int = setting(100, "transitions before the first update", range=(1, 1_000_000))
-    updates_per_step: float = setting(1.0, "updates that each further transition allows", range=(0.01, 100.0))
+    first_steps: int = setting(200, "transitions before the first update", range=(1, 1_000_000))
+    updates_per_step: float = setting(2.0, "updates that each further transition allows", range=(0.01, 100.0))
     publish_every: int = setting(50, "updates from one version to the next", range=(1, 1_000_000))
     cpu_share: float = setting(0.5, "of one core that the training may use", range=(0.01, 1.0))
 
@@ -104,7 +105,7 @@ class ResidualTrainer(Behaviour):
             training = settings.training()
             self._replay = Replay.write(*replay_of(folder, settings.task, self._cell, training))
             write_settings(folder, training)
-            self._process = TrainingProcess(folder, settings.task)
+            self._process = TrainingProcess(folder, settings.task, settings.weights)
         self._announce(self._newest())
 
     def stop(self) -> None:

@@ -16,9 +16,11 @@ STOP_S = 6.0  # to finish an update and save; less than a node may take to stop
 class TrainingProcess:
     """One running worker; its output goes to `trainer.log` in its folder."""
 
-    def __init__(self, folder: Path, task: str) -> None:
+    def __init__(self, folder: Path, task: str, weights: str = "") -> None:
+        """`weights`: folder of the task's trained networks, empty for those of the package."""
         self._log = folder / "trainer.log"
         command = [sys.executable, "-m", "samrl_core.learn.residual_worker", str(folder), "--task", task]
+        command += ["--weights", weights] if weights else []
         with self._log.open("ab") as log:
             self._child = subprocess.Popen(
                 [*command, "--parent", str(os.getpid())],

@@ -24,7 +24,7 @@ from tests.learn import toy_cell
 from tests.learn.small_cell import SMALL
 
 PLACE = Place("toy", "optimised", None, (0.001, 0.0, -0.002))
-LEARNER = ResidualSettings(batch=4, n_step=2, warm_up=1, delay=1, shift=2)
+LEARNER = ResidualSettings(batch=4, n_step=2, warm_up=1, delay=1)
 SETTINGS = RunSettings(
     (0, 12, 20), LEARNER, episodes=2, first_steps=5, updates_per_step=0.3, evaluated=3, max_actions=3
 )
@@ -62,7 +62,7 @@ class FakeCell:
 
 
 def run(folder: Path, play: FakeCell, settings: RunSettings = SETTINGS, seed: int = 0) -> ResidualRun:
-    return ResidualRun(folder, PLACE, SMALL, seed, settings, play)
+    return ResidualRun(folder, PLACE, SMALL, toy_cell.ENCODER, seed, settings, play)
 
 
 def content(one: ResidualRun) -> dict[str, torch.Tensor]:
@@ -164,6 +164,7 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
         return replace(SETTINGS, points=points)
 
     monkeypatch.setattr(sample_efficiency, "default_cell", lambda: SMALL)
+    monkeypatch.setattr(sample_efficiency, "nominal_encoder", lambda *_: toy_cell.ENCODER)
     monkeypatch.setattr(sample_efficiency, "_here", here)
     monkeypatch.setattr(sample_efficiency, "RunSettings", settings)
     monkeypatch.setattr(sample_efficiency, "POINTS", (0, 6))
@@ -214,6 +215,8 @@ def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
 
 def test_the_kinematic_peg_fails_at_times_without_a_residual(tmp_path: Path) -> None:
     """What settings of the learner are tried on: there is something to learn."""
-    one = ResidualRun(tmp_path, PLACE, SMALL, 0, RunSettings((0, 10), evaluated=40), kinematic_peg.play)
+    one = ResidualRun(
+        tmp_path, PLACE, SMALL, toy_cell.ENCODER, 0, RunSettings((0, 10), evaluated=40), kinematic_peg.play
+    )
     nominal = one.evaluate()
     assert 0.25 < np.mean(nominal.successes) < 0.65 and nominal.successes == nominal.detected

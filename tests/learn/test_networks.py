@@ -8,6 +8,7 @@ from torch import nn
 
 from samrl_core.errors import InputError
 from samrl_core.learn.networks import (
+    FEATURES,
     ResidualActor,
     SensingQ,
     SimActor,
@@ -34,6 +35,8 @@ def inputs(name: str, batch: int = 3, size: int = 32) -> list[torch.Tensor]:
     image = torch.randn((batch, 6, size, size), generator=g)
     image[:, 3:, : size // 4] = 0.0  # nothing seen there
     actions = {"sim_actor": 0, "sensing_q": 1, "residual_actor": 1, "twin_critic": 2}[name]
+    if name == "twin_critic":
+        image = torch.rand((batch, FEATURES), generator=g)
     return [image, *(LIMIT * torch.randn((batch, 3), generator=g) for _ in range(actions))]
 
 
@@ -64,6 +67,8 @@ def test_every_weight_and_input_gets_a_gradient(name: str) -> None:
     x = [v.requires_grad_() for v in inputs(name, batch=8)]
     torch.cat([v.ravel() for v in _outputs(network, x)]).sum().backward()
     for label, parameter in network.named_parameters():
+        if not parameter.requires_grad:  # the residual's encoder
+            continue
         # A shift of all logits of a map alike does nothing to its softmax.
         if label.split(".")[1] in ("fine", "coarse", "context") and label.endswith("bias"):
             continue
@@ -109,13 +114,26 @@ def test_q_lies_within_zero_and_one_and_depends_on_the_action() -> None:
     assert a.shape == (3,) and bool(((a > 0) & (a < 1)).all()) and not torch.equal(a, b)
 
 
-def test_critics_differ_and_features_can_be_kept() -> None:
+def test_residual_has_its_own_copy_of_an_encoder_that_stands_still() -> None:
+    encoder = SimActor(LIMIT, generator()).encoder
+    network = ResidualActor(LIMIT, generator(), encoder)
+    image, nominal = inputs("residual_actor")
+    with torch.no_grad():
+        features = encoder(image)
+        network.head[-1].weight.fill_(0.01)
+        assert torch.equal(network(image, nominal), network.of_features(features, nominal))
+        encoder.out.bias.add_(1.0)
+        assert torch.equal(network.encoder(image), features)
+    assert [name for name, p in network.named_parameters() if p.requires_grad] == [
+        f"head.{k}.{part}" for k in (0, 2, 4) for part in ("weight", "bias")
+    ]
+
+
+def test_critics_differ() -> None:
     network = TwinCritic(LIMIT, generator())
-    image, nominal, residual = inputs("twin_critic")
-    first, second = network(image, nominal, residual)
+    features, nominal, residual = torch.rand(3, FEATURES), 1e-3 * torch.randn(3, 3), 1e-3 * torch.randn(3, 3)
+    first, second = network(features, nominal, residual)
     assert first.shape == second.shape == (3,) and not torch.equal(first, second)
-    kept = network.values(network.features(image, nominal), residual)
-    assert torch.equal(kept[0], first) and torch.equal(kept[1], second)
 
 
 def test_key_points_are_the_mean_of_the_known_points_under_the_weights() -> None:

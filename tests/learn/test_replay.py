@@ -11,14 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from samrl_core.errors import InputError
-from samrl_core.learn.network_image import observed_image
 from samrl_core.learn.replay import HEADER_BYTES, End, Replay, ReplayInfo, Step
-from samrl_core.learn.transitions import draw_batch, transitions_of
-from samrl_core.types.camera import Camera
-from samrl_core.types.observation import ArmReading, Frame, Observation
+from samrl_core.learn.transitions import transitions_of
 from tests.learn.small_cell import SMALL, random_step
 
 INFO = ReplayInfo("peg_insertion", SMALL.intrinsics, 8)
@@ -86,22 +82,6 @@ def test_a_step_that_was_missed_is_not_bridged(tmp_path: Path) -> None:
     for step in (0, 1, 3):
         replay.append(random_step(np.random.default_rng(step), 0, step))
     assert transitions_of(replay, 3, 0.9).start.tolist() == [1]
-
-
-def test_a_batch_shows_what_the_camera_saw(tmp_path: Path) -> None:
-    replay = filled(tmp_path / "replay", [End.OPEN, End.SUCCESS])
-    transitions = transitions_of(replay, 1, 0.9)
-    batch = draw_batch(replay, transitions, SMALL, 16, torch.Generator().manual_seed(0))
-    step = random_step(np.random.default_rng(0), 0, 0)
-    reading = ArmReading(0, np.zeros(7), np.zeros(7), np.zeros(7))
-    frame = Frame(0, step.color, step.depth, np.zeros(step.depth.shape, np.uint8))
-    camera = Camera(SMALL.intrinsics, step.camera_in_world)
-    wanted = observed_image(Observation(frame, camera, reading, reading), step.tip_in_base, SMALL)
-    mine = [k for k in range(16) if torch.allclose(batch.nominal[k], torch.tensor(step.nominal).float())]
-    assert 0 < len(mine) < 16
-    for k in mine:
-        assert torch.allclose(batch.image[k], wanted, atol=2e-3)  # depth is kept to 0.05 mm
-        assert batch.discount[k] == pytest.approx(0.9) and batch.reward[k] == 0
 
 
 WRITER = """

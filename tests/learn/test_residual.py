@@ -11,23 +11,26 @@ import pytest
 import torch
 
 from samrl_core.errors import InputError, SolveError
+from samrl_core.learn.network_image import CHANNELS
+from samrl_core.learn.networks import FEATURES, Encoder
 from samrl_core.learn.residual import ResidualLearner, ResidualSettings
 from samrl_core.learn.transitions import Batch
 
-QUICK = ResidualSettings(batch=4, n_step=1, warm_up=0, delay=1, shift=2)
+QUICK = ResidualSettings(batch=4, n_step=1, warm_up=0, delay=1)
+ENCODER = Encoder(CHANNELS, torch.Generator().manual_seed(3))
 
 
 def batch(seed: int, size: int = 4) -> Batch:
     g = torch.Generator().manual_seed(seed)
 
-    def images() -> torch.Tensor:
-        return torch.randn(size, 6, 16, 16, generator=g)
+    def features() -> torch.Tensor:
+        return torch.rand(size, FEATURES, generator=g)
 
     def vectors() -> torch.Tensor:
         return 0.002 * torch.randn(size, 3, generator=g)
 
     reward = torch.randint(2, (size,), generator=g).float()
-    return Batch(images(), vectors(), vectors(), reward, 0.9 * (1 - reward), images(), vectors())
+    return Batch(features(), vectors(), vectors(), reward, 0.9 * (1 - reward), features(), vectors())
 
 
 def same(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
@@ -36,50 +39,35 @@ def same(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
 
 def test_before_training_the_residual_is_exactly_zero() -> None:
     data = batch(0)
-    assert not ResidualLearner(QUICK, 0).actor(data.image, data.nominal).any()
+    assert not ResidualLearner(QUICK, ENCODER, 0).actor.of_features(data.features, data.nominal).any()
 
 
 def test_the_actor_waits_for_the_critics() -> None:
-    learner = ResidualLearner(replace(QUICK, warm_up=3, delay=2), 0)
+    learner = ResidualLearner(replace(QUICK, warm_up=3, delay=2), ENCODER, 0)
     turns = [not math.isnan(learner.update(batch(k)).actor_value) for k in range(7)]
     assert turns == [False, False, False, False, True, False, True]
     data = batch(9)
-    assert 0 < learner.actor(data.image, data.nominal).norm(dim=1).max() <= QUICK.limit
+    assert 0 < learner.actor.of_features(data.features, data.nominal).norm(dim=1).max() <= QUICK.limit
 
 
 def test_effort_keeps_residuals_short() -> None:
     """A price that no return can pay leaves nothing of them; nothing is priced at zero."""
     lengths = []
     for effort in (0.0, 100.0):
-        learner = ResidualLearner(replace(QUICK, effort=effort, actor_rate=1e-3), 0)
+        learner = ResidualLearner(replace(QUICK, effort=effort, actor_rate=1e-3), ENCODER, 0)
         for k in range(12):
             learner.update(batch(k % 3))
         data = batch(0)
-        lengths.append(learner.actor(data.image, data.nominal).detach().norm(dim=1).mean().item())
+        lengths.append(
+            learner.actor.of_features(data.features, data.nominal).detach().norm(dim=1).mean().item()
+        )
     assert lengths[1] < 0.5 * lengths[0]
     with pytest.raises(InputError, match="effort"):
         replace(QUICK, effort=-1.0)
 
 
-def test_shifted_images_are_parts_of_the_padded_ones() -> None:
-    """Each by its own offset, the same for all channels."""
-    learner = ResidualLearner(replace(QUICK, shift=2), 0)
-    images = batch(0).image
-    moved = learner._shifted(images)
-    assert moved.shape == images.shape
-    padded = torch.nn.functional.pad(images, (2, 2, 2, 2))
-    found = []
-    for one, wide in zip(moved, padded, strict=True):
-        places = [
-            (v, u) for v in range(5) for u in range(5) if torch.equal(one, wide[:, v : v + 16, u : u + 16])
-        ]
-        assert len(places) == 1
-        found += places
-    assert len(set(found)) > 1
-
-
 def test_the_same_seed_and_batches_give_the_same_weights() -> None:
-    learners = [ResidualLearner(QUICK, seed) for seed in (0, 0, 1)]
+    learners = [ResidualLearner(QUICK, ENCODER, seed) for seed in (0, 0, 1)]
     for learner in learners:
         for k in range(3):
             learner.update(batch(k))
@@ -88,12 +76,12 @@ def test_the_same_seed_and_batches_give_the_same_weights() -> None:
 
 
 def test_a_restored_learner_goes_on_as_if_nothing_had_been() -> None:
-    whole, first = ResidualLearner(QUICK, 0), ResidualLearner(QUICK, 0)
+    whole, first = ResidualLearner(QUICK, ENCODER, 0), ResidualLearner(QUICK, ENCODER, 0)
     for k in range(5):
         whole.update(batch(k))
     for k in range(2):
         first.update(batch(k))
-    second = ResidualLearner(QUICK, 7)
+    second = ResidualLearner(QUICK, ENCODER, 7)
     second.load_state({name: value.clone() for name, value in first.state().items()})
     for k in range(2, 5):
         second.update(batch(k))
@@ -101,24 +89,25 @@ def test_a_restored_learner_goes_on_as_if_nothing_had_been() -> None:
 
 
 def test_another_learners_state_is_refused() -> None:
-    state = ResidualLearner(QUICK, 0).state()
+    state = ResidualLearner(QUICK, ENCODER, 0).state()
     short = {k: v for k, v in state.items() if k != "generator"}
-    bent = {k: v[..., :1] if k == "actor.encoder.out.weight" else v for k, v in state.items()}
+    bent = {k: v[..., :1] if k == "actor.0.weight" else v for k, v in state.items()}
     for bad in ({}, short, bent):
         with pytest.raises(InputError, match="no state of this learner"):
-            ResidualLearner(QUICK, 0).load_state(bad)
+            ResidualLearner(QUICK, ENCODER, 0).load_state(bad)
 
 
 @pytest.mark.parametrize("where", ["reward", "critic", "actor"])
 def test_what_is_not_finite_stops_the_update_before_it_changes_anything(where: str) -> None:
-    learner = ResidualLearner(QUICK, 0)
+    learner = ResidualLearner(QUICK, ENCODER, 0)
     learner.update(batch(0))
     data = batch(1)
     if where == "reward":
         data = replace(data, reward=torch.full((4,), math.nan))
     else:
         with torch.no_grad():
-            getattr(learner, where).encoder.out.bias[0] = math.nan
+            part = {"critic": "first.0.bias", "actor": "head.0.bias"}[where]
+            getattr(learner, where).get_parameter(part)[0] = math.nan
     before = {name: value.clone() for name, value in learner.state().items() if name != "generator"}
     with pytest.raises(SolveError, match=r"update 1: the .* loss is"):
         learner.update(data)
@@ -129,7 +118,7 @@ def test_what_is_not_finite_stops_the_update_before_it_changes_anything(where: s
 
 @pytest.mark.parametrize(
     "bad",
-    [{"gamma": 1.5}, {"batch": 0}, {"limit": 0.0}, {"average": math.nan}, {"shift": -1}, {"warm_up": -1}],
+    [{"gamma": 1.5}, {"batch": 0}, {"limit": 0.0}, {"average": math.nan}, {"warm_up": -1}],
 )
 def test_settings_out_of_range_are_refused(bad: dict) -> None:
     with pytest.raises(InputError, match=next(iter(bad))):
@@ -142,7 +131,7 @@ def test_it_learns_what_the_image_tells(tmp_path: Path) -> None:
     """The zero residual never succeeds, and one that ignores the image in half of the states at most."""
     from tests.learn import toy_cell
 
-    learner = replace(QUICK, batch=32, warm_up=240, delay=2, shift=0, critic_rate=1e-3, actor_rate=5e-4)
+    learner = replace(QUICK, batch=32, warm_up=240, delay=2, critic_rate=1e-3, actor_rate=5e-4)
     settings = toy_cell.settings(replace(learner, average=0.05))
     replay = toy_cell.start(tmp_path, settings, 1000)  # zero and noise: one in ten succeeds
     training = toy_cell.training(tmp_path, settings)

@@ -22,7 +22,7 @@ from samrl_core.learn.weights import load_weights, sha256_of
 from tests.learn import toy_cell
 from tests.learn.small_cell import SMALL
 
-LEARNER = ResidualSettings(batch=4, n_step=1, warm_up=1, delay=1, shift=2)
+LEARNER = ResidualSettings(batch=4, n_step=1, warm_up=1, delay=1)
 SETTINGS = toy_cell.settings(LEARNER, publish_every=2)
 
 
@@ -112,7 +112,7 @@ def test_another_replay_beside_the_checkpoint_is_said_and_counted_anew(tmp_path:
     replay = toy_cell.start(tmp_path, settings, 4)
     told: list[str] = []
     for expected in (1, 0):  # a restart remembers, and has nothing to say
-        training = ResidualTraining(tmp_path, toy_cell.TASK, SMALL, settings, told.append)
+        training = ResidualTraining(tmp_path, toy_cell.TASK, SMALL, toy_cell.ENCODER, settings, told.append)
         assert len(told) == 1 and "30 steps" in told[0] and "holds 4" in told[0]
         before = training.updates
         while training.due():
@@ -127,12 +127,12 @@ def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
     toy_cell.start(tmp_path, SETTINGS, 30)
     training = trained(tmp_path, 2)
     with torch.no_grad():
-        training.learner.critic.get_parameter("encoder.out.bias")[0] = math.nan
+        training.learner.critic.get_parameter("first.0.bias")[0] = math.nan
     assert training.due()
     with pytest.raises(SolveError, match="not|nan"):
         training.step()
     tensors, _ = load_checkpoint(tmp_path / "stopped.safetensors", KIND)
-    assert bool(torch.isnan(tensors["critic.encoder.out.bias"][0])) and int(tensors["updates"]) == 2
+    assert bool(torch.isnan(tensors["critic.first.0.bias"][0])) and int(tensors["updates"]) == 2
     assert "nan" in json.loads((tmp_path / "summary.json").read_text())["stopped"]
     good, _ = load_checkpoint(tmp_path / "checkpoint.safetensors", KIND)
     assert all(bool(torch.isfinite(value.double()).all()) for value in good.values())
@@ -144,7 +144,8 @@ def test_from_the_state_of_a_stop_the_same_batch_is_drawn_again(tmp_path: Path, 
     toy_cell.start(tmp_path, SETTINGS, 30)
     training = trained(tmp_path, 2)
     with torch.no_grad():
-        getattr(training.learner, who).get_parameter("encoder.out.bias")[0] = math.nan
+        part = {"critic": "first.0.bias", "actor": "head.0.bias"}[who]
+        getattr(training.learner, who).get_parameter(part)[0] = math.nan
     assert training.due()
     before = training.learner.state()
     with pytest.raises(SolveError, match=f"update 2: the {who}'s loss is nan"):

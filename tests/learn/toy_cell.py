@@ -11,6 +11,8 @@ import numpy as np
 import torch
 
 from samrl_core.learn.exploration import shortened
+from samrl_core.learn.network_image import CHANNELS
+from samrl_core.learn.networks import Encoder
 from samrl_core.learn.packed_images import network_images, packed_depth, poses_as_rows
 from samrl_core.learn.replay import End, Replay, Step
 from samrl_core.learn.residual import ResidualSettings
@@ -23,6 +25,7 @@ BIAS = 0.0014  # of the nominal action along y, to the side on which the dot lie
 TOLERANCE = 0.0013  # [m]
 CAMERA = look_at(np.array([0.9, 0.0, 0.3]), np.array([0.5, 0.0, 0.05]))
 TIP = np.array([0.5, 0.0, 0.1])
+ENCODER = Encoder(CHANNELS, torch.Generator().manual_seed(3))  # as drawn: it tells where the dot is
 
 
 def draw_state(rng: np.random.Generator, episode: int) -> tuple[Step, np.ndarray]:
@@ -85,7 +88,7 @@ def start(folder: Path, settings: TrainingSettings, count: int, seed: int = 0) -
 
 
 def training(folder: Path, settings: TrainingSettings) -> ResidualTraining:
-    return ResidualTraining(folder, TASK, SMALL, settings)
+    return ResidualTraining(folder, TASK, SMALL, ENCODER, settings)
 
 
 def rate(actor: torch.nn.Module, count: int = 100) -> float:

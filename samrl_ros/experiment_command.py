@@ -17,7 +17,8 @@ def list_experiments() -> int:
         table.add_column(title)
     for name in sorted(MODULES):
         found = experiment_named(name)
-        table.add_row(name, found.shows, ", ".join(found.tasks))
+        more = f"; if asked for, {', '.join(found.on_request)}" if found.on_request else ""
+        table.add_row(name, found.shows, ", ".join(found.tasks) + more)
     Console().print(table)
     return 0
 

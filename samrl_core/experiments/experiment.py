@@ -68,6 +68,7 @@ class Experiment:
     shows: str  # one line
     tasks: tuple[str, ...]  # that it knows
     run: Callable[[Options, Tell], dict[str, Any]]  # returns the summary; writes `<name>.png` in `out`
+    on_request: tuple[str, ...] = ()  # tasks that it knows, too, and leaves out unless asked for
 
     def result(self, options: Options, tell: Tell) -> dict[str, Any]:
         """Run what is left of it, and write `<name>.json`.
@@ -76,9 +77,10 @@ class Experiment:
             InputError: a task that it does not know, a folder of another experiment, or one in which
                 another process is at work.
         """
-        unknown = [task for task in options.tasks if task not in self.tasks]
+        known = (*self.tasks, *self.on_request)
+        unknown = [task for task in options.tasks if task not in known]
         if unknown:
-            raise InputError(f"{self.name} knows no task {unknown[0]!r}; there are: {', '.join(self.tasks)}")
+            raise InputError(f"{self.name} knows no task {unknown[0]!r}; there are: {', '.join(known)}")
         options = replace(options, tasks=options.tasks or self.tasks)
         with folder_lock(options.out):
             where = ("out", "device", "workers")  # may differ when it goes on

@@ -28,7 +28,7 @@ from samrl_core.experiments.view_maps import (
     view_maps,
 )
 from samrl_core.learn.models import model_of
-from samrl_core.tasks import TASKS
+from samrl_core.tasks import OCCLUDED_TASKS, TASKS
 
 COUNT = 20  # episodes per task
 MAPS = ("q", "error", "noisy_q", "noisy_error")
@@ -143,4 +143,5 @@ EXPERIMENT = Experiment(
     "Q and action error over the camera's azimuth and elevation",
     tuple(TASKS),
     run,
+    on_request=tuple(OCCLUDED_TASKS),
 )

@@ -170,7 +170,7 @@ def train(
     episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=256)] = 512,
     q_target: Annotated[
         str, typer.Option(help="What Q learns: return (of an episode), or action (how near to the expert's).")
-    ] = "return",
+    ] = "action",
     actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
     batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
@@ -243,6 +243,30 @@ def experiment(
         raise typer.Exit(list_experiments())
     options = Options(out or Path("out") / name, tuple(task or ()), count, seed, device, workers, weights)
     raise typer.Exit(run_experiment(name, options))
+
+
+@app.command()
+def reproduce(
+    out: Annotated[Path, typer.Option(help="Folder of everything that is made. Goes on from it.")] = Path(
+        "out/reproduce"
+    ),
+    trained: Annotated[
+        Path | None,
+        typer.Option(help="Networks that need not be trained, as msgs_docs/training has them."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Jobs whose name holds this, and what they need; repeatable.")
+    ] = None,
+    count: Annotated[
+        int, typer.Option(help="Episodes or states per condition; 0: each experiment's own.", min=0)
+    ] = 0,
+    steps: Annotated[int, typer.Option(help="Real steps of sample_efficiency; 0: its own.", min=0)] = 0,
+    list_them: Annotated[bool, typer.Option("--list", help="Tell the jobs and run none.")] = False,
+) -> None:
+    """Train all networks and make all tables and figures, on all cores and GPUs; resumable."""
+    from samrl_ros.reproduce_command import reproduce_all
+
+    raise typer.Exit(reproduce_all(out, trained, tuple(only or ()), count, steps, list_them))
 
 
 @app.command()

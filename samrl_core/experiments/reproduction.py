@@ -1,0 +1,135 @@
+"""All trainings, tables and figures as one list of jobs: what the package's weights and figures come from."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from samrl_core.errors import InputError
+from samrl_core.experiments.job_queue import DEVICE, WORKERS, Job
+from samrl_core.learn.weights import shipped
+from samrl_core.tasks import OCCLUDED_TASKS, TASKS, plain_name
+
+SEEDS = (1, 2, 3)  # of trainings; the package has the first one's networks
+OCCLUDED_SEED = 1
+KINDS = ("sim_actor", "sensing_q")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a task is trained."""
+
+    max_actions: int  # of an episode in the model
+    kept: int  # images of each state; with them a GPU learns ten times faster than it draws
+    epochs: int  # of the actor
+    gpu_gb: float  # that the kept images take, and what works on them
+    share: float  # of the cores
+
+
+RECIPES = {
+    "peg_insertion": Recipe(60, 8, 12, 40.0, 0.05),
+    "spatula_flipping": Recipe(80, 8, 8, 40.0, 0.13),
+    "needle_threading": Recipe(60, 12, 16, 60.0, 0.1),
+}
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What is made, and where.
+
+    Raises:
+        InputError: a folder of trained networks that is not there.
+    """
+
+    out: Path  # absolute
+    samrl: tuple[str, ...]  # the command `samrl`
+    on_gpu: bool
+    trained: Path | None = None  # folder with `seed-1` ... and `occluded`, for what need not be trained
+    count: int = 0  # of episodes; 0 takes each experiment's own
+    steps: int = 0  # real steps of `sample_efficiency`; 0 takes its own
+
+    def __post_init__(self) -> None:
+        if self.trained is not None and not self.trained.is_dir():
+            raise InputError(f"no folder of trained networks at {self.trained}; leave it out to train all")
+
+    def jobs(self) -> list[Job]:
+        """In the order in which they are best begun: what takes long, and what others wait for, first."""
+        trainings = [self._training(task, seed) for task in reversed(TASKS) for seed in SEEDS]
+        trainings += [self._training(task, OCCLUDED_SEED) for task in reversed(OCCLUDED_TASKS)]
+        return trainings + self._experiments()
+
+    def _experiments(self) -> list[Job]:
+        seeds = {task: tuple(_training_name(task, seed) for seed in SEEDS) for task in TASKS}
+        one, occluded = "weights/seed-1", "weights/occluded"
+        firsts = tuple(names[0] for names in seeds.values())
+        hidden = tuple(_training_name(task, OCCLUDED_SEED) for task in OCCLUDED_TASKS)
+        found = []
+        for task in TASKS:
+            found.append(self._experiment("sample_efficiency", task, one, seeds[task][:1], 0.35))
+        for task, name in zip(OCCLUDED_TASKS, hidden, strict=True):
+            found.append(self._experiment("table1", task, occluded, (name,), 0.2))
+        for task in TASKS:
+            found.append(self._experiment("table1", task, "weights", seeds[task], 0.2))
+            found.append(self._experiment("table1_world", task, one, seeds[task][:1], 0.3))
+        found.append(self._experiment("fig6", "", one, firsts, 0.12))
+        found.append(self._experiment("fig7", "", one, firsts, 0.12))
+        found.append(self._experiment("fig6", "occluded", occluded, hidden, 0.12))
+        for task in TASKS:
+            needs = (*seeds[task][:1], f"sample_efficiency-{task}")
+            found.append(self._experiment("fig8d", task, f"weights/residual-{task}", needs, 0.3))
+        return found
+
+    def _training(self, task: str, seed: int) -> Job:
+        name, recipe = _training_name(task, seed), RECIPES[plain_name(task)]
+        target = self.out / "weights" / ("occluded" if task in OCCLUDED_TASKS else f"seed-{seed}")
+        given = None if self.trained is None else self.trained / target.name
+        have = [] if given is None else [given / shipped(task, kind).name for kind in KINDS]
+        have = [file for file in have if file.is_file()]
+        folder = self.out / "train" / name
+        if len(have) == len(KINDS):  # nothing to do
+            copy = _copier(have, target)
+            return Job(name, (), have[0], then=copy)
+        command = [*self.samrl, "train", task, "--seed", str(seed), "--out", str(folder)]
+        command += ["--device", DEVICE, "--workers", WORKERS, "--max-actions", str(recipe.max_actions)]
+        command += ["--actor-epochs", str(recipe.epochs), "--q-epochs", "8", "--batch-size", "256"]
+        if self.on_gpu:
+            command += ["--kept", str(recipe.kept)]
+        if have:
+            command += ["--actor", str(have[0].absolute())]
+        makes = [folder / shipped(task, kind).name for kind in KINDS]
+        summary, copy = folder / "summary.json", _copier(makes, target)
+        return Job(name, tuple(command), summary, gpu_gb=recipe.gpu_gb, share=recipe.share, then=copy)
+
+    def _experiment(self, name: str, task: str, weights: str, needs: tuple[str, ...], share: float) -> Job:
+        label = f"{name}-{task}" if task else name
+        tasks = OCCLUDED_TASKS if task == "occluded" else (task,) if task else ()
+        count = self.steps if name == "sample_efficiency" else self.count
+        command = [*self.samrl, "experiment", name, "--out", label, "--weights", weights]
+        command += [part for one in tasks for part in ("--task", one)]
+        command += ["--workers", WORKERS, "--count", str(count)]
+        if name in ("table1", "fig6", "fig7"):
+            command += ["--device", DEVICE]
+        then = self._residual_copier(task) if name == "sample_efficiency" else lambda: None
+        return Job(label, tuple(command), self.out / label / f"{name}.json", needs, share=share, then=then)
+
+    def _residual_copier(self, task: str) -> Callable[[], None]:
+        """Beside the task's actor and Q, as `fig8d` wants it: the first run's, as it was at the end."""
+        files = [self.out / "weights" / "seed-1" / shipped(task, kind).name for kind in KINDS]
+        residual = shipped(task, "residual_actor").name
+        files.append(self.out / f"sample_efficiency-{task}" / "weights" / "seed_0" / residual)
+        return _copier(files, self.out / "weights" / f"residual-{task}")
+
+
+def _training_name(task: str, seed: int) -> str:
+    return f"train-{task}-{seed}"
+
+
+def _copier(files: list[Path], target: Path) -> Callable[[], None]:
+    def copy() -> None:
+        target.mkdir(parents=True, exist_ok=True)
+        for file in files:
+            shutil.copyfile(file, target / file.name)
+
+    return copy

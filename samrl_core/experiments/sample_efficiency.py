@@ -36,7 +36,7 @@ from samrl_core.tasks import TASKS
 NAME = "sample_efficiency"
 SEEDS = 3  # trainings per task
 BUDGET = 8000  # real steps
-POINTS = (0, 250, 500, 1000, 2000, 4000, 8000)
+POINTS = (0, 500, 1000, 2000, 4000, 8000)
 
 
 def points_up_to(budget: int) -> tuple[int, ...]:
@@ -60,7 +60,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
     for place in calibrated:
         tell(f"{place.task}: nominal actions are {place.policy}")
     with _player(options) as player:
-        found = gaps(log, calibrated, player, tell)
+        found = gaps(log, calibrated, player, tell, options.processes)
         places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
         jobs = [
             _Job(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))

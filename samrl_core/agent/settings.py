@@ -37,7 +37,7 @@ class AgentSettings:
     actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
     seed: int = 0  # of strategy "random" and of exploration
     exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]
-    exploration_memory: float = 0.9  # correlation of what is added to an action and to the next one
+    exploration_memory: float = 0.98  # correlation of what is added to an action and to the next one
     exploration_limit: float = 0.003  # of what is tried before there is a residual, which has its own [m]
     longest: float = 0.02  # action, its residual included [m]
     plan: TrajectorySettings = TrajectorySettings(max_sub_goals=3, max_iterations=3, spare_actions=1)

@@ -65,7 +65,7 @@ class ViewPlannerSettings:
         0.003, "longest residual tried before the trainer has one; as its `limit`", "m", (1e-4, 0.02)
     )
     exploration_memory: float = setting(
-        0.9, "correlation of what is added to an action and to the next one", range=(0.0, 1.0)
+        0.98, "correlation of what is added to an action and to the next one", range=(0.0, 1.0)
     )
     task_action_limit: float = setting(
         0.02, "longest displacement, residual included; not above manipulator's", "m", (1e-3, 0.2)

@@ -171,6 +171,9 @@ def train(
     q_target: Annotated[
         str, typer.Option(help="What Q learns: return (of an episode), or action (how near to the expert's).")
     ] = "action",
+    q_loss: Annotated[
+        str, typer.Option(help="How: square (eq. 24), or likelihood (where most returns are near 0).")
+    ] = "square",
     actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
     batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
@@ -205,6 +208,7 @@ def train(
         rounds,
         episodes,
         q_target,
+        q_loss,
         actor_epochs,
         q_epochs,
         batch_size,

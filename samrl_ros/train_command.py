@@ -13,6 +13,9 @@ from samrl_core.learn.randomisation.names import REAL2SIM
 from samrl_core.learn.train import SUMMARY, train
 from samrl_core.learn.train_picture import write_picture
 from samrl_core.learn.train_settings import TrainSettings
+from samrl_core.learn.value import EXPLAINED
+
+LEAST_EXPLAINED = 0.05  # of the returns' variance, by a Q that is of use
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class TrainOptions:
     rounds: int
     episodes: int
     q_target: str
+    q_loss: str
     actor_epochs: int
     q_epochs: int
     batch_size: int
@@ -53,6 +57,7 @@ def train_task(options: TrainOptions) -> int:
         rounds=options.rounds,
         episodes=options.episodes,
         q_target=options.q_target,
+        q_loss=options.q_loss,
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
         randomisation=options.randomisation,
@@ -82,6 +87,14 @@ def train_task(options: TrainOptions) -> int:
         console.print(
             f"{name}: {100 * found['success']:.1f} % of {found['episodes']} episodes in the model",
             highlight=False,
+        )
+    if summary["q"][EXPLAINED] < LEAST_EXPLAINED:
+        console.print(
+            f"Q explains {100 * summary['q'][EXPLAINED]:.1f} % of what differs between returns, less than "
+            f"{100 * LEAST_EXPLAINED:.0f} %: it will hardly know where to look; train it with "
+            f"--q-loss likelihood, longer, or from a better actor",
+            highlight=False,
+            soft_wrap=True,
         )
     console.print(f"summary: {options.out / SUMMARY}\npicture: {picture}", highlight=False, soft_wrap=True)
     return 0

@@ -19,7 +19,7 @@ from samrl_core.experiments.experiment import Case, CaseLog, Tell
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played
 from samrl_core.types.share import Share
 
-LADDER = (0.0, 0.002, 0.004, 0.005, 0.006, 0.008)  # lengths of the error [m]
+LADDER = (0.0, 0.002, 0.004, 0.005, 0.006, 0.008, 0.012, 0.016)  # lengths of the error [m]
 # ASSUMPTION: mostly level, as hole, eye and pancake are found level, and downwards for the spatula's height.
 DIRECTION = (0.48, 0.64, -0.6)
 EPISODES = 12  # per length

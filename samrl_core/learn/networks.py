@@ -109,10 +109,14 @@ class SensingQ(nn.Module):
 
     def forward(self, image: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
         """Image (B, 6, H, W) and action (B, 3) [m] to return (B,), 0..1."""
+        return torch.sigmoid(self.logit(image, action))
+
+    def logit(self, image: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
+        """Of the return (B,), float32."""
         scaled = action / ACTION_UNIT
         features = self.encoder(_beside(image, scaled))
         with torch.autocast(image.device.type, enabled=False):
-            return torch.sigmoid(self.head(torch.cat([features, scaled.float()], dim=1)).squeeze(1))
+            return self.head(torch.cat([features, scaled.float()], dim=1)).squeeze(1)
 
 
 class ResidualActor(nn.Module):

@@ -197,7 +197,7 @@ class _Training:
             checked = self._samples(self.episodes.labelled("check", parts[1]), 4)
             validation = ActedSamples(checked, actor, 10 * s.seed + 4, s.acted)
         fit = replace(s.q, seed=s.seed, device=s.device)
-        q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"))
+        q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"), s.q_loss)
         return q, result.figures
 
     def _keep(self, network: SimActor | SensingQ, figures: dict[str, float]) -> None:

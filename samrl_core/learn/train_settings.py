@@ -13,6 +13,7 @@ from samrl_core.learn.randomisation.adr import AdrSettings
 from samrl_core.learn.randomisation.found import FoundSettings
 from samrl_core.learn.randomisation.names import RANDOMISATIONS, REAL2SIM
 from samrl_core.learn.randomisation.simopt import SimOptSettings
+from samrl_core.learn.value import Q_LOSSES
 
 Q_TARGETS = ("return", "action")
 
@@ -33,6 +34,7 @@ class TrainSettings:
     episodes: int = 512  # for Q (eq. 24), each with a view held
     action_noise: float = 0.3  # highest level of theirs, per axis, standard deviation [action limits]
     q_target: str = "action"  # what Q learns: worth of the "action" in its state, or "return" of episodes
+    q_loss: str = "square"  # how: by the "square" of eq. 24, or by "likelihood"; see `learn/value.py`
     acted: ActedSettings = ActedSettings()  # actions that Q learns the worth of, and their worth
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
@@ -53,6 +55,8 @@ class TrainSettings:
     def __post_init__(self) -> None:
         if self.q_target not in Q_TARGETS:
             raise InputError(f"q_target is {self.q_target!r}, must be one of: {', '.join(Q_TARGETS)}")
+        if self.q_loss not in Q_LOSSES:
+            raise InputError(f"q_loss is {self.q_loss!r}, must be one of: {', '.join(Q_LOSSES)}")
         least = {
             "states": 100,
             "rounds": 0,

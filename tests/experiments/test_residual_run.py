@@ -191,7 +191,7 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize("processes", [1, 25, 200])
-@pytest.mark.parametrize(("fails_from", "taken"), [(0.004, 0.004), (0.0, 0.0), (1.0, 0.008)])
+@pytest.mark.parametrize(("fails_from", "taken"), [(0.004, 0.004), (0.0, 0.0), (1.0, 0.016)])
 def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
     tmp_path: Path, fails_from: float, taken: float, processes: int
 ) -> None:

@@ -20,8 +20,8 @@ from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learn.fit import CHECKPOINT, LOG, STOPPED, fit
 from samrl_core.learn.fit_settings import FitSettings
 from samrl_core.learn.imitation import Imitation, fit_actor
-from samrl_core.learn.networks import SimActor
-from samrl_core.learn.value import fit_q, value_regression
+from samrl_core.learn.networks import SensingQ, SimActor
+from samrl_core.learn.value import Q_LOSSES, fit_q, likelihood, squared_error
 
 pytestmark = pytest.mark.timeout(400)  # seconds on a free core, but cores may be shared
 
@@ -72,8 +72,10 @@ def test_an_actor_learns_where_the_spot_is(tmp_path: Path) -> None:
     assert [float(r["error_mm"]) for r in rows] == [r["error_mm"] for r in result.rows]
 
 
-def test_a_q_learns_which_actions_succeed(tmp_path: Path) -> None:
-    network, result = fit_q(TRAIN, VALIDATION, replace(tiny.SETTINGS, epochs=8), tmp_path)
+@pytest.mark.parametrize("loss", Q_LOSSES)
+def test_a_q_learns_which_actions_succeed(tmp_path: Path, loss: str) -> None:
+    network, result = fit_q(TRAIN, VALIDATION, replace(tiny.SETTINGS, epochs=8), tmp_path, loss=loss)
+    assert result.figures["explained"] > 0.7
     assert result.figures["error"] < 0.2 and result.figures["error_where_high"] < 0.3
     batch = VALIDATION.batch(np.arange(32), torch.device("cpu"))
     with torch.no_grad():
@@ -205,9 +207,30 @@ def test_value_loss_is_the_squared_difference() -> None:
         "action": torch.zeros(3, 3),
         "return_": torch.tensor([0, 0.9, 1]),
     }
-    found = value_regression(lambda image, action: torch.full((3,), 0.4), batch)
+    found = squared_error(lambda image, action: torch.full((3,), 0.4), batch)
     torch.testing.assert_close(found["loss"], torch.tensor([0.16, 0.25, 0.36]))
     assert found["error_where_low"].isnan().tolist() == [False, True, True]
+
+
+def test_a_q_that_says_nothing_is_worth_anything_learns_by_likelihood() -> None:
+    """By the squared error it has no slope left, which is how a training once ended with its first epoch."""
+    q = SensingQ()
+    last = [module for module in q.modules() if isinstance(module, torch.nn.Linear)][-1]
+    with torch.no_grad():
+        last.bias.fill_(-40.0)
+    batch = {
+        "image": torch.rand(4, 6, 32, 32, generator=torch.Generator().manual_seed(0)),
+        "action": torch.zeros(4, 3),
+        "return_": torch.tensor([0.0, 0.0, 0.1, 0.2]),
+    }
+    slopes = {}
+    for name, objective in Q_LOSSES.items():
+        q.zero_grad()
+        objective(q, batch)["loss"].mean().backward()
+        slopes[name] = float(last.bias.grad.abs())
+    assert slopes["square"] < 1e-15 and abs(slopes["likelihood"] - 0.075) < 1e-6
+    found = likelihood(q, batch)
+    assert found["square"].tolist() == pytest.approx([0.0, 0.0, 0.01, 0.04])
 
 
 def test_the_rate_rises_and_falls_to_nothing() -> None:

@@ -55,6 +55,8 @@ def test_sizes_below_their_least_are_refused(name: str) -> None:
 def test_an_unknown_target_of_q_is_refused() -> None:
     with pytest.raises(InputError, match="q_target"):
         replace(SMALL, q_target="luck")
+    with pytest.raises(InputError, match="q_loss"):
+        replace(SMALL, q_loss="hinge")
 
 
 def test_what_a_later_stage_could_not_use_is_refused_at_once() -> None:

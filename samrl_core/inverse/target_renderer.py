@@ -9,6 +9,7 @@ from samrl_core.inverse.information import TargetImage
 from samrl_core.inverse.target_cloud import target_cloud
 from samrl_core.model.model import Model
 from samrl_core.model.renderer import Rendered
+from samrl_core.model.window import Window
 from samrl_core.types.camera import Camera
 
 
@@ -47,42 +48,53 @@ class TargetRenderer:
         # T/2, as would c T here. So the product is nearer to real cameras, and with the simulated one c T is
         # no better: mean errors of fits 0.17 mm, with c T 0.15 mm (board, 8 seeds), 0.41 and 0.40 (pancake,
         # 8), 0.77 and 0.77 (thread, 6), on each seed within 0.1 mm of each other.
+        return self._compared(rendered, self._clear)
+
+    def _compared(self, rendered: Rendered, clear: np.ndarray) -> torch.Tensor:
         image = rendered.color * rendered.target[..., None]
-        return image * torch.from_numpy(self._clear)[..., None] if self.thin else image
+        return image * torch.from_numpy(clear)[..., None] if self.thin else image
 
     def image(self, values: np.ndarray, colors: np.ndarray) -> TargetImage:
         """The compared part for values (P,), without gradient."""
         return self.images(values[None], colors)[0]
 
     def images(self, values: np.ndarray, colors: np.ndarray) -> list[TargetImage]:
-        """The same for values (B, P), in one rendering."""
+        """The same for values (B, P), in one rendering; depth is 0 far from the target."""
         with torch.no_grad():
-            r = self.render(torch.as_tensor(values), torch.as_tensor(colors))
-            coverage = r.target.numpy()
-            color = self.compared(r).numpy().astype(np.float64)
+            drawn = self.model.render_target(
+                torch.as_tensor(values), torch.as_tensor(colors), self.camera, self._tool_arm
+            )
+            color, depth, mask = self._shown(*drawn)
+        shape = (self.camera.intrinsics.height, self.camera.intrinsics.width)
+        whole = [drawn[1].pasted(part, *shape) for part in (color, depth, mask)]
+        return [TargetImage(c, d, m, 0 if self.thin else 1) for c, d, m in zip(*whole, strict=True)]
+
+    def _shown(self, r: Rendered, window: Window) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Colour (B, h, w, 3), depth [m] and mask (B, h, w) of the window."""
+        clear = self._clear[window.rows, window.columns]
+        color = self._compared(r, clear).numpy().astype(np.float64)
         if self.thin:  # the mean point would lie between the thread and what is behind it
-            depth = r.depth.numpy().astype(np.float64)
-            masks = self._thin_mask(coverage, r.label.numpy())
-            return [TargetImage(c, d, m, 0) for c, d, m in zip(color, depth, masks, strict=True)]
+            mask = self._thin_mask(r.target.numpy(), r.label.numpy(), clear)
+            return color, r.depth.numpy().astype(np.float64), mask
         # Depth of the pixel's mean point: `Rendered.depth` is that of the nearest sample, which on a slanted
         # face is a quarter of a pixel too near and pushed the estimate away from the camera by 0.4 mm.
         world_in_camera = self.camera.camera_in_world.inverse()
         xyz = r.xyz.numpy().astype(np.float64)
         depth = xyz @ world_in_camera.rotation[2] + world_in_camera.position[2]
-        return [TargetImage(c, d, m) for c, d, m in zip(color, depth, coverage > 0.5, strict=True)]
+        return color, depth, r.target.numpy() > 0.5
 
     def cloud(self, rendered: Rendered) -> np.ndarray:
         """X_sim of eq. 5: the target's points (N, 3) in a rendered image, taken as from a real one [m]."""
         if self.thin:
-            mask = self._thin_mask(rendered.target.detach().numpy(), rendered.label.numpy())
+            mask = self._thin_mask(rendered.target.detach().numpy(), rendered.label.numpy(), self._clear)
             depth = np.where(mask, rendered.depth.numpy().astype(np.float64), np.nan)
             return target_cloud(self.camera.unproject(depth), mask, 0)
         mask = rendered.target.detach().numpy() > 0.5
         return target_cloud(rendered.xyz.detach().numpy().astype(np.float64), mask)
 
-    def _thin_mask(self, coverage: np.ndarray, label: np.ndarray) -> np.ndarray:
+    def _thin_mask(self, coverage: np.ndarray, label: np.ndarray, clear: np.ndarray) -> np.ndarray:
         """Half of a pixel's samples: as many pixels as a sensor with one sample in each would see."""
-        return (coverage >= 0.5) & (label == self.label) & self._clear
+        return (coverage >= 0.5) & (label == self.label) & clear
 
     def pixel_motion(self, points: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """How points (N, 3) [m] moved by `motion` (N, 3, P) move in the image, (N, 2, P) [px per unit]."""

@@ -22,6 +22,7 @@ from samrl_core.model.target import ALONG, Reach, TargetFrames
 from samrl_core.model.task_physics.border import TaskDynamics, TaskState
 from samrl_core.model.task_physics.choose import dynamics_of
 from samrl_core.model.task_physics.settings import ContactSettings, TaskPhysicsSettings
+from samrl_core.model.window import Window, whole_image, window_around
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks.task import Task
@@ -199,6 +200,26 @@ class Model:
         Raises:
             InputError: wrong shapes, non-finite values, or a camera with other intrinsics than the cell's.
         """
+        return self._drawn(values, colors, camera, tool_arm_position, False)[0]
+
+    def render_target(
+        self, values: torch.Tensor, colors: torch.Tensor, camera: Camera, tool_arm_position: np.ndarray
+    ) -> tuple[Rendered, Window]:
+        """Of the same image the part that shows what the parameters move, and which part that is.
+
+        Arguments and errors as of `render`; of (B, P) values all images have one window. Outside of it the
+        target is not seen. A fit that asks for hundreds of images needs no more.
+        """
+        return self._drawn(values, colors, camera, tool_arm_position, True)
+
+    def _drawn(
+        self,
+        values: torch.Tensor,
+        colors: torch.Tensor,
+        camera: Camera | CameraPose,
+        tool_arm_position: np.ndarray,
+        target_only: bool,
+    ) -> tuple[Rendered, Window]:
         if tuple(colors.shape) != (len(self.color_names), 3):
             raise InputError(f"colors have shape {tuple(colors.shape)}, must be ({len(self.color_names)}, 3)")
         if isinstance(camera, Camera):
@@ -214,7 +235,12 @@ class Model:
         color = self._mesh.vertex_colors(
             colors.to("cpu", torch.float32), self._occluders(tool_arm_position).color
         )
-        return self._renderer(vertices, color, self._target, rotation, translation)
+        window, renderer = whole_image(self.cell.intrinsics), self._renderer
+        if target_only:
+            moved = vertices.detach()[..., self._target > 0, :].reshape(-1, 3) @ rotation.T + translation
+            window = window_around(moved.numpy(), self.cell.intrinsics, self.settings.near)
+            renderer = renderer.cut(window)
+        return renderer(vertices, color, self._target, rotation, translation), window
 
     @property
     def dynamics(self) -> TaskDynamics:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import warp as wp
@@ -10,6 +10,7 @@ import warp as wp
 from samrl_core.model import cut_kernels, edge_kernels, light_kernels, raster_kernels, shade_kernels
 from samrl_core.model.kernel_types import EdgeUse, Pixel
 from samrl_core.model.topology import Topology
+from samrl_core.model.window import Window
 from samrl_core.warp_runtime import numbered_device, start
 
 _MODULES = (raster_kernels, shade_kernels, edge_kernels, cut_kernels, light_kernels)
@@ -37,6 +38,14 @@ class RasterSetup:
     background: Any  # Pixel
     threads: int  # at most so many on a CPU, each with images of its own
     on_gpu: bool
+
+    def cut(self, window: Window) -> RasterSetup:
+        """The same for a part of the image."""
+        lens = raster_kernels.Lens()
+        lens.fx, lens.fy, lens.near = self.lens.fx, self.lens.fy, self.lens.near
+        lens.cx, lens.cy = self.lens.cx - window.left, self.lens.cy - window.top
+        width, height = window.right - window.left, window.bottom - window.top
+        return replace(self, lens=lens, width=width, height=height)
 
 
 def make_setup(

@@ -14,7 +14,8 @@ change steeply towards an outline of few pixels and need more samples than flat 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -24,6 +25,7 @@ from samrl_core.model.light import Light
 from samrl_core.model.raster_kernels import MAX_FACES, MIN_NEAR
 from samrl_core.model.raster_setup import make_setup
 from samrl_core.model.topology import Topology
+from samrl_core.model.window import Window
 from samrl_core.types.camera import Intrinsics
 from samrl_core.types.scene import Rgb
 from samrl_core.warp_runtime import numbered_device
@@ -89,6 +91,20 @@ class Renderer:
         lens = (k.fx, k.fy, k.cx, k.cy, near)
         size = (k.width, k.height)
         self._setup = make_setup(topology, lens, size, supersample, _EDGE_STEP, background, device, threads)
+
+    def cut(self, window: Window) -> Renderer:
+        """Draws only this part of the image: the same pixels, but for rounding, in a share of the time."""
+        part = copy.copy(self)
+        k = self.intrinsics
+        part.intrinsics = replace(
+            k,
+            width=window.right - window.left,
+            height=window.bottom - window.top,
+            cx=k.cx - window.left,
+            cy=k.cy - window.top,
+        )
+        part._setup = self._setup.cut(window)
+        return part
 
     def __call__(
         self,

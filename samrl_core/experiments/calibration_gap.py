@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,9 @@ def gaps(
         left = [one for one in wanted if _key(*one) not in log.cases]
         for one, played in zip(left, play([_order(*one) for one in left]), strict=True):
             log.keep(_case(*one, played))
-        for place in open_:
-            for length in tried:
-                if "length" not in found[place.task]:
-                    _judge(found[place.task], log, place, length, tell)
+        for place, length in product(open_, tried):
+            if "length" not in found[place.task]:
+                _judge(found[place.task], log, place, length, tell)
     return found
 
 

@@ -14,7 +14,7 @@ from samrl_core.experiments.differing_world import trained_offset
 from samrl_core.experiments.experiment import CaseLog, Experiment, Options, Tell
 from samrl_core.experiments.success_rates import compared, rates, write_bars
 from samrl_core.experiments.world_episodes import Condition, EpisodeJob, run_episodes
-from samrl_core.learn.weights import load_weights, sha256_of, shipped
+from samrl_core.learn.weights import load_weights, sha256_of, weights_file
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS
 
@@ -56,9 +56,7 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
     Raises:
         InputError: the residual's file does not fit; see `load_weights`.
     """
-    file = shipped(task, "residual_actor")
-    if options.weights is not None:
-        file = options.weights / file.name
+    file = weights_file(task, "residual_actor", options.weights)
     residual = file if file.is_file() else None
     offset = (0.0, 0.0, 0.0)
     if residual is not None:

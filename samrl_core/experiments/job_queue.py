@@ -22,10 +22,6 @@ STOP_S = 10.0  # for commands that are interrupted to end by themselves
 OVERBOOKED = 1.5  # times the cores: no command keeps all its processes busy all the time
 
 
-def _nothing() -> None:
-    pass
-
-
 @dataclass(frozen=True)
 class Job:
     """One command."""
@@ -36,7 +32,7 @@ class Job:
     needs: tuple[str, ...] = ()  # names of jobs that must be done first
     gpu_gb: float = 0.0  # of one GPU that it keeps; 0: it shares whatever there is
     share: float = 1.0  # of the cores, that its processes are meant for
-    then: Callable[[], None] = _nothing  # once it is done
+    then: Callable[[], None] | None = None  # once it is done
 
 
 @dataclass(frozen=True)
@@ -150,7 +146,8 @@ class JobQueue:
                 self._tell(f"{one.job.name}: failed with code {code} after {minutes:.1f} min")
 
     def _finish(self, job: Job, how: str) -> None:
-        job.then()
+        if job.then is not None:
+            job.then()
         self._done.add(job.name)
         self._tell(f"{job.name}: {how}")
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from samrl_core.errors import InputError
 from samrl_core.experiments.job_queue import DEVICE, WORKERS, Job
-from samrl_core.learn.weights import shipped
+from samrl_core.learn.weights import weights_name
 from samrl_core.tasks import OCCLUDED_TASKS, TASKS, plain_name
 
 SEEDS = (1, 2, 3)  # of trainings; the package has the first one's networks
@@ -73,18 +73,18 @@ class Reproduction:
         hidden = tuple(_training_name(task, OCCLUDED_SEED) for task in OCCLUDED_TASKS)
         found = []
         for task in TASKS:
-            found.append(self._experiment("sample_efficiency", task, one, seeds[task][:1], 0.35))
+            found.append(self._experiment("sample_efficiency", (task,), one, seeds[task][:1], 0.35))
         for task, name in zip(OCCLUDED_TASKS, hidden, strict=True):
-            found.append(self._experiment("table1", task, occluded, (name,), 0.2))
+            found.append(self._experiment("table1", (task,), occluded, (name,), 0.2))
         for task in TASKS:
-            found.append(self._experiment("table1", task, "weights", seeds[task], 0.2))
-            found.append(self._experiment("table1_world", task, one, seeds[task][:1], 0.3))
-        found.append(self._experiment("fig6", "", one, firsts, 0.12))
-        found.append(self._experiment("fig7", "", one, firsts, 0.12))
-        found.append(self._experiment("fig6", "occluded", occluded, hidden, 0.12))
+            found.append(self._experiment("table1", (task,), "weights", seeds[task], 0.2))
+            found.append(self._experiment("table1_world", (task,), one, seeds[task][:1], 0.3))
+        found.append(self._experiment("fig6", (), one, firsts, 0.12))
+        found.append(self._experiment("fig7", (), one, firsts, 0.12))
+        found.append(self._experiment("fig6", tuple(OCCLUDED_TASKS), occluded, hidden, 0.12, "occluded"))
         for task in TASKS:
             needs = (*seeds[task][:1], f"sample_efficiency-{task}")
-            found.append(self._experiment("fig8d", task, f"weights/residual-{task}", needs, 0.3))
+            found.append(self._experiment("fig8d", (task,), f"weights/residual-{task}", needs, 0.3))
         return found
 
     def _training(self, task: str, seed: int) -> Job:
@@ -92,7 +92,7 @@ class Reproduction:
         recipe = RECIPES.get(task) or RECIPES[plain_name(task)]
         target = self.out / "weights" / ("occluded" if task in OCCLUDED_TASKS else f"seed-{seed}")
         given = None if self.trained is None else self.trained / target.name
-        have = [] if given is None else [given / shipped(task, kind).name for kind in KINDS]
+        have = [] if given is None else [given / weights_name(task, kind) for kind in KINDS]
         have = [file for file in have if file.is_file()]
         folder = self.out / "train" / name
         if len(have) == len(KINDS):  # nothing to do
@@ -106,26 +106,34 @@ class Reproduction:
             command += ["--kept", str(recipe.kept)]
         if have:
             command += ["--actor", str(have[0].absolute())]
-        makes = [folder / shipped(task, kind).name for kind in KINDS]
+        makes = [folder / weights_name(task, kind) for kind in KINDS]
         summary, copy = folder / "summary.json", _copier(makes, target)
         return Job(name, tuple(command), summary, gpu_gb=recipe.gpu_gb, share=recipe.share, then=copy)
 
-    def _experiment(self, name: str, task: str, weights: str, needs: tuple[str, ...], share: float) -> Job:
-        label = f"{name}-{task}" if task else name
-        tasks = OCCLUDED_TASKS if task == "occluded" else (task,) if task else ()
-        count = self.steps if name == "sample_efficiency" else self.count
+    def _experiment(
+        self,
+        name: str,
+        tasks: Sequence[str],
+        weights: str,
+        needs: tuple[str, ...],
+        share: float,
+        label: str = "",
+    ) -> Job:
+        """No tasks are the experiment's own. Its folder is named after the label, or else its one task."""
+        label = "-".join([name, *([label] if label else tasks)])
+        trains = name == "sample_efficiency"
         command = [*self.samrl, "experiment", name, "--out", label, "--weights", weights]
-        command += [part for one in tasks for part in ("--task", one)]
-        command += ["--workers", WORKERS, "--count", str(count)]
+        command += [part for task in tasks for part in ("--task", task)]
+        command += ["--workers", WORKERS, "--count", str(self.steps if trains else self.count)]
         if name in ("table1", "fig6", "fig7"):
             command += ["--device", DEVICE]
-        then = self._residual_copier(task) if name == "sample_efficiency" else lambda: None
+        then = self._residual_copier(tasks[0]) if trains else None
         return Job(label, tuple(command), self.out / label / f"{name}.json", needs, share=share, then=then)
 
     def _residual_copier(self, task: str) -> Callable[[], None]:
         """Beside the task's actor and Q, as `fig8d` wants it: the first run's, as it was at the end."""
-        files = [self.out / "weights" / "seed-1" / shipped(task, kind).name for kind in KINDS]
-        residual = shipped(task, "residual_actor").name
+        files = [self.out / "weights" / "seed-1" / weights_name(task, kind) for kind in KINDS]
+        residual = weights_name(task, "residual_actor")
         files.append(self.out / f"sample_efficiency-{task}" / "weights" / "seed_0" / residual)
         return _copier(files, self.out / "weights" / f"residual-{task}")
 

@@ -28,7 +28,7 @@ from samrl_core.experiments.residual_episodes import Order, Place, Play, Played,
 from samrl_core.experiments.residual_run import Evaluated, ResidualRun, RunSettings
 from samrl_core.experiments.sample_efficiency_curve import summary_of, write_picture
 from samrl_core.learn.step_features import nominal_encoder
-from samrl_core.learn.weights import shipped
+from samrl_core.learn.weights import weights_file, weights_name
 from samrl_core.learn.workers import worker_pool
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS
@@ -46,8 +46,7 @@ def points_up_to(budget: int) -> tuple[int, ...]:
 
 def policy_for(task: str, weights: Path | None) -> str:
     """The nominal policy: the learned one where it has been trained, else the planner's."""
-    file = shipped(task, "sim_actor")
-    return "learned" if ((weights / file.name) if weights else file).is_file() else "optimised"
+    return "learned" if weights_file(task, "sim_actor", weights).is_file() else "optimised"
 
 
 def run(options: Options, tell: Tell) -> dict[str, Any]:
@@ -153,7 +152,7 @@ def _one(
                 return
             if job.key(point) not in log.cases:
                 case = _case(job, point, residual.evaluate())
-                file = options.out / "weights" / f"seed_{job.seed}" / shipped(task, "residual_actor").name
+                file = options.out / "weights" / f"seed_{job.seed}" / weights_name(task, "residual_actor")
                 residual.save_weights(file, {"success": case["successes"] / case["evaluated"]})
                 keep(case)
     finally:

@@ -9,6 +9,7 @@ import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.inverse.target_cloud import eroded
+from samrl_core.model.window import Window
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ def view_information(
     places = np.concatenate([v[None], v + np.diag(h), *([v - np.diag(h)] if central else [])])
     images = [render(p) for p in places] if render_all is None else render_all(places)
     window = _window(images)
-    shape = images[0].mask.shape
+    height, width = images[0].mask.shape
     middle, *moved = [_cut(image, window) for image in images]
     ends = list(zip(moved[:count], moved[count:] or [middle] * count, strict=True))
     span = 2 * h if central else h
@@ -127,11 +128,12 @@ def view_information(
     bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ cross
     spread = bias @ bias.T * (noise.registration * resolution) ** 2
     matrix = information @ np.linalg.inv(np.eye(count) + spread @ information)
+    near_at, inside_at = window.pasted(np.stack([near, inside]), height, width)
     return ViewInformation(
         0.5 * (matrix + matrix.T),
         int(middle.mask.sum()),
-        _put(near, window, shape),
-        _put(inside, window, shape),
+        near_at,
+        inside_at,
         rows,
         weight,
         _channels(middle, inside, unit)[near],
@@ -139,25 +141,21 @@ def view_information(
     )
 
 
-def _window(images: list[TargetImage]) -> tuple[slice, slice]:
-    """Rows and columns outside of which no image shows anything of the target, with a rim for slopes."""
+def _window(images: list[TargetImage]) -> Window:
+    """Outside of it no image shows anything of the target; with a rim for slopes."""
     any_ = np.any([(i.color != 0).any(axis=-1) | i.mask for i in images], axis=0)
-    window = []
-    for axis in (1, 0):
+    ends: list[tuple[int, int]] = []
+    for axis, size in zip((0, 1), any_.shape[::-1], strict=True):
         used = np.flatnonzero(any_.any(axis=axis))
-        low, high = (used[0], used[-1] + 1) if used.size else (0, 1)
-        window.append(slice(max(0, int(low) - 3), int(high) + 3))
-    return window[0], window[1]
+        low, high = (int(used[0]), int(used[-1]) + 1) if used.size else (0, 1)
+        ends.append((max(0, low - 3), min(size, high + 3)))
+    (left, right), (top, bottom) = ends
+    return Window(left, top, right, bottom)
 
 
-def _cut(image: TargetImage, window: tuple[slice, slice]) -> TargetImage:
-    return TargetImage(image.color[window], image.depth[window], image.mask[window], image.rim)
-
-
-def _put(part: np.ndarray, window: tuple[slice, slice], shape: tuple[int, ...]) -> np.ndarray:
-    whole = np.zeros(shape, dtype=part.dtype)
-    whole[window] = part
-    return whole
+def _cut(image: TargetImage, window: Window) -> TargetImage:
+    at = window.rows, window.columns
+    return TargetImage(image.color[at], image.depth[at], image.mask[at], image.rim)
 
 
 def _slope_within(depth: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:

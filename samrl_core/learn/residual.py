@@ -35,9 +35,7 @@ class ResidualSettings:
 
     limit: float = 0.003  # longest residual, ASSUMPTION: above what updated models err by [m]
     gamma: float = 0.97  # per action: half of the reward is left after 23
-    n_step: int = (
-        100  # actions until a return goes on from a critic: here all, an episode's one reward is known
-    )
+    n_step: int = 100  # actions until a return goes on from a critic: all of an episode
     batch: int = 256  # transitions per update
     critic_rate: float = 3e-4  # of Adam
     actor_rate: float = 3e-5

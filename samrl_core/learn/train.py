@@ -44,7 +44,7 @@ from samrl_core.learn.states import StateSamples
 from samrl_core.learn.train_settings import TrainSettings
 from samrl_core.learn.value import fit_q
 from samrl_core.learn.visited import VisitedStates, load_visited
-from samrl_core.learn.weights import WeightsInfo, load_weights, save_weights, sha256_of
+from samrl_core.learn.weights import WeightsInfo, load_weights, save_weights, sha256_of, weights_name
 from samrl_core.model.model import Model
 from samrl_core.robots.cell import default_cell
 from samrl_core.same_settings import keep_to
@@ -204,7 +204,7 @@ class _Training:
         kind = "sim_actor" if isinstance(network, SimActor) else "sensing_q"
         lens, limit = self.model.cell.intrinsics, self.task.action_limit
         info = WeightsInfo(kind, self.task.name, lens, limit, self.settings.seed, figures, self.commit)
-        save_weights(self.folder / f"{self.task.name}_{kind}.safetensors", network, info)
+        save_weights(self.folder / weights_name(self.task.name, kind), network, info)
 
 
 def _split(states: StateSamples, share: float) -> tuple[StateSamples, StateSamples]:

@@ -64,9 +64,14 @@ class WeightsInfo:
                 raise InputError(f"training figure {name} is {value}, must be finite")
 
 
+def weights_name(task: str, kind: Kind) -> str:
+    """Of the file, in whatever folder it lies."""
+    return f"{task}_{kind}.safetensors"
+
+
 def shipped(task: str, kind: Kind) -> Path:
     """Where the package keeps the weights of a task; the file may not be there."""
-    return Path(__file__).parent / "trained" / f"{task}_{kind}.safetensors"
+    return Path(__file__).parent / "trained" / weights_name(task, kind)
 
 
 def weights_file(task: str, kind: Kind, folder: Path | None = None) -> Path:
@@ -74,8 +79,8 @@ def weights_file(task: str, kind: Kind, folder: Path | None = None) -> Path:
 
     Those of the plain task for a variant that has none of its own there. The file need not be there.
     """
-    files = [shipped(name, kind) for name in (task, plain_name(task))]
-    files = files if folder is None else [folder / file.name for file in files]
+    folder = folder or shipped(task, kind).parent
+    files = [folder / weights_name(name, kind) for name in (task, plain_name(task))]
     return next((file for file in files if file.is_file()), files[0])
 
 

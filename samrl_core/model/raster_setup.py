@@ -10,7 +10,7 @@ import warp as wp
 from samrl_core.model import cut_kernels, edge_kernels, light_kernels, raster_kernels, shade_kernels
 from samrl_core.model.kernel_types import EdgeUse, Pixel
 from samrl_core.model.topology import Topology
-from samrl_core.model.window import Window
+from samrl_core.types.camera import Intrinsics
 from samrl_core.warp_runtime import numbered_device, start
 
 _MODULES = (raster_kernels, shade_kernels, edge_kernels, cut_kernels, light_kernels)
@@ -39,19 +39,16 @@ class RasterSetup:
     threads: int  # at most so many on a CPU, each with images of its own
     on_gpu: bool
 
-    def cut(self, window: Window) -> RasterSetup:
-        """The same for a part of the image."""
-        lens = raster_kernels.Lens()
-        lens.fx, lens.fy, lens.near = self.lens.fx, self.lens.fy, self.lens.near
-        lens.cx, lens.cy = self.lens.cx - window.left, self.lens.cy - window.top
-        width, height = window.right - window.left, window.bottom - window.top
-        return replace(self, lens=lens, width=width, height=height)
+    def seen_through(self, intrinsics: Intrinsics) -> RasterSetup:
+        """The same scene through another lens."""
+        k = intrinsics
+        return replace(self, lens=_lens(k, self.lens.near), width=k.width, height=k.height)
 
 
 def make_setup(
     topology: Topology,
-    lens: tuple[float, float, float, float, float],
-    size: tuple[int, int],
+    intrinsics: Intrinsics,
+    near: float,
     samples: int,
     edge_step: float,
     background: tuple[float, float, float],
@@ -62,8 +59,8 @@ def make_setup(
 
     Args:
         topology: triangles and edges.
-        lens: fx, fy, cx, cy [px], near [m].
-        size: width, height [px].
+        intrinsics: lens and image size.
+        near: nothing nearer than this is drawn [m].
         samples: per pixel and direction.
         edge_step: longest step of the edge integral [px].
         background: linear RGB where nothing is drawn.
@@ -73,8 +70,6 @@ def make_setup(
     start()
     where = numbered_device(device)
     name = str(wp.device_from_torch(where))
-    lens_struct = raster_kernels.Lens()
-    lens_struct.fx, lens_struct.fy, lens_struct.cx, lens_struct.cy, lens_struct.near = lens
 
     def copied(array: Any, dtype: Any = wp.int32) -> Any:
         return wp.array(array, dtype=dtype, device=name)
@@ -92,12 +87,18 @@ def make_setup(
         corner_normal=copied(topology.corner_normal),
         normal_start=copied(topology.normal_start),
         normal_faces=copied(topology.normal_faces),
-        lens=lens_struct,
-        width=size[0],
-        height=size[1],
+        lens=_lens(intrinsics, near),
+        width=intrinsics.width,
+        height=intrinsics.height,
         samples=samples,
         edge_step=edge_step,
         background=Pixel(*background, 0.0, 0.0, 0.0, 0.0),
         threads=threads if where.type == "cpu" else 1,
         on_gpu=where.type != "cpu",
     )
+
+
+def _lens(intrinsics: Intrinsics, near: float) -> Any:
+    lens, k = raster_kernels.Lens(), intrinsics
+    lens.fx, lens.fy, lens.cx, lens.cy, lens.near = k.fx, k.fy, k.cx, k.cy, near
+    return lens

@@ -15,7 +15,7 @@ change steeply towards an outline of few pixels and need more samples than flat 
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 
@@ -87,23 +87,15 @@ class Renderer:
         self.topology = topology
         self.intrinsics = intrinsics
         self._device = numbered_device(device)
-        k = intrinsics
-        lens = (k.fx, k.fy, k.cx, k.cy, near)
-        size = (k.width, k.height)
-        self._setup = make_setup(topology, lens, size, supersample, _EDGE_STEP, background, device, threads)
+        self._setup = make_setup(
+            topology, intrinsics, near, supersample, _EDGE_STEP, background, device, threads
+        )
 
     def cut(self, window: Window) -> Renderer:
         """Draws only this part of the image: the same pixels, but for rounding, in a share of the time."""
         part = copy.copy(self)
-        k = self.intrinsics
-        part.intrinsics = replace(
-            k,
-            width=window.right - window.left,
-            height=window.bottom - window.top,
-            cx=k.cx - window.left,
-            cy=k.cy - window.top,
-        )
-        part._setup = self._setup.cut(window)
+        part.intrinsics = window.cut(self.intrinsics)
+        part._setup = self._setup.seen_through(part.intrinsics)
         return part
 
     def __call__(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,16 @@ class Window:
     def columns(self) -> slice:
         """Of the whole image."""
         return slice(self.left, self.right)
+
+    def cut(self, intrinsics: Intrinsics) -> Intrinsics:
+        """Of a camera that takes only this part of the image."""
+        return replace(
+            intrinsics,
+            width=self.right - self.left,
+            height=self.bottom - self.top,
+            cx=intrinsics.cx - self.left,
+            cy=intrinsics.cy - self.top,
+        )
 
     def pasted(self, part: np.ndarray, height: int, width: int) -> np.ndarray:
         """The whole images (..., height, width, ...) of `part`, axes 1 and 2 of which are rows and columns; 0

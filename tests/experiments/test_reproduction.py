@@ -56,6 +56,7 @@ def test_what_is_trained_is_taken_over(tmp_path: Path) -> None:
     jobs = {job.name: job for job in Reproduction(out, ("samrl",), False, trained).jobs()}
     whole = jobs["train-peg_insertion-2"]
     assert whole.makes.exists() and not whole.command
+    assert whole.then is not None
     whole.then()
     assert sorted(file.name for file in (out / "weights" / "seed-2").iterdir()) == sorted(
         shipped("peg_insertion", kind).name for kind in KINDS

@@ -3,7 +3,8 @@
 What differs from plain TD3, and why: the actor's last layer starts at zero, so that the first policy is the
 model's (eq. 15); actions are bounded in length; returns run to the end of the episode, where the only reward
 comes; the target stays within 0..1, where every return of eq. 16 lies; critics learn alone at first,
-because the actor would climb what they have not yet learnt.
+because the actor would climb what they have not yet learnt; and it is held to the residuals that were tried
+(Fujimoto & Gu 2021, "A minimalist approach to offline RL"), as beyond them critics make things up.
 
 The encoder is the nominal policy's and stands still, so that what is learnt from are features: 128 numbers a
 step. With convolutions of their own, actor and critics knew a few dozen episodes by heart, and an update took
@@ -43,6 +44,7 @@ class ResidualSettings:
     target_noise: float = 0.2  # standard deviation per axis, of the limit
     target_noise_clip: float = 0.5  # of the limit
     effort: float = 0.1  # return that a residual of full length must be worth, quadratic in its length
+    behaviour: float = 0.3  # the same of its distance from the one that was executed there
     delay: int = 2  # updates of the critics per update of the actor
     warm_up: int = 400  # updates of the critics before the first one of the actor
     max_gradient: float = 10.0  # longer gradients are shortened to this
@@ -54,7 +56,7 @@ class ResidualSettings:
         for name in ("gamma", "average", "critic_rate", "actor_rate", "limit"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InputError(f"{name} is {getattr(self, name)}, must be above 0 and at most 1")
-        for name in ("warm_up", "target_noise", "target_noise_clip", "effort"):
+        for name in ("warm_up", "target_noise", "target_noise_clip", "effort", "behaviour"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} is {getattr(self, name)}, must not be negative")
 
@@ -108,8 +110,9 @@ class ResidualLearner:
         if self.updates >= s.warm_up and self.updates % s.delay == 0:
             action = self.actor.of_features(batch.features, batch.nominal)
             value = self.critic(batch.features, batch.nominal, action)[0].mean()
-            effort = s.effort * (action / s.limit).square().sum(dim=1).mean()
-            actor_slopes = self._slopes(effort - value, self.actor.head, "actor")
+            price = s.effort * _squares(action, s.limit)
+            price = price + s.behaviour * _squares(action - batch.residual, s.limit)
+            actor_slopes = self._slopes(price - value, self.actor.head, "actor")
             actor_value, residual = value.item(), action.detach().norm(dim=1).mean().item()
         _apply(self._critic_adam, self.critic, critic_slopes)
         if actor_slopes is not None:
@@ -189,6 +192,11 @@ class ResidualLearner:
 def shortened(vectors: torch.Tensor, limit: float) -> torch.Tensor:
     """Rows (B, 3), those longer than `limit` cut to it."""
     return vectors * (limit / vectors.norm(dim=1, keepdim=True).clamp(min=limit))
+
+
+def _squares(vectors: torch.Tensor, unit: float) -> torch.Tensor:
+    """Mean over rows (B, 3) of their squared lengths in a unit, ()."""
+    return (vectors / unit).square().sum(dim=1).mean()
 
 
 def _apply(adam: torch.optim.Adam, module: nn.Module, slopes: tuple[torch.Tensor, ...]) -> None:

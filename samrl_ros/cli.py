@@ -174,6 +174,9 @@ def train(
     q_loss: Annotated[
         str, typer.Option(help="How: square (eq. 24), or likelihood (where most returns are near 0).")
     ] = "square",
+    q_unit: Annotated[
+        float, typer.Option(help="Error of an action that leaves 1/e of its worth, in action limits.")
+    ] = 0.1,
     actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
     batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
@@ -209,6 +212,7 @@ def train(
         episodes,
         q_target,
         q_loss,
+        q_unit,
         actor_epochs,
         q_epochs,
         batch_size,

@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from samrl_core.errors import InputError
+from samrl_core.learn.acted_samples import ActedSettings
 from samrl_core.learn.fit_settings import FitSettings
 from samrl_core.learn.randomisation.names import REAL2SIM
 from samrl_core.learn.train import SUMMARY, train
@@ -31,6 +32,7 @@ class TrainOptions:
     episodes: int
     q_target: str
     q_loss: str
+    q_unit: float
     actor_epochs: int
     q_epochs: int
     batch_size: int
@@ -58,6 +60,7 @@ def train_task(options: TrainOptions) -> int:
         episodes=options.episodes,
         q_target=options.q_target,
         q_loss=options.q_loss,
+        acted=ActedSettings(unit=options.q_unit),
         actor=FitSettings(epochs=options.actor_epochs, **common),
         q=FitSettings(epochs=options.q_epochs, **common),
         randomisation=options.randomisation,
@@ -92,7 +95,7 @@ def train_task(options: TrainOptions) -> int:
         console.print(
             f"Q explains {100 * summary['q'][EXPLAINED]:.1f} % of what differs between returns, less than "
             f"{100 * LEAST_EXPLAINED:.0f} %: it will hardly know where to look; train it with "
-            f"--q-loss likelihood, longer, or from a better actor",
+            f"--q-loss likelihood, a larger --q-unit, longer, or from a better actor",
             highlight=False,
             soft_wrap=True,
         )

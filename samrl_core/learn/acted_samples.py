@@ -33,8 +33,10 @@ class ActedSettings:
     noise: tuple[float, float] = (0.02, 0.5)  # of the others, per axis, standard deviation [action limits]
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.unit or not 0.0 <= self.exact_share <= 1.0:
-            raise InputError(f"unit {self.unit} must be above 0, exact_share {self.exact_share} within 0..1")
+        if not 0.0 < self.unit < np.inf or not 0.0 <= self.exact_share <= 1.0:
+            raise InputError(
+                f"unit {self.unit} must be above 0 and finite, exact_share {self.exact_share} within 0..1"
+            )
         if not 0.0 < self.noise[0] <= self.noise[1]:
             raise InputError(f"noise is {self.noise}, must be two positive numbers, the smaller first")
 

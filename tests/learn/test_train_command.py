@@ -26,7 +26,8 @@ def test_a_q_that_explains_nothing_is_told(
     monkeypatch.setattr(train_command, "train", train)
     monkeypatch.setattr(train_command, "write_picture", lambda *_: None)
     command = ["train", "peg_insertion", "--out", str(tmp_path), "--q-loss", "likelihood", "--q-epochs", "3"]
+    command += ["--q-unit", "0.3"]
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0 and "held: 50.0 % of 4 episodes" in result.output
-    assert asked[0].q_loss == "likelihood" and asked[0].q.epochs == 3
-    assert ("--q-loss likelihood, longer" in result.output) == warned
+    assert asked[0].q_loss == "likelihood" and asked[0].q.epochs == 3 and asked[0].acted.unit == 0.3
+    assert ("--q-loss likelihood, a larger --q-unit" in result.output) == warned

@@ -8,6 +8,7 @@ round: a run that was stopped goes on at the last whole one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -40,7 +41,8 @@ class RunSettings:
 
     points: tuple[int, ...]  # real steps at which is evaluated; the last one ends the run
     learner: ResidualSettings = ResidualSettings()
-    episodes: int = 4  # per round
+    episodes: int = 4  # per round, at least
+    growth: float = 0.25  # more of them, up to this share of all before: they are played side by side
     first_steps: int = 200  # in the replay before the first update
     updates_per_step: float = 2.0  # each step beyond the first ones allows so many
     # Small and steady: 1.5 mm that change within an episode keep the tool from where the nominal policy goes
@@ -56,6 +58,8 @@ class RunSettings:
         for name in ("episodes", "first_steps", "evaluated", "max_actions"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} is {getattr(self, name)}, must be at least 1")
+        if not 0.0 <= self.growth < np.inf:
+            raise InputError(f"growth is {self.growth}, must be at least 0 and finite")
         if not (self.updates_per_step > 0 and self.exploration > 0 and 0 <= self.memory <= 1):
             raise InputError(
                 f"updates_per_step {self.updates_per_step} and exploration {self.exploration} m must be "
@@ -125,7 +129,7 @@ class ResidualRun:
             SolveError: a loss or gradient is not finite.
         """
         while self.steps < steps and going():
-            self._round()
+            self._round(steps)
 
     def evaluate(self) -> Evaluated:
         """Episodes of this run's own scenes, the same ones at every point."""
@@ -155,13 +159,15 @@ class ResidualRun:
         )
         save_weights(path, self._learner.actor, info)
 
-    def _round(self) -> None:
+    def _round(self, steps: int) -> None:
         s = self._settings
         first = self._episodes
-        played = self._play([self._order(_TRAINING, first + k) for k in range(s.episodes)])
+        wanted = math.ceil((steps - self.steps) / s.max_actions)
+        count = max(s.episodes, min(int(s.growth * first), wanted))
+        played = self._play([self._order(_TRAINING, first + k) for k in range(count)])
         for number, one in enumerate(played, first):
             self._store(number, one)
-        self._episodes += s.episodes
+        self._episodes += count
         self._replay.flush()
         self._train()
         self._save()

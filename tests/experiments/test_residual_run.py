@@ -116,6 +116,23 @@ def test_a_stopped_run_comes_to_the_same(tmp_path: Path, stopped: int) -> None:
         assert np.array_equal(mine, other)
 
 
+def test_rounds_grow_with_what_there_is_and_end_at_the_point(tmp_path: Path) -> None:
+    """By the share asked for, and by no more episodes than the steps that are left may need."""
+    rounds: list[int] = []
+    cell = FakeCell()
+
+    def play(orders: Sequence[Order]) -> list[Played]:
+        rounds.append(len(orders))
+        return cell(orders)
+
+    settings = replace(SETTINGS, points=(60,), growth=0.5)
+    one = ResidualRun(tmp_path, PLACE, SMALL, toy_cell.ENCODER, 0, settings, play)
+    one.advance(60)
+    before = np.cumsum([0, *rounds[:-1]])
+    assert all(2 <= n <= max(2, 0.5 * b) for n, b in zip(rounds, before, strict=True))
+    assert max(rounds) >= 4 and 60 <= one.steps < 60 + 2 * 3
+
+
 def test_seeds_differ(tmp_path: Path) -> None:
     cells = [FakeCell(), FakeCell()]
     for seed, play in enumerate(cells):
@@ -137,7 +154,9 @@ def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
         run(tmp_path, FakeCell())
 
 
-@pytest.mark.parametrize("bad", [{"points": ()}, {"points": (5, 2)}, {"episodes": 0}, {"exploration": 0.0}])
+@pytest.mark.parametrize(
+    "bad", [{"points": ()}, {"points": (5, 2)}, {"episodes": 0}, {"exploration": 0.0}, {"growth": -0.1}]
+)
 def test_settings_out_of_range_are_refused(bad: dict) -> None:
     with pytest.raises(InputError, match=next(iter(bad))):
         replace(SETTINGS, **bad)

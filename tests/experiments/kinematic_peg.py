@@ -1,7 +1,8 @@
 """Peg insertion without forces: a calibration that is off lets the peg stand on the rim, at times.
 
 Nominal actions go straight to the sub-goals, where the hole is believed to be; really it lies elsewhere,
-by much the same in every episode. The camera shows nothing of it: it has to be found out by trying.
+by much the same in every episode. The camera shows nothing of it: it has to be found out by trying. What it
+does show is another scene in every episode, so that a learner could know each by heart.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ def _episode(order: Order) -> Played:
     hole = believed + OFFSET + rng.normal(0.0, SPREAD, 2)
     tip = np.array([TASK.center_x, TASK.center_y, TASK.height + TASK.start_above])
     steps: list[Step] = []
+    color, depth = _scene(np.random.default_rng([order.seed, 1]))
     while True:
         seen = believed + rng.normal(0.0, ESTIMATE, 2)
         if TASK.is_done(seen, tip):
@@ -51,8 +53,8 @@ def _episode(order: Order) -> Played:
         state = Step(
             0,
             len(steps),
-            rng.integers(90, 110, (SIZE, SIZE, 3), dtype=np.uint8),
-            np.full((SIZE, SIZE), 0.45, dtype=np.float32),
+            color + rng.integers(0, 20, (SIZE, SIZE, 3), dtype=np.uint8),
+            depth,
             toy_cell.CAMERA,
             tip,
             nominal,
@@ -64,6 +66,14 @@ def _episode(order: Order) -> Played:
         after = _moved(tip, nominal + residual, hole)
         steps.append(Step(**{**vars(state), "residual": residual, "executed": after - tip}))
         tip = after
+
+
+def _scene(rng: np.random.Generator, squares: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """Colour (H, W, 3) and depth (H, W) [m] of a block of coloured squares, each at another height."""
+    one = np.ones((SIZE // squares, SIZE // squares))
+    color = np.kron(rng.integers(20, 220, (squares, squares, 3), dtype=np.uint8), one[..., None])
+    depth = np.kron(rng.uniform(0.42, 0.48, (squares, squares)), one)
+    return color.astype(np.uint8), depth.astype(np.float32)
 
 
 def _moved(tip: np.ndarray, way: np.ndarray, hole: np.ndarray, parts: int = 5) -> np.ndarray:

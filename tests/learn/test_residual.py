@@ -175,7 +175,10 @@ def test_settings_out_of_range_are_refused(bad: dict) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(600)  # a quarter of a minute of processor time, on a machine that may be busy
 def test_it_learns_what_the_image_tells(tmp_path: Path) -> None:
-    """The zero residual never succeeds, and one that ignores the image in half of the states at most."""
+    """The zero residual never succeeds, and one that ignores the image in half of the states at most.
+
+    It takes 1200 updates, where features at full size take 240: the price of their not telling episodes.
+    """
     from tests.learn import toy_cell
 
     learner = replace(QUICK, batch=32, warm_up=240, delay=2, critic_rate=1e-3, actor_rate=5e-4)
@@ -185,9 +188,9 @@ def test_it_learns_what_the_image_tells(tmp_path: Path) -> None:
     actor = training.learner.actor
     assert toy_cell.rate(actor) == 0.0
     rng = np.random.default_rng(5)
-    for _ in range(9):
+    for _ in range(30):
         assert training.due()
         for _ in range(40):
             training.step()
         toy_cell.act(replay, rng, 20, lambda state: toy_cell.chosen_residual(actor, state), 0.0009, 0.003)
-    assert toy_cell.rate(actor) >= 0.9  # measured: 0.98 to 1.0
+    assert toy_cell.rate(actor) >= 0.9  # measured: 1.0

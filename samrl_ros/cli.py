@@ -175,7 +175,8 @@ def train(
         str, typer.Option(help="How: square (eq. 24), or likelihood (where most returns are near 0).")
     ] = "square",
     q_unit: Annotated[
-        float, typer.Option(help="Error of an action that leaves 1/e of its worth, in action limits.")
+        float,
+        typer.Option(help="Error that leaves 1/e of an action's worth, in action limits (target action)."),
     ] = 0.1,
     actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
     q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
@@ -234,7 +235,7 @@ def experiment(
     ] = None,
     task: Annotated[list[str] | None, typer.Option(help="Only this task; may be repeated.")] = None,
     count: Annotated[
-        int, typer.Option(help="Episodes or states per condition; 0: the experiment's.", min=0)
+        int, typer.Option(help="Episodes or states per condition, or real steps; 0: the experiment's.", min=0)
     ] = 0,
     seed: Annotated[int, typer.Option(help="Of the first episode or state.", min=0)] = 0,
     device: Annotated[str, typer.Option(help="Of images drawn in batches: cpu, or cuda:0.")] = "cpu",

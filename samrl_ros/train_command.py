@@ -92,10 +92,12 @@ def train_task(options: TrainOptions) -> int:
             highlight=False,
         )
     if summary["q"][EXPLAINED] < LEAST_EXPLAINED:
+        ways = ["with --q-loss likelihood"] if options.q_loss != "likelihood" else []
+        ways += ["with a larger --q-unit"] if options.q_target == "action" else []
         console.print(
             f"Q explains {100 * summary['q'][EXPLAINED]:.1f} % of what differs between returns, less than "
-            f"{100 * LEAST_EXPLAINED:.0f} %: it will hardly know where to look; train it with "
-            f"--q-loss likelihood, a larger --q-unit, longer, or from a better actor",
+            f"{100 * LEAST_EXPLAINED:.0f} %: it will hardly know where to look; train it "
+            f"{', '.join([*ways, 'longer'])}, or from a better actor",
             highlight=False,
             soft_wrap=True,
         )

@@ -1,10 +1,11 @@
 """The residual policy (eqs. 13-16): TD3 (Fujimoto et al. 2018) on the real image and the nominal action.
 
 What differs from plain TD3, and why: the actor's last layer starts at zero, so that the first policy is the
-model's (eq. 15); actions are bounded in length; returns run to the end of the episode, where the only reward
-comes; the target stays within 0..1, where every return of eq. 16 lies; critics learn alone at first,
-because the actor would climb what they have not yet learnt; and it is held to the residuals that were tried
-(Fujimoto & Gu 2021, "A minimalist approach to offline RL"), as beyond them critics make things up.
+model's (eq. 15); actions are bounded in length; returns run over 100 actions, as a rule to the end of the
+episode, where the only reward comes; the target stays within 0..1, where every return of eq. 16 lies; critics
+learn alone at first, because the actor would climb what they have not yet learnt; and it is held to the
+residuals that were tried (Fujimoto & Gu 2021, "A minimalist approach to offline RL"), as beyond them critics
+make things up.
 
 The encoder is the nominal policy's and stands still, so that what is learnt from are features: 128 numbers a
 step. With convolutions of their own, actor and critics knew a few dozen episodes by heart, and an update took
@@ -36,7 +37,7 @@ class ResidualSettings:
 
     limit: float = 0.003  # longest residual, ASSUMPTION: above what updated models err by [m]
     gamma: float = 0.97  # per action: half of the reward is left after 23
-    n_step: int = 100  # actions until a return goes on from a critic: all of an episode
+    n_step: int = 100  # actions until a return goes on from a critic: most episodes are over before
     batch: int = 256  # transitions per update
     critic_rate: float = 3e-4  # of Adam
     actor_rate: float = 3e-5

@@ -53,6 +53,7 @@ def test_what_is_trained_is_taken_over(tmp_path: Path) -> None:
     for kind in KINDS:
         (trained / "seed-2" / shipped("peg_insertion", kind).name).write_text(kind)
     (trained / "seed-2" / shipped("spatula_flipping", KINDS[0]).name).write_text("actor")
+    (trained / "seed-2" / shipped("needle_threading", KINDS[1]).name).write_text("Q")  # of no use alone
     jobs = {job.name: job for job in Reproduction(out, ("samrl",), False, trained).jobs()}
     whole = jobs["train-peg_insertion-2"]
     assert whole.makes.exists() and not whole.command
@@ -64,5 +65,7 @@ def test_what_is_trained_is_taken_over(tmp_path: Path) -> None:
     actor = str(trained / "seed-2" / "spatula_flipping_sim_actor.safetensors")
     half, none = jobs["train-spatula_flipping-2"].command, jobs["train-needle_threading-2"].command
     assert half[half.index("--actor") + 1] == actor and "--actor" not in none and "--kept" not in none
+    epochs = [jobs[f"train-spatula_flipping-{seed}"].command for seed in (1, 3)]
+    assert [command[command.index("--actor-epochs") + 1] for command in epochs] == ["16", "8"]
     with pytest.raises(InputError, match="no folder of trained networks"):
         Reproduction(out, ("samrl",), False, tmp_path / "nowhere")

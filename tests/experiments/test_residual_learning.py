@@ -19,7 +19,7 @@ SEEDS = 6
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3000)  # a minute and a half of processor time per seed, on a machine that may be busy
+@pytest.mark.timeout(3000)  # 50 s per seed, on a machine that may be busy
 def test_a_correction_is_found_and_kept(tmp_path: Path) -> None:
     """A hole that is off by 2.2 +- 0.5 mm. Features at full size and no price on leaving what was tried lead
     nowhere here: see msgs_docs/learning.md.

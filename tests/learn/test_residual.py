@@ -177,7 +177,7 @@ def test_settings_out_of_range_are_refused(bad: dict) -> None:
 def test_it_learns_what_the_image_tells(tmp_path: Path) -> None:
     """The zero residual never succeeds, and one that ignores the image in half of the states at most.
 
-    It takes 1200 updates, where features at full size take 240: the price of their not telling episodes.
+    It takes 1200 updates, where features at full size took 360: the price of their not telling episodes.
     """
     from tests.learn import toy_cell
 

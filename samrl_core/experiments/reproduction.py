@@ -38,8 +38,12 @@ RECIPES = {
     "needle_threading": Recipe(60, 12, 16, 60.0, 0.1),
     # Half of its views hide the eye: with as many images as the plain task's the actor learnt nothing,
     # and with the square and the usual unit, at which most returns are near 0, Q fell to 0 everywhere.
-    "needle_threading_occluded": Recipe(60, 24, 18, 130.0, 0.22, 15_000, 0, "likelihood", 0.3),
-    "spatula_flipping_occluded": Recipe(80, 16, 12, 90.0, 0.3, 15_000, 0, "likelihood", 0.3),
+    "needle_threading_occluded": Recipe(
+        60, 24, 18, 130.0, 0.22, states=15_000, rounds=0, q_loss="likelihood", q_unit=0.3
+    ),
+    "spatula_flipping_occluded": Recipe(
+        80, 16, 12, 90.0, 0.3, states=15_000, rounds=0, q_loss="likelihood", q_unit=0.3
+    ),
 }
 
 
@@ -107,12 +111,12 @@ class Reproduction:
         recipe = recipe_of(task, seed)
         target = self.out / "weights" / ("occluded" if task in OCCLUDED_TASKS else f"seed-{seed}")
         given = None if self.trained is None else self.trained / target.name
-        have = [] if given is None else [given / weights_name(task, kind) for kind in KINDS]
-        have = [file for file in have if file.is_file()]
+        files = {} if given is None else {kind: given / weights_name(task, kind) for kind in KINDS}
+        have = {kind: file for kind, file in files.items() if file.is_file()}
         folder = self.out / "train" / name
         if len(have) == len(KINDS):  # nothing to do
-            copy = _copier(have, target)
-            return Job(name, (), have[0], then=copy)
+            copy = _copier(list(have.values()), target)
+            return Job(name, (), have["sim_actor"], then=copy)
         command = [*self.samrl, "train", task, "--seed", str(seed), "--out", str(folder)]
         command += ["--device", DEVICE, "--workers", WORKERS, "--max-actions", str(recipe.max_actions)]
         command += ["--states", str(recipe.states), "--rounds", str(recipe.rounds)]
@@ -120,8 +124,8 @@ class Reproduction:
         command += ["--actor-epochs", str(recipe.epochs), "--q-epochs", "8", "--batch-size", "256"]
         if self.on_gpu:
             command += ["--kept", str(recipe.kept)]
-        if have and have[0].name == weights_name(task, "sim_actor"):
-            command += ["--actor", str(have[0].absolute())]
+        if "sim_actor" in have:
+            command += ["--actor", str(have["sim_actor"].absolute())]
         makes = [folder / weights_name(task, kind) for kind in KINDS]
         summary, copy = folder / "summary.json", _copier(makes, target)
         return Job(name, tuple(command), summary, gpu_gb=recipe.gpu_gb, share=recipe.share, then=copy)

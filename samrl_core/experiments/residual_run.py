@@ -162,8 +162,8 @@ class ResidualRun:
     def _round(self, steps: int) -> None:
         s = self._settings
         first = self._episodes
-        wanted = math.ceil((steps - self.steps) / s.max_actions)
-        count = max(s.episodes, min(int(s.growth * first), wanted))
+        fewest = math.ceil((steps - self.steps) / s.max_actions)  # more may go beyond
+        count = max(s.episodes, min(int(s.growth * first), fewest))
         played = self._play([self._order(_TRAINING, first + k) for k in range(count)])
         for number, one in enumerate(played, first):
             self._store(number, one)

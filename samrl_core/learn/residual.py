@@ -111,8 +111,8 @@ class ResidualLearner:
         if self.updates >= s.warm_up and self.updates % s.delay == 0:
             action = self.actor.of_features(batch.features, batch.nominal)
             value = self.critic(batch.features, batch.nominal, action)[0].mean()
-            price = s.effort * _squares(action, s.limit)
-            price = price + s.behaviour * _squares(action - batch.residual, s.limit)
+            departure = action - batch.residual
+            price = s.effort * _squares(action, s.limit) + s.behaviour * _squares(departure, s.limit)
             actor_slopes = self._slopes(price - value, self.actor.head, "actor")
             actor_value, residual = value.item(), action.detach().norm(dim=1).mean().item()
         _apply(self._critic_adam, self.critic, critic_slopes)

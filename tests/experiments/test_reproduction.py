@@ -11,7 +11,7 @@ from samrl_core.errors import InputError
 from samrl_core.experiments.job_queue import DEVICE, WORKERS, JobQueue, Machine
 from samrl_core.experiments.registry import experiment_named
 from samrl_core.experiments.reproduction import KINDS, SEEDS, Reproduction
-from samrl_core.learn.weights import shipped
+from samrl_core.learn.weights import weights_name
 from samrl_core.tasks import OCCLUDED_TASKS, TASKS
 from samrl_ros.cli import app
 
@@ -51,16 +51,16 @@ def test_what_is_trained_is_taken_over(tmp_path: Path) -> None:
     trained, out = tmp_path / "trained", tmp_path / "out"
     (trained / "seed-2").mkdir(parents=True)
     for kind in KINDS:
-        (trained / "seed-2" / shipped("peg_insertion", kind).name).write_text(kind)
-    (trained / "seed-2" / shipped("spatula_flipping", KINDS[0]).name).write_text("actor")
-    (trained / "seed-2" / shipped("needle_threading", KINDS[1]).name).write_text("Q")  # of no use alone
+        (trained / "seed-2" / weights_name("peg_insertion", kind)).write_text(kind)
+    (trained / "seed-2" / weights_name("spatula_flipping", KINDS[0])).write_text("actor")
+    (trained / "seed-2" / weights_name("needle_threading", KINDS[1])).write_text("Q")  # of no use alone
     jobs = {job.name: job for job in Reproduction(out, ("samrl",), False, trained).jobs()}
     whole = jobs["train-peg_insertion-2"]
     assert whole.makes.exists() and not whole.command
     assert whole.then is not None
     whole.then()
     assert sorted(file.name for file in (out / "weights" / "seed-2").iterdir()) == sorted(
-        shipped("peg_insertion", kind).name for kind in KINDS
+        weights_name("peg_insertion", kind) for kind in KINDS
     )
     actor = str(trained / "seed-2" / "spatula_flipping_sim_actor.safetensors")
     half, none = jobs["train-spatula_flipping-2"].command, jobs["train-needle_threading-2"].command

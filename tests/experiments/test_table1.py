@@ -16,7 +16,7 @@ from samrl_core.experiments.table1 import EXPERIMENT, TableSettings, run_table
 from samrl_core.experiments.table1_episodes import CONDITIONS, TEST, Group, run_group
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.learn.view_search import ViewAscentSettings
-from samrl_core.learn.weights import WeightsInfo, save_weights, shipped
+from samrl_core.learn.weights import WeightsInfo, save_weights, weights_name
 from samrl_core.robots.cell import default_cell
 from samrl_core.view_reach import ReachSettings
 
@@ -45,7 +45,7 @@ def weights(tmp_path: Path) -> Path:
         generator = torch.Generator().manual_seed(seed)
         for kind, network in (("sim_actor", SimActor(0.01, generator)), ("sensing_q", SensingQ(generator))):
             info = WeightsInfo(kind, TASK, default_cell().intrinsics, 0.01, seed)
-            path = folder / f"seed-{seed}" / shipped(TASK, kind).name
+            path = folder / f"seed-{seed}" / weights_name(TASK, kind)
             path.parent.mkdir(parents=True, exist_ok=True)
             save_weights(path, network, info)
     return folder

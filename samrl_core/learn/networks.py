@@ -24,9 +24,6 @@ from samrl_core.learn.network_image import CHANNELS, XYZ
 FEATURES = 128  # of the encoder and of the heads' layers
 KEY_POINTS = 32
 ACTION_UNIT = 0.01  # [m] per unit in which nominal actions enter a network
-# Of the encoder's features where the residual's actor and critics take them in. At full size they tell each
-# episode from every other: a critic knows a few dozen returns by heart, and says nothing of the residual.
-FEATURE_SCALE = 0.125
 _WIDTHS = (32, 64, 64, 96, 96)
 _STRIDES = (2, 2, 1, 2, 1)
 _MAP_WIDTH = 32
@@ -129,8 +126,6 @@ class ResidualActor(nn.Module):
     with one reward each do not teach an encoder, they are known by heart (`learn/residual.py`).
     """
 
-    feature_scale: torch.Tensor  # lies in the weight file: a head is of use with its own alone
-
     def __init__(
         self, limit: float, generator: torch.Generator | None = None, encoder: Encoder | None = None
     ) -> None:
@@ -146,7 +141,6 @@ class ResidualActor(nn.Module):
         generator = generator or torch.Generator().manual_seed(0)
         encoder = Encoder(CHANNELS, generator) if encoder is None else copy.deepcopy(encoder)
         self.encoder = encoder.requires_grad_(False)
-        self.register_buffer("feature_scale", torch.tensor(FEATURE_SCALE))
         self.head = _head(FEATURES + 3, 3, generator)
         last = self.head[-1]
         assert isinstance(last, nn.Linear)
@@ -159,8 +153,7 @@ class ResidualActor(nn.Module):
     def of_features(self, features: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
         """The same from the encoder's features (B, 128) of the images."""
         with torch.autocast(features.device.type, enabled=False):
-            parts = (self.feature_scale * features, nominal / ACTION_UNIT)
-            state = torch.cat([part.float() for part in parts], dim=1)
+            state = torch.cat([features.float(), (nominal / ACTION_UNIT).float()], dim=1)
             return bounded(self.head(state), self.limit)
 
 
@@ -180,7 +173,7 @@ class TwinCritic(nn.Module):
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Features (B, 128), nominal and residual (B, 3) [m] to two returns (B,)."""
         with torch.autocast(features.device.type, enabled=False):
-            parts = (FEATURE_SCALE * features, nominal / ACTION_UNIT, residual / self.limit)
+            parts = (features, nominal / ACTION_UNIT, residual / self.limit)
             x = torch.cat([part.float() for part in parts], dim=1)
             return self.first(x).squeeze(1), self.second(x).squeeze(1)
 

@@ -9,7 +9,10 @@ make things up.
 
 The encoder is the nominal policy's and stands still, so that what is learnt from are features: 128 numbers a
 step. With convolutions of their own, actor and critics knew a few dozen episodes by heart, and an update took
-3.6 s of one core (batch of 64), where a real cell has a core to spare at most.
+3.6 s of one core (batch of 64), where a real cell has a core to spare at most. Even the features tell each
+episode from every other. So an update sees few of them, drawn anew for each step (dropout; Srivastava et al.
+2014), and more of them the more episodes there are: a regression wants several events per variable (Peduzzi
+et al. 1996). Residuals, which explore with a memory, tell episodes too: critics learn from noisy ones.
 """
 
 from __future__ import annotations
@@ -40,24 +43,26 @@ class ResidualSettings:
     n_step: int = 100  # actions until a return goes on from a critic: most episodes are over before
     batch: int = 256  # transitions per update
     critic_rate: float = 3e-4  # of Adam
-    actor_rate: float = 3e-5
+    actor_rate: float = 6e-5
+    episodes_per_feature: float = 4.0  # in the replay, for each feature that an update sees in a step
+    blur: float = 0.1  # noise on the residuals that critics learn from, per axis, of the limit
     average: float = 0.01  # share of the new weights in the targets, per update of the actor
     target_noise: float = 0.2  # standard deviation per axis, of the limit
     target_noise_clip: float = 0.5  # of the limit
     effort: float = 0.1  # return that a residual of full length must be worth, quadratic in its length
-    behaviour: float = 0.3  # the same of its distance from the one that was executed there
+    behaviour: float = 1.0  # the same of its distance from the one that was executed there
     delay: int = 2  # updates of the critics per update of the actor
     warm_up: int = 400  # updates of the critics before the first one of the actor
     max_gradient: float = 10.0  # longer gradients are shortened to this
 
     def __post_init__(self) -> None:
-        for name in ("n_step", "batch", "delay"):
+        for name in ("n_step", "batch", "delay", "episodes_per_feature"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} is {getattr(self, name)}, must be at least 1")
         for name in ("gamma", "average", "critic_rate", "actor_rate", "limit"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InputError(f"{name} is {getattr(self, name)}, must be above 0 and at most 1")
-        for name in ("warm_up", "target_noise", "target_noise_clip", "effort", "behaviour"):
+        for name in ("target_noise", "target_noise_clip", "blur", "effort", "behaviour", "warm_up"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} is {getattr(self, name)}, must not be negative")
 
@@ -103,14 +108,15 @@ class ResidualLearner:
         """
         s = self.settings
         target = self._target(batch)
-        first, second = self.critic(batch.features, batch.nominal, batch.residual)
+        tried = batch.residual + self._noise(batch.residual, s.blur)
+        first, second = self.critic(self._thinned(batch), batch.nominal, tried)
         critic_loss = functional.mse_loss(first, target) + functional.mse_loss(second, target)
         critic_slopes = self._slopes(critic_loss, self.critic, "critic")
         actor_value = residual = float("nan")
         actor_slopes = None
         if self.updates >= s.warm_up and self.updates % s.delay == 0:
-            action = self.actor.of_features(batch.features, batch.nominal)
-            value = self.critic(batch.features, batch.nominal, action)[0].mean()
+            action = self.actor.of_features(self._thinned(batch), batch.nominal)
+            value = self.critic(self._thinned(batch), batch.nominal, action)[0].mean()
             departure = action - batch.residual
             price = s.effort * _squares(action, s.limit) + s.behaviour * _squares(departure, s.limit)
             actor_slopes = self._slopes(price - value, self.actor.head, "actor")
@@ -155,12 +161,25 @@ class ResidualLearner:
     def _target(self, batch: Batch) -> torch.Tensor:
         s = self.settings
         with torch.no_grad():
-            noise = s.target_noise * torch.randn(batch.nominal.shape, generator=self.generator)
-            noise = (s.limit * noise.clamp(-s.target_noise_clip, s.target_noise_clip)).to(self.device)
+            longest = s.target_noise_clip * s.limit
+            noise = self._noise(batch.nominal, s.target_noise).clamp(-longest, longest)
             features, nominal = batch.next_features, batch.next_nominal
             action = shortened(self._target_actor.of_features(features, nominal) + noise, s.limit)
             first, second = self._target_critic(features, nominal, action)
             return (batch.reward + batch.discount * torch.minimum(first, second)).clamp(0.0, 1.0)
+
+    def _thinned(self, batch: Batch) -> torch.Tensor:
+        """Features (B, 128), each step's with others hidden, and what is left made up for it."""
+        features = batch.features
+        seen = max(1.0, batch.episodes / self.settings.episodes_per_feature)
+        share = min(1.0, seen / features.shape[1])
+        shown = torch.rand(features.shape, generator=self.generator) < share
+        return features * shown.to(self.device) / share
+
+    def _noise(self, like: torch.Tensor, deviation: float) -> torch.Tensor:
+        """Of rows (B, 3), its standard deviation per axis in limits [m]."""
+        drawn = torch.randn(like.shape, generator=self.generator)
+        return self.settings.limit * deviation * drawn.to(self.device)
 
     def _slopes(self, loss: torch.Tensor, module: nn.Module, name: str) -> tuple[torch.Tensor, ...]:
         slopes = torch.autograd.grad(loss, list(module.parameters()))

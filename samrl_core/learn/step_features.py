@@ -92,6 +92,7 @@ class StepFeatures:
             there(torch.from_numpy(transitions.discount[chosen])),
             there(self._features[after]),
             there(self._nominal[after]),
+            transitions.episodes,
         )
 
     def _places(self, numbers: np.ndarray) -> np.ndarray:

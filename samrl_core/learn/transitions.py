@@ -18,6 +18,7 @@ class Transitions:
     after: np.ndarray  # (N,) step whose state the return goes on from; without meaning where discount is 0
     reward: np.ndarray  # (N,) discounted sum of eq. 16's rewards on the way
     discount: np.ndarray  # (N,) of what follows, 0 where the episode has ended
+    episodes: int  # that they are from
 
     def __len__(self) -> int:
         return int(self.start.size)
@@ -46,7 +47,8 @@ def transitions_of(replay: Replay, n_step: int, gamma: float) -> Transitions:
         alive = alive & goes_on[at]
         at = np.where(alive, at + 1, at)
         discount = np.where(alive, gamma * discount, discount)
-    return Transitions(numbers[known], numbers[at][known], reward[known], discount[known])
+    count = np.unique(episodes[known]).size
+    return Transitions(numbers[known], numbers[at][known], reward[known], discount[known], count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +62,4 @@ class Batch:
     discount: torch.Tensor  # (B,)
     next_features: torch.Tensor  # (B, 128)
     next_nominal: torch.Tensor  # (B, 3) [m]
+    episodes: int  # that all transitions are from which these were drawn of

@@ -73,7 +73,7 @@ def pushing_scene(mass: float, friction: float) -> SpatulaFlipping:
         blade_length=0.05,
         edge_ahead=0.0,
         center_x=0.50,
-        half_range=HALF_RANGE,
+        half_range=(HALF_RANGE, HALF_RANGE),
         start_behind=radius + HALF_RANGE + START_GAP,
         start_height=0.0035,
         lip_x=0.88,

@@ -38,15 +38,21 @@ def _peg() -> Task:
 
 
 def _flipping() -> Task:
-    """A fence towards the start view, a wide plate on the other side.
+    """Low walls on both sides: whoever looks over one of them sees the far side, not what lies close behind.
 
-    A gap shows the pancake as it lies, or where it turns, or as it lies in the end, but not all of these.
+    A pancake that lies within a centimetre of the middle is turned over by one who sees nothing, for the lip
+    takes up what the blade misses: up to 4 cm across in the model. So here it may lie 8 cm off to either
+    side, and the blade is narrow: the tests' expert fails where it believes the pancake 2 cm off.
     """
-    task = SpatulaFlipping()
-    target = task.view_region().target
-    slats = fence(target, math.radians(60.0), 0.12, 0.12, 0.24, gap=0.06, slats=range(-1, 2))
-    plate = beside(target, math.radians(-90.0), 0.20, 0.40, 0.24, shift=0.08)
-    return _variant(task, (*slats, plate))
+    task = SpatulaFlipping(half_range=(0.010, 0.080), blade_width=0.030, lip_size=(0.006, 0.300, 0.012))
+    target, apart, distance = task.view_region().target, math.radians(27.0), 0.24
+    width = 2.0 * distance * math.tan(0.5 * apart) + 0.004  # neighbours meet
+    walls = [
+        beside(target, side * (math.radians(14.0) + k * apart), distance, width, 0.20)
+        for side in (1.0, -1.0)
+        for k in range(4)
+    ]
+    return _variant(task, tuple(walls))
 
 
 def _threading() -> Task:

@@ -55,7 +55,7 @@ class SpatulaFlipping(Task):
     lip_friction: float = 0.30  # [-]
     center_x: float = 0.510  # middle of the pancake's range, in the tool arm's base frame [m]
     center_y: float = 0.0  # [m]
-    half_range: float = 0.010  # the pancake lies within +- this of the middle, in x and y [m]
+    half_range: tuple[float, float] = (0.010, 0.010)  # it lies within +- these of the middle, in x and y [m]
     start_behind: float = 0.110  # edge behind the middle of the range at the start [m]
     start_height: float = 0.020  # of the edge [m]
     low: float = 0.0012  # height of the edge on its way under: its lower corner just above the table [m]
@@ -79,16 +79,18 @@ class SpatulaFlipping(Task):
 
     def __post_init__(self) -> None:
         lengths = ("pancake_radius", "pancake_thickness", "pancake_mass", "blade_length", "blade_width")
-        lengths += ("blade_thickness", "half_range", "free_step", "push_step", "arc_radius", "arc_step")
+        lengths += ("blade_thickness", "free_step", "push_step", "arc_radius", "arc_step")
         for field in lengths:
             if not getattr(self, field) > 0:
                 raise InputError(f"{field} is {getattr(self, field)}, must be positive")
+        if not min(self.half_range) > 0:
+            raise InputError(f"half_range is {self.half_range} m, must be positive in x and y")
         if not 0 < self.pancake_rounding < 0.5 * self.pancake_thickness:
             raise InputError(
                 f"pancake_rounding is {self.pancake_rounding} m, must lie between 0 and half the thickness, "
                 f"{0.5 * self.pancake_thickness} m"
             )
-        room = self.lip_x - (self.center_x + self.half_range + self.pancake_radius)
+        room = self.lip_x - (self.center_x + self.half_range[0] + self.pancake_radius)
         if room < 0:
             raise InputError(
                 f"the farthest pancake would reach {-room} m into the lip; move lip_x or shrink the pancake"
@@ -128,11 +130,11 @@ class SpatulaFlipping(Task):
         rotation vector, which lies in the table's plane, from lying as at the start to its pose. Bounds hold
         over a whole episode, scales are those of a start and of a pancake that lies flat.
         """
-        spread = self.half_range / math.sqrt(3.0)
+        along, across = (half / math.sqrt(3.0) for half in self.half_range)
         x, y, z = self.center_x, self.center_y, 0.5 * self.pancake_thickness
         return (
-            ParameterSpec("pancake_x", "m", x, spread, x - 0.10, x + 0.30),
-            ParameterSpec("pancake_y", "m", y, spread, y - 0.15, y + 0.15),
+            ParameterSpec("pancake_x", "m", x, along, x - 0.10, x + 0.30),
+            ParameterSpec("pancake_y", "m", y, across, y - 0.15, y + 0.15),
             ParameterSpec("pancake_z", "m", z, 0.002, 0.0, 0.15),
             ParameterSpec("pancake_tilt_x", "rad", 0.0, 0.05, -math.pi, math.pi),
             ParameterSpec("pancake_tilt_y", "rad", 0.0, 0.05, -math.pi, math.pi),
@@ -228,7 +230,8 @@ class SpatulaFlipping(Task):
 
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """The pancake lies flat, uniform within its range."""
-        offset = rng.uniform(-self.half_range, self.half_range, 2)
+        half = np.array(self.half_range)
+        offset = rng.uniform(-half, half)
         nominal = np.array([p.nominal for p in self.parameters()])
         nominal[:2] += offset
         return nominal
@@ -237,7 +240,7 @@ class SpatulaFlipping(Task):
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:
         """See `Task`: where it lies varies, that it lies flat does not."""
         nominal = np.array([p.nominal for p in self.parameters()])
-        spread = np.array([self.half_range, self.half_range, 0.0, 0.0, 0.0])
+        spread = np.array([*self.half_range, 0.0, 0.0, 0.0])
         return nominal - spread, nominal + spread
 
     def succeeded(self, ending: Ending) -> bool:

@@ -38,5 +38,5 @@ def test_a_correction_is_found_and_kept(tmp_path: Path) -> None:
         print(seed, curves[-1], flush=True)
     mean = np.mean(curves, axis=0)
     print(mean)
-    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37, 0.65, 0.81, 0.97
+    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37, 0.48, 0.55, 0.82, 0.94
     assert all(curve[-1] > curve[0] for curve in curves)

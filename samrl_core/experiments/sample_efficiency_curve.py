@@ -49,11 +49,12 @@ def write_picture(tasks: dict[str, dict[str, Any]], path: Path) -> None:
         steps = [one["steps"] for one in curve]
         low, high = zip(*(one["success"]["ci95"] for one in curve), strict=True)
         axes.fill_between(steps, low, high, color="C0", alpha=0.2, linewidth=0.0)
-        for seed in curve[0]["by_seed"]:
+        for seed in sorted({seed for one in curve for seed in one["by_seed"]}):
             own = [(one["steps"], one["by_seed"][seed]) for one in curve if seed in one["by_seed"]]
             axes.plot(*zip(*own, strict=True), color="0.6", linewidth=0.7, marker=".", markersize=3)
         shares = [one["success"]["value"] for one in curve]
-        label = f"{len(curve[0]['by_seed'])} seeds, 95 % (Wilson)"
+        counts = sorted({len(one["by_seed"]) for one in curve})
+        label = f"{' to '.join(str(n) for n in (counts[0], *counts[1:][-1:]))} seeds, 95 % (Wilson)"
         axes.plot(steps, shares, color="C0", linewidth=1.8, marker="o", markersize=4, label=label)
         axes.set_xscale("symlog", linthresh=250.0)
         axes.set_xlim(0, max(steps[-1], 1.0))

@@ -18,6 +18,7 @@ et al. 1996). Residuals, which explore with a memory, tell episodes too: critics
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 
 import torch
@@ -57,14 +58,14 @@ class ResidualSettings:
 
     def __post_init__(self) -> None:
         for name in ("n_step", "batch", "delay", "episodes_per_feature"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name} is {getattr(self, name)}, must be at least 1")
+            if not 1 <= getattr(self, name) < math.inf:
+                raise InputError(f"{name} is {getattr(self, name)}, must be at least 1 and finite")
         for name in ("gamma", "average", "critic_rate", "actor_rate", "limit"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InputError(f"{name} is {getattr(self, name)}, must be above 0 and at most 1")
         for name in ("target_noise", "target_noise_clip", "blur", "effort", "behaviour", "warm_up"):
-            if getattr(self, name) < 0:
-                raise InputError(f"{name} is {getattr(self, name)}, must not be negative")
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"{name} is {getattr(self, name)}, must be at least 0 and finite")
 
 
 @dataclass(frozen=True)

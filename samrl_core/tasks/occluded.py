@@ -42,7 +42,7 @@ def _flipping() -> Task:
 
     A pancake that lies within a centimetre of the middle is turned over by one who sees nothing, for the lip
     takes up what the blade misses: up to 4 cm across in the model. So here it may lie 8 cm off to either
-    side, and the blade is narrow: the tests' expert fails where it believes the pancake 2 cm off.
+    side, and the blade is narrow: the tests' expert fails where it believes the pancake 3 cm off.
     """
     task = SpatulaFlipping(half_range=(0.010, 0.080), blade_width=0.030, lip_size=(0.006, 0.300, 0.012))
     target, apart, distance = task.view_region().target, math.radians(27.0), 0.24

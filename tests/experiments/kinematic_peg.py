@@ -8,6 +8,7 @@ does show is another scene in every episode, so that a learner could know each b
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -26,9 +27,12 @@ SPREAD = 0.0005  # of that from episode to episode [m]
 ESTIMATE = 0.0003  # standard deviation of the believed hole from action to action [m]
 
 
-def play(orders: Sequence[Order]) -> list[Played]:
-    """Episodes one after another."""
-    return [_episode(order) for order in orders]
+def play(orders: Sequence[Order], spoilt: float = 0.0) -> list[Played]:
+    """Episodes one after another; this share of those that explore fails for no reason."""
+    found = [_episode(order) for order in orders]
+    lost = [o.exploration > 0 and np.random.default_rng([o.seed, 9]).random() < spoilt for o in orders]
+    failed = {"success": False, "ended": "action_limit"}
+    return [replace(one, **failed) if bad else one for one, bad in zip(found, lost, strict=True)]
 
 
 def _episode(order: Order) -> Played:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +22,16 @@ SEEDS = 6
 
 @pytest.mark.slow
 @pytest.mark.timeout(6000)  # 80 s per seed, on a machine that may be busy
-def test_a_correction_is_found_and_kept(tmp_path: Path) -> None:
-    """A hole that is off by 2.2 +- 0.5 mm. Where updates see whole features, and leaving what was tried costs
-    nothing, this leads nowhere: see msgs_docs/learning.md.
+@pytest.mark.parametrize(("seeds", "spoilt"), [(range(SEEDS), 0.0), ((1, 3), 0.3)])
+def test_a_correction_is_found_and_kept(tmp_path: Path, seeds: Sequence[int], spoilt: float) -> None:
+    """A hole that is off by 2.2 +- 0.5 mm, also where a share of the episodes fails for no reason. Where
+    updates see whole features, and leaving what was tried costs nothing, this leads nowhere: see
+    msgs_docs/learning.md.
     """
-    curves = []
-    for seed in range(SEEDS):
+    play, curves = partial(kinematic_peg.play, spoilt=spoilt), []
+    for seed in seeds:
         settings = RunSettings(POINTS, evaluated=40)
-        one = ResidualRun(
-            tmp_path / str(seed), PLACE, SMALL, toy_cell.ENCODER, seed, settings, kinematic_peg.play
-        )
+        one = ResidualRun(tmp_path / str(seed), PLACE, SMALL, toy_cell.ENCODER, seed, settings, play)
         curves.append([])
         for steps in POINTS:
             one.advance(steps)
@@ -38,5 +40,5 @@ def test_a_correction_is_found_and_kept(tmp_path: Path) -> None:
         print(seed, curves[-1], flush=True)
     mean = np.mean(curves, axis=0)
     print(mean)
-    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37, 0.48, 0.55, 0.82, 0.94
+    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37, 0.48, 0.55, 0.82, 0.94; spoilt 0.39 ... 1.0
     assert all(curve[-1] > curve[0] for curve in curves)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.tasks import TASKS
+from samrl_core.tasks import OCCLUDED_TASKS, TASKS
 from samrl_core.tasks.task import Task
 
-EVERY = pytest.mark.parametrize("task", TASKS.values(), ids=lambda task: task.name)
+EVERY = pytest.mark.parametrize(
+    "task", (*TASKS.values(), *OCCLUDED_TASKS.values()), ids=lambda task: task.name
+)
 
 
 def start_tip(task: Task) -> np.ndarray:

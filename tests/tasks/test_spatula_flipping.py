@@ -188,3 +188,8 @@ def test_bad_input_is_refused() -> None:
         SpatulaFlipping(pancake_rounding=0.006)
     with pytest.raises(InputError, match="pancake_mass"):
         SpatulaFlipping(pancake_mass=-0.1)
+    for bad in ((0.01, math.nan), (0.01, 0.0), (0.01,), (0.01, 0.01, 0.01), (math.inf, 0.01)):
+        with pytest.raises(InputError, match="half_range"):
+            SpatulaFlipping(half_range=bad)
+    with pytest.raises(InputError, match="lengthen the lip"):
+        SpatulaFlipping(half_range=(0.01, 0.08))

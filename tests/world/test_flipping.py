@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,15 +10,18 @@ import pybullet
 import pytest
 
 from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import OCCLUDED_TASKS
 from samrl_core.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.world.evaluation import true_values
 from samrl_core.world.pybullet_world import PyBulletWorld
 from samrl_core.world.settings import NOISELESS
+from samrl_core.world.world import Truth
 from tests.world.sub_goal_expert import Pace, episodes
 
 CELL = default_cell()
 TASK = SpatulaFlipping()
 TRUE = partial(true_values, TASK)
+FAR = (7, 11)  # seeds of starts 72 mm to the right and 54 mm to the left
 
 
 def test_expert_turns_the_pancake_over() -> None:
@@ -36,6 +40,24 @@ def test_without_a_lip_the_pancake_is_only_pushed() -> None:
     )
     assert not episode.success and not episode.done
     assert episode.error > 0.1
+
+
+def test_behind_the_screen_it_matters_where_the_pancake_lies() -> None:
+    """It may lie far to the side, and the narrow blade does not turn it over 3 cm off; the plain one does."""
+
+    def off(task: SpatulaFlipping, error: float) -> list[bool]:
+        def believed(truth: Truth) -> np.ndarray:
+            values = true_values(task, truth)
+            return np.array([values[0], values[1] + error, *values[2:]])
+
+        return [episode.success for episode in episodes(task, CELL, believed, FAR, Pace())]
+
+    task = OCCLUDED_TASKS["spatula_flipping_occluded"]
+    assert isinstance(task, SpatulaFlipping)
+    task = replace(task, max_actions=60)
+    assert all(off(task, 0.0)) and all(off(task, 0.01))
+    assert not any(off(task, 0.03))
+    assert all(off(TASK, 0.03))
 
 
 def test_the_pancake_lies_still_and_slides_with_friction() -> None:

@@ -24,6 +24,7 @@ from samrl_core.types.scene import Scene, Tool
 
 PANCAKE = "pancake"
 LIP = "lip"
+_ACROSS = 0.15  # its centre is believed within +- this of the middle, in y [m]
 _TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
 
@@ -33,7 +34,7 @@ class SpatulaFlipping(Task):
     chosen so that a scripted expert succeeds.
 
     Raises:
-        InputError: a length is not positive, or the pancake cannot lie before the lip.
+        InputError: a length is not positive, or the pancake may lie in the lip or beyond its ends.
     """
 
     name: str = "spatula_flipping"
@@ -83,8 +84,8 @@ class SpatulaFlipping(Task):
         for field in lengths:
             if not getattr(self, field) > 0:
                 raise InputError(f"{field} is {getattr(self, field)}, must be positive")
-        if not min(self.half_range) > 0:
-            raise InputError(f"half_range is {self.half_range} m, must be positive in x and y")
+        if len(self.half_range) != 2 or not all(0 < half < math.inf for half in self.half_range):
+            raise InputError(f"half_range is {self.half_range} m, must be two positive lengths, in x and y")
         if not 0 < self.pancake_rounding < 0.5 * self.pancake_thickness:
             raise InputError(
                 f"pancake_rounding is {self.pancake_rounding} m, must lie between 0 and half the thickness, "
@@ -94,6 +95,12 @@ class SpatulaFlipping(Task):
         if room < 0:
             raise InputError(
                 f"the farthest pancake would reach {-room} m into the lip; move lip_x or shrink the pancake"
+            )
+        beside, room = self.half_range[1] + self.pancake_radius, min(0.5 * self.lip_size[1], _ACROSS)
+        if beside > room:
+            raise InputError(
+                f"half_range in y is {self.half_range[1]} m: the pancake would reach {beside} m aside, but "
+                f"lip and estimates end at {room} m; shorten it or lengthen the lip"
             )
 
     @property
@@ -134,7 +141,7 @@ class SpatulaFlipping(Task):
         x, y, z = self.center_x, self.center_y, 0.5 * self.pancake_thickness
         return (
             ParameterSpec("pancake_x", "m", x, along, x - 0.10, x + 0.30),
-            ParameterSpec("pancake_y", "m", y, across, y - 0.15, y + 0.15),
+            ParameterSpec("pancake_y", "m", y, across, y - _ACROSS, y + _ACROSS),
             ParameterSpec("pancake_z", "m", z, 0.002, 0.0, 0.15),
             ParameterSpec("pancake_tilt_x", "rad", 0.0, 0.05, -math.pi, math.pi),
             ParameterSpec("pancake_tilt_y", "rad", 0.0, 0.05, -math.pi, math.pi),

@@ -53,8 +53,9 @@ def write_picture(tasks: dict[str, dict[str, Any]], path: Path) -> None:
             own = [(one["steps"], one["by_seed"][seed]) for one in curve if seed in one["by_seed"]]
             axes.plot(*zip(*own, strict=True), color="0.6", linewidth=0.7, marker=".", markersize=3)
         shares = [one["success"]["value"] for one in curve]
-        counts = sorted({len(one["by_seed"]) for one in curve})
-        label = f"{' to '.join(str(n) for n in (counts[0], *counts[1:][-1:]))} seeds, 95 % (Wilson)"
+        counts = [len(one["by_seed"]) for one in curve]
+        fewest, most = min(counts), max(counts)
+        label = f"{most if fewest == most else f'{fewest} to {most}'} seeds, 95 % (Wilson)"
         axes.plot(steps, shares, color="C0", linewidth=1.8, marker="o", markersize=4, label=label)
         axes.set_xscale("symlog", linthresh=250.0)
         axes.set_xlim(0, max(steps[-1], 1.0))

@@ -18,7 +18,7 @@ class Transitions:
     after: np.ndarray  # (N,) step whose state the return goes on from; without meaning where discount is 0
     reward: np.ndarray  # (N,) discounted sum of eq. 16's rewards on the way
     discount: np.ndarray  # (N,) of what follows, 0 where the episode has ended
-    episodes: int  # that they are from
+    episodes: int  # how many they are from
 
     def __len__(self) -> int:
         return int(self.start.size)
@@ -62,4 +62,4 @@ class Batch:
     discount: torch.Tensor  # (B,)
     next_features: torch.Tensor  # (B, 128)
     next_nominal: torch.Tensor  # (B, 3) [m]
-    episodes: int  # that all transitions are from which these were drawn of
+    episodes: int  # of all that these were drawn from

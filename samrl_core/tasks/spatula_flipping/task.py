@@ -96,11 +96,11 @@ class SpatulaFlipping(Task):
             raise InputError(
                 f"the farthest pancake would reach {-room} m into the lip; move lip_x or shrink the pancake"
             )
-        beside, room = self.half_range[1] + self.pancake_radius, min(0.5 * self.lip_size[1], _ACROSS)
-        if beside > room:
+        aside, end = self.half_range[1] + self.pancake_radius, min(0.5 * self.lip_size[1], _ACROSS)
+        if aside > end:
             raise InputError(
-                f"half_range in y is {self.half_range[1]} m: the pancake would reach {beside} m aside, but "
-                f"lip and estimates end at {room} m; shorten it or lengthen the lip"
+                f"half_range in y is {self.half_range[1]} m: the pancake would reach {aside} m aside, but "
+                f"lip and estimates end at {end} m; shorten it or lengthen the lip"
             )
 
     @property

@@ -82,7 +82,9 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     for stop in job.way:
         plant.look_from(np.array(stop))
     looks = 0 if job.condition.strategy == HELD else LoopSettings.looks
-    loop = LoopSettings(task.max_actions, job.condition.view_period, looks)
+    # A model that is not updated knows nothing of when a task is done, see `LoopSettings.believe`.
+    believe = job.condition.update
+    loop = LoopSettings(task.max_actions, job.condition.view_period, looks, believe=believe)
     began_ns = world.time_ns
     trouble = ""
     try:

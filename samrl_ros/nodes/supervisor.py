@@ -41,6 +41,7 @@ class SupervisorSettings:
     view_period: int = setting(3, "actions from one search for a better view to the next", range=(1, 1000))
     looks: int = setting(1, "camera moves in one search; after each the model is updated", range=(1, 20))
     max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
+    believe: bool = setting(True, "end when the model says done; off where it is not updated")
     retry_period: float = setting(
         3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0)
     )
@@ -72,6 +73,7 @@ class Supervisor(Behaviour):
             settings.view_period,
             settings.looks,
             settings.max_lost_updates,
+            believe=settings.believe,
         )
         self._episode = -1
         self._state = LoopState()

@@ -150,6 +150,19 @@ def test_truth_is_asked_once_when_the_episode_has_ended(monkeypatch: pytest.Monk
     assert case["final_error"] > 0.05
 
 
+@pytest.mark.parametrize("update", [True, False])
+def test_a_model_that_is_not_updated_does_not_end_an_episode(
+    update: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def episode(agent: Any, plant: Any, loop: Any, watch: Any) -> Any:
+        assert loop.believe is update
+        return SimpleNamespace(ended="action_limit")
+
+    monkeypatch.setattr(world_episodes, "run_episode", episode)
+    condition = Condition("optimised", HELD, update=update)
+    assert not episode_cases(EpisodeJob("k", TASK, "held", condition, 2))[0]["believed"]
+
+
 def test_weights_that_are_missing_are_named(tmp_path: Path) -> None:
     job = EpisodeJob("k", TASK, "active", Condition(), 0, weights=tmp_path)
     with pytest.raises(InputError, match="sim_actor"):

@@ -6,7 +6,7 @@ come from evaluation, as theirs do in the paper; no observation holds any of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -15,9 +15,12 @@ from gymnasium import spaces
 
 from samrl_core.errors import InputError, ReachError
 from samrl_core.experiments.cell_driver import CellDriver
+from samrl_core.experiments.differing_world import differing_cell, differing_settings
+from samrl_core.experiments.residual_episodes import SHARE_OF_ACTIONS
 from samrl_core.learn.exploration import shortened
 from samrl_core.learn.network_image import CHANNELS, COLOR_CENTER, COLOR_UNIT, XYZ_CLIP, observed_image
 from samrl_core.robots.cell import default_cell
+from samrl_core.robots.robot import CellSpec
 from samrl_core.tasks import task_named
 from samrl_core.world.evaluation import judged_now
 from samrl_core.world.pybullet_world import PyBulletWorld
@@ -35,7 +38,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]; the action space is a
     cube, as these learners take it, and an action longer than the task's limit is shortened to it, so that
     nobody moves faster than SAM-RL's nominal actions. Reward: the paper's, in
-    metres (`Task.shaped_reward`); an episode terminates in success, is truncated after `Task.max_actions`.
+    metres (`Task.shaped_reward`); an episode terminates in success, is truncated after `max_actions`.
     `info` has `success`, `final_error` [m] and `refused`, true where the arm cannot reach what was asked for
     and stood still.
 
@@ -46,14 +49,31 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / PERIOD_S)}  # noqa: RUF012 (Gymnasium's)
 
     def __init__(
-        self, task: str, settings: WorldSettings | None = None, render_mode: str | None = None
+        self,
+        task: str,
+        settings: WorldSettings | None = None,
+        render_mode: str | None = None,
+        real_cell: CellSpec | None = None,
+        max_actions: int = 0,
     ) -> None:
-        """Build the world; `settings` are its physics and noise."""
+        """Build the world.
+
+        Args:
+            task: its name.
+            settings: physics and noise of the world.
+            render_mode: None or "rgb_array".
+            real_cell: the cell as it is in the world, which no observation tells; those are made by the
+                calibration of `default_cell`, whose arms the cell has.
+            max_actions: of an episode, 0 for the task's.
+        """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"render_mode is {render_mode!r}, must be None or 'rgb_array'")
+        if max_actions < 0:
+            raise InputError(f"max_actions is {max_actions}, must be at least 0")
         self.render_mode = render_mode
         self._task, self._cell = task_named(task), default_cell()
-        self._world = PyBulletWorld(self._task, self._cell, settings)
+        self._max_actions = max_actions or self._task.max_actions
+        self._world = PyBulletWorld(self._task, real_cell or self._cell, settings)
         self._motion = ToolMotion(self._world, self._task, self._cell, PERIOD_S)
         self._driver = CellDriver(self._world, self._cell, self._task.scene(self._cell).tool)
         self._color = np.zeros(0, dtype=np.uint8)  # of the newest observation
@@ -102,7 +122,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             self._motion.rest()
         self._actions += 1
         reward, info = self._judge(refused)
-        truncated = self._actions >= self._task.max_actions and not info["success"]
+        truncated = self._actions >= self._max_actions and not info["success"]
         return self._observe(), reward, info["success"], truncated, info
 
     def render(self) -> np.ndarray | None:
@@ -123,3 +143,21 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         judged = judged_now(self._world, self._task)
         info = {"success": judged.success, "final_error": judged.final_error, "refused": refused}
         return judged.reward, info
+
+
+def differing_env(task: str, offset: Sequence[float], render_mode: str | None = None) -> CellEnv:
+    """The environment of the experiment `sample_efficiency`: its world, and episodes of the same length.
+
+    Args:
+        task: its name.
+        offset: (3,) how far off the camera arm's base stands, in world [m]; `calibration_gap.offset_of` makes
+            it of the length that `sample_efficiency.json` states under `gap`.
+        render_mode: of `CellEnv`.
+    """
+    return CellEnv(
+        task,
+        differing_settings(),
+        render_mode,
+        differing_cell(default_cell(), offset),
+        round(SHARE_OF_ACTIONS * task_named(task).max_actions),
+    )

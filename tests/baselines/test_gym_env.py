@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from samrl_core.errors import InputError
+from samrl_core.learn.network_image import XYZ_UNIT
+from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS
 from samrl_core.tasks.peg_insertion.task import BODY
 
@@ -54,6 +56,31 @@ def test_observations_rewards_and_refusals() -> None:
         with pytest.raises(InputError, match="three numbers within"):
             env.step(bad)
     env.close()
+
+
+def test_the_world_of_the_sample_efficiency() -> None:
+    """The calibration is off: what is seen lies elsewhere by as much. Episodes are as long as there."""
+    from samrl_core.baselines.gym_env import CellEnv, differing_env
+    from samrl_core.experiments.differing_world import differing_cell, differing_settings
+
+    offset = np.array([0.03, 0.0, 0.0])
+    images, tips = [], []
+    for env in (CellEnv("peg_insertion", differing_settings()), differing_env("peg_insertion", offset)):
+        seen, _ = env.reset(seed=3)
+        images.append(seen["image"])
+        tips.append(seen["tip"])
+        env.close()
+    assert np.allclose(tips[0], tips[1], atol=1e-3)
+    # The camera stands 3 cm farther along x than the calibration has it, so that all seems that much nearer.
+    moved = [np.median(images[1][k] - images[0][k]) for k in (3, 4, 5)]
+    np.testing.assert_allclose(moved, -offset / XYZ_UNIT, atol=0.03)
+    plain = CellEnv("peg_insertion", real_cell=differing_cell(default_cell(), offset), max_actions=2)
+    plain.reset(seed=3)
+    still = np.zeros(3, dtype=np.float32)
+    assert not plain.step(still)[3] and plain.step(still)[3]
+    plain.close()
+    with pytest.raises(InputError, match="max_actions is -1"):
+        CellEnv("peg_insertion", max_actions=-1)
 
 
 @pytest.mark.slow

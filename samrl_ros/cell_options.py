@@ -45,6 +45,7 @@ class CellOptions:
     policy: str = DEFAULT_POLICY  # of the view planner: nominal actions
     strategy: str = ""  # of the view planner: views; empty for that which goes with the policy
     weights: Path | None = None  # folder of trained networks, None for the package's
+    residual: Path | None = None  # weight file, None for the zero residual or what a parameter file says
     real_time_factor: float = 1.0  # upper bound, 0 for as fast as it goes
     max_actions: int = 0  # 0 for the task's own
     world: str = "pybullet"
@@ -86,6 +87,8 @@ def prepare(options: CellOptions) -> Path:
         raise InputError(f"--world is {options.world!r}, must be one of {', '.join(WORLDS)}")
     if options.policy == "learned" or options.strategy == "q":
         _require_weights(options)
+    if options.residual is not None:
+        _require_residual(options.task, options.residual)
     overlay: dict[str, dict[str, Any]] = {}
     if options.params is not None:
         overlay = load_parameters(options.params, NODE_ORDER)
@@ -117,6 +120,16 @@ def _require_weights(options: CellOptions) -> None:
             f"--policy {options.policy} with --strategy {options.strategy} needs trained networks: {error}; "
             "or give --policy optimised --strategy best, which need none"
         ) from error
+
+
+def _require_residual(task: str, file: Path) -> None:
+    from samrl_core.learn.weights import load_weights
+    from samrl_core.robots.cell import default_cell
+
+    try:
+        load_weights(file, "residual_actor", task, default_cell())
+    except InputError as error:
+        raise InputError(f"--residual: {error}") from error
 
 
 def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dict[str, Any]:
@@ -152,6 +165,10 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
             "max_actions": ("--max-actions", options.max_actions),
         },
     }
+    if options.residual is not None:
+        ours["residual_trainer"]["residual"] = ("--residual", str(options.residual.resolve()))
+    if not options.update:  # a model as it starts knows nothing of when a task is done
+        ours["supervisor"]["believe"] = ("--no-update", False)
     merged: dict[str, Any] = {}
     for node, owned in ours.items():
         given = overlay.get(node, {})

@@ -49,6 +49,9 @@ def cell(
     weights: Annotated[
         Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
     ] = None,
+    residual: Annotated[
+        Path | None, typer.Option(help="A trained residual's weight file; without it, none is added.")
+    ] = None,
     real_time_factor: Annotated[
         float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)
     ] = 1.0,
@@ -70,6 +73,7 @@ def cell(
         policy=policy,
         strategy=strategy,
         weights=weights,
+        residual=residual,
         real_time_factor=real_time_factor,
         max_actions=max_actions,
         world=world,

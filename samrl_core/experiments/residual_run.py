@@ -11,17 +11,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learn.networks import Encoder
 from samrl_core.learn.replay import End, Replay, ReplayInfo
 from samrl_core.learn.residual import ResidualLearner, ResidualSettings
+from samrl_core.learn.residual_training import STOPPED
 from samrl_core.learn.step_features import StepFeatures, fingerprint
 from samrl_core.learn.transitions import transitions_of
 from samrl_core.learn.weights import WeightsInfo, save_weights
@@ -126,7 +128,8 @@ class ResidualRun:
         """Rounds until there are so many real steps, or `going` says no.
 
         Raises:
-            SolveError: a loss or gradient is not finite.
+            SolveError: a loss or gradient is not finite; the state that led to it is saved as
+                `stopped.safetensors`, and the last whole round stays what a run goes on from.
         """
         while self.steps < steps and going():
             self._round(steps)
@@ -170,7 +173,7 @@ class ResidualRun:
         self._episodes += count
         self._replay.flush()
         self._train()
-        self._save()
+        self._save(self._checkpoint)
 
     def _order(self, kind: int, number: int) -> Order:
         s = self._settings
@@ -199,16 +202,20 @@ class ResidualRun:
         transitions = transitions_of(self._replay, s.learner.n_step, s.learner.gamma)
         allowed = s.updates_per_step * (self.steps - s.first_steps)
         self._features.take_in()
-        while len(transitions) and learner.updates < allowed:
-            learner.update(self._features.batch(transitions, s.learner.batch, learner.generator))
+        try:
+            while len(transitions) and learner.updates < allowed:
+                learner.learn(partial(self._features.batch, transitions))
+        except SolveError:
+            self._save(self._folder / STOPPED)
+            raise
 
     @property
     def _checkpoint(self) -> Path:
         return self._folder / "checkpoint.safetensors"
 
-    def _save(self) -> None:
+    def _save(self, path: Path) -> None:
         about = {**self._about, "steps": self.steps, "episodes": self._episodes}
-        save_checkpoint(self._checkpoint, KIND, self._learner.state(), about)
+        save_checkpoint(path, KIND, self._learner.state(), about)
 
     def _resume(self) -> None:
         if not self._checkpoint.exists():

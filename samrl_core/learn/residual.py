@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -99,6 +100,20 @@ class ResidualLearner:
         self._actor_adam = torch.optim.Adam(self.actor.head.parameters(), lr=settings.actor_rate)
         self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=settings.critic_rate)
         self.updates = 0
+
+    def learn(self, draw: Callable[[int, torch.Generator], Batch]) -> Figures:
+        """Update from what `draw` returns for the batch's size and the learner's generator.
+
+        Raises:
+            SolveError: see `update`; from the state that is left then, the same is drawn once more.
+        """
+        before = self.generator.get_state()
+        batch = draw(self.settings.batch, self.generator)
+        try:
+            return self.update(batch)
+        except SolveError:
+            self.generator.set_state(before)
+            raise
 
     def update(self, batch: Batch) -> Figures:
         """One update of the critics, and of the actor when it is its turn.

@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.whole_file import write_whole
 
 KIND = "residual_training"
+STOPPED = "stopped.safetensors"  # the state that led to a loss or gradient that is not finite
 KEPT_VERSIONS = 50  # weight files, 0.5 MB each: the node may be some versions behind
 RECENT_EPISODES = 20  # of the success rate in the summary
 IDLE_S = 0.2  # between looks at the replay while no update is due
@@ -95,6 +97,17 @@ def announced(folder: Path, task: str) -> Announcement:
     if not file.is_file():
         raise InputError(f"{path} announces {file}, which is not there; put it back, or remove {path.name}")
     return replace(found, file=str(file))
+
+
+def announcement_of(file: Path, task: str) -> Announcement:
+    """A weight file as version 1; whoever acts by it checks what it holds.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    if not file.is_file():
+        raise InputError(f"no residual at {file}; give a `residual_actor` weight file")
+    return Announcement(task, 1, str(file.resolve()), sha256_of(file))
 
 
 def replay_of(folder: Path, task: str, cell: CellSpec, settings: TrainingSettings) -> tuple[Path, ReplayInfo]:
@@ -178,14 +191,10 @@ class ResidualTraining:
             raise InputError("no update is due: ask `due` first")
         assert self._transitions is not None
         learner = self._learner
-        size, generator = learner.settings.batch, learner.generator
-        before = generator.get_state()
-        batch = self._features.batch(self._transitions, size, generator)
         try:
-            figures = learner.update(batch)
+            figures = learner.learn(partial(self._features.batch, self._transitions))
         except SolveError as error:
-            state = {**learner.state(), "generator": before}  # draws the same batch and noise once more
-            save_checkpoint(self._folder / "stopped.safetensors", KIND, state, self._about)
+            save_checkpoint(self._folder / STOPPED, KIND, learner.state(), self._about)
             self._summarise(str(error))
             raise
         self._figures = figures

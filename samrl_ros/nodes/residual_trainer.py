@@ -17,7 +17,13 @@ from std_msgs.msg import String
 from samrl_core.errors import InputError
 from samrl_core.learn.replay import End, Replay, Step
 from samrl_core.learn.residual import ResidualSettings
-from samrl_core.learn.residual_training import Announcement, TrainingSettings, announced, replay_of
+from samrl_core.learn.residual_training import (
+    Announcement,
+    TrainingSettings,
+    announced,
+    announcement_of,
+    replay_of,
+)
 from samrl_core.learn.residual_worker import write_settings
 from samrl_core.robots.arm_model import ArmModel
 from samrl_core.robots.cell import default_cell
@@ -43,6 +49,7 @@ class ResidualTrainerSettings:
     task: str = setting("peg_insertion", "task that the residual belongs to")
     train: bool = setting(False, "collect transitions and train; false keeps the residual as it is")
     folder: str = setting("", "where replay, training and weights lie; kept across runs, empty for none")
+    residual: str = setting("", "a trained residual's weight file to act with, in place of train and folder")
     weights: str = setting("", "folder of the task's trained networks, empty for those of the package")
     seed: int = setting(0, "seed of the training", range=(0, 2**31 - 1))
     limit: float = setting(0.003, "longest residual", "m", (1e-4, 0.02))
@@ -83,6 +90,10 @@ class ResidualTrainer(Behaviour):
         self._version = 0
         self._replay: Replay | None = None
         self._process: TrainingProcess | None = None
+        if settings.residual and (settings.train or settings.folder):
+            raise InputError(
+                "`residual` is a file that stays as it is; leave out `train` and `folder`"
+            )
         if not settings.train:
             self.inputs = (READY, EXECUTED, OUTCOME)  # images would be put together for nothing
             return
@@ -152,11 +163,11 @@ class ResidualTrainer(Behaviour):
 
     def _newest(self) -> Announcement:
         settings = self._settings
-        return (
-            announced(Path(settings.folder), settings.task)
-            if settings.folder
-            else Announcement(settings.task)
-        )
+        if settings.residual:
+            return announcement_of(Path(settings.residual), settings.task)
+        if settings.folder:
+            return announced(Path(settings.folder), settings.task)
+        return Announcement(settings.task)
 
     def _announce(self, weights: Announcement) -> None:
         self._version = weights.version

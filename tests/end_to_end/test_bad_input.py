@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from samrl_core.learn.weights import shipped
 from samrl_ros.cli import run
 
 pytest.importorskip("rclpy")
@@ -32,6 +34,8 @@ def refused(capfd: pytest.CaptureFixture[str], arguments: list[str], code: int =
         (["--policy", "nope"], 3, ("'nope'", "learned, optimised")),
         (["--policy", "learned", "--weights", "/no/such"], 3, ("sim_actor", "--strategy best, which need")),
         (["--strategy", "q", "--weights", "/no/such"], 3, ("/no/such", "--policy optimised")),
+        (["--residual", "/no/such"], 3, ("--residual", "/no/such")),
+        (["--residual", str(shipped("peg_insertion", "sensing_q"))], 3, ("sensing_q", "residual_actor")),
         (["--world", "nope"], 3, ("'nope'", "pybullet, mock")),
         (["--layout", "nope"], 3, ("'nope'", "split, processes, threads")),
         (["--episodes", "0"], 2, ("--episodes", "1")),
@@ -126,6 +130,18 @@ def test_a_policy_brings_its_strategy(tmp_path: Path) -> None:
     asked = options(policy="optimised", strategy="fixed")
     written = yaml.safe_load(prepare(asked).read_text())["/cell/view_planner"]["ros__parameters"]
     assert (written["policy"], written["strategy"], written["weights"]) == ("optimised", "fixed", "")
+
+
+def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
+    from samrl_ros.cell_options import CellOptions, prepare
+
+    options = CellOptions(task="peg_insertion", episodes=1, seed=0, out=tmp_path / "plain")
+    plain = yaml.safe_load(prepare(options).read_text())
+    assert "believe" not in plain["/cell/supervisor"]["ros__parameters"]  # its own default, or a file's
+    assert "residual" not in plain["/cell/residual_trainer"]["ros__parameters"]
+    blind = yaml.safe_load(prepare(replace(options, update=False, out=tmp_path / "blind")).read_text())
+    assert blind["/cell/supervisor"]["ros__parameters"]["believe"] is False
+    assert blind["/cell/model_updater"]["ros__parameters"]["enabled"] is False
 
 
 def test_an_out_folder_in_use_is_not_touched(tmp_path: Path, capfd: Any) -> None:

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.errors import InputError, SolveError
 from samrl_core.experiments.residual_episodes import Order, Place, Played
-from samrl_core.experiments.residual_run import ResidualRun, RunSettings
+from samrl_core.experiments.residual_run import KIND, ResidualRun, RunSettings
+from samrl_core.learn.checkpoint import load_checkpoint
 from samrl_core.learn.exploration import Exploration, shortened
 from samrl_core.learn.networks import ResidualActor
 from samrl_core.learn.replay import End
 from samrl_core.learn.residual import ResidualSettings
+from samrl_core.learn.residual_training import STOPPED
 from samrl_core.learn.weights import load_weights
 from tests.experiments import kinematic_peg
 from tests.learn import toy_cell
@@ -114,6 +116,24 @@ def test_a_stopped_run_comes_to_the_same(tmp_path: Path, stopped: int) -> None:
     assert a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
     for mine, other in zip(whole._replay.outline(), second._replay.outline(), strict=True):
         assert np.array_equal(mine, other)
+
+
+def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
+    """The last whole round stays what a run goes on from."""
+    one = run(tmp_path, FakeCell())
+    one.advance(12)
+    updates, steps = one._learner.updates, one.steps
+    with torch.no_grad():
+        one._learner.critic.get_parameter("first.0.bias")[0] = torch.nan
+    with pytest.raises(SolveError, match=f"update {updates}: the critic's loss is nan"):
+        one.advance(20)
+    one.close()
+    saved, about = load_checkpoint(tmp_path / STOPPED, KIND)
+    assert bool(torch.isnan(saved["critic.first.0.bias"][0])) and int(saved["updates"]) == updates
+    assert about["steps"] > steps
+    again = run(tmp_path, FakeCell())
+    assert again.steps == steps and again._learner.updates == updates
+    again.advance(20)
 
 
 def test_rounds_grow_with_what_there_is_and_end_at_the_point(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from samrl_core.learn.network_image import observed_image
 from samrl_core.learn.packed_images import network_images
 from samrl_core.learn.replay import End, Replay
 from samrl_core.learn.residual_training import Announcement, replay_of
+from samrl_core.learn.weights import sha256_of
 from samrl_core.robots.cell import default_cell
 from samrl_core.robots.robot import ROLES
 from samrl_core.tasks import task_named
@@ -286,6 +287,24 @@ def test_by_default_nothing_is_kept_and_the_residual_is_zero() -> None:
     trainer.stop()
     with pytest.raises(InputError, match="needs `folder`"):
         ResidualTrainer(ResidualTrainerSettings(train=True), Ears())
+
+
+def test_a_file_that_is_given_is_in_force_and_stays(tmp_path: Path) -> None:
+    from samrl_ros.nodes.residual_trainer import ResidualTrainer, ResidualTrainerSettings
+
+    file = tmp_path / "mine.safetensors"
+    file.write_bytes(b"weights")
+    ears = Ears()
+    trainer = ResidualTrainer(ResidualTrainerSettings(residual=str(file)), ears)
+    trainer.start()
+    wanted = {"version": 1, "file": str(file.resolve()), "sha256": sha256_of(file), "task": "peg_insertion"}
+    assert len(ears.weights) == 1 and wanted.items() <= ears.weights[0].items()
+    for other in ({"train": True, "folder": str(tmp_path)}, {"folder": str(tmp_path)}):
+        with pytest.raises(InputError, match="stays as it is"):
+            ResidualTrainer(ResidualTrainerSettings(residual=str(file), **other), Ears())
+    file.unlink()
+    with pytest.raises(InputError, match="no residual at"):
+        ResidualTrainer(ResidualTrainerSettings(residual=str(file)), Ears()).start()
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ training that was killed goes on where it was.
     actor-0/ ...      regression on them (eq. 23), one folder per round
     round-0/ ...      episodes of the actor, the states that it came to, labelled
     episodes/         actions, views and returns of the last actor
-    q/                regression on the returns (eq. 24)
+    q/                regression on what actions are worth, or on the returns (eq. 24), see `q_target`
     judged/           the last actor's success
     TASK_sim_actor.safetensors, TASK_sensing_q.safetensors, summary.json
 """

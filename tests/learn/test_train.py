@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -93,23 +94,14 @@ def test_workers_end_with_their_training(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("q_target", Q_TARGETS)
-def test_a_training_that_stopped_goes_on(tmp_path: Path, q_target: str) -> None:
-    """Stopped in the middle of its parts; in the end the same weights and figures as one in one go."""
+def test_a_killed_training_goes_on(tmp_path: Path, q_target: str) -> None:
+    """Killed in the middle of its parts; in the end the same weights and figures as one in one go."""
     small = replace(SMALL, q_target=q_target)
     folder, told = tmp_path / "two", []
     moments = ("round-0", "groups", 1), ("round-0", "labelled", 40), ("episodes", "groups", 3)
     for stage, name, most in (*moments, ("judged", "groups", 1)):
-
-        def stop(
-            at: str, row: dict[str, float], stage: str = stage, name: str = name, most: int = most
-        ) -> None:
-            told.append((at, dict(row)))
-            if at == stage and row.get(name) == most:
-                raise InterruptedError(stage)
-
         before = len(told)
-        with pytest.raises(InterruptedError, match=stage):
-            train(TASK, folder, small, stop)
+        told += _killed_at(stage, name, most, q_target, folder)
         assert len(told) > before
     summary = train(TASK, folder, small, lambda at, row: told.append((at, dict(row))))
     # What is there is not made again: each part is told of once when it is made, once where it goes on.
@@ -128,6 +120,30 @@ def test_a_training_that_stopped_goes_on(tmp_path: Path, q_target: str) -> None:
             np.testing.assert_array_equal(value.numpy(), two[0].state_dict()[name].numpy(), err_msg=name)
     write_picture(tmp_path / "two", summary, tmp_path / "two" / "summary.png")
     assert (tmp_path / "two" / "summary.png").stat().st_size > 10_000
+
+
+def _killed_at(
+    stage: str, name: str, most: int, q_target: str, folder: Path
+) -> list[tuple[str, dict[str, float]]]:
+    """Rows that a training told until it got SIGKILL, at once when a row of `stage` has `most` of `name`."""
+    script = (
+        "import json, os, signal, sys\nfrom dataclasses import replace\nfrom pathlib import Path\n"
+        "sys.path.insert(0, sys.argv[1])\nfrom test_train import SMALL, TASK, train\n"
+        "stage, name, most, q_target, folder = sys.argv[2:]\n"
+        "def tell(at, row):\n"
+        "    print('row', json.dumps([at, dict(row)]), flush=True)\n"
+        "    if at == stage and row.get(name) == int(most):\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "if __name__ == '__main__':\n"
+        "    train(TASK, Path(folder), replace(SMALL, q_target=q_target), tell)\n"
+    )
+    file = folder.parent / "killed.py"
+    file.write_text(script)
+    arguments = [str(Path(__file__).parent), stage, name, str(most), q_target, str(folder)]
+    done = subprocess.run([sys.executable, str(file), *arguments], stdout=subprocess.PIPE, text=True)
+    assert done.returncode == -signal.SIGKILL, done.stdout
+    rows = [json.loads(line[4:]) for line in done.stdout.splitlines() if line.startswith("row ")]
+    return [(at, row) for at, row in rows]
 
 
 @pytest.mark.slow

@@ -1,0 +1,61 @@
+"""What a newcomer runs first: the closed loop with the package's networks, on a CPU and without a network."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.topics import cell_topic
+
+pytest.importorskip("rclpy")
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
+
+# Python imports it in every process: whoever asks for another machine is noted down, and refused.
+OFFLINE = """
+import os, socket
+
+def _guarded(real, host_of):
+    def call(*arguments, **named):
+        host = str(host_of(arguments))
+        if not host.startswith("127.") and host not in ("::1", "localhost", "None", "", "/"):
+            with open(os.environ["ASKED_FOR"], "a") as file:
+                file.write(host + "\\n")
+            raise OSError(f"{host}: there is no network in this test")
+        return real(*arguments, **named)
+    return call
+
+def _host(address):
+    return address[0] if isinstance(address, tuple) else "/"
+
+socket.getaddrinfo = _guarded(socket.getaddrinfo, lambda a: a[0])
+socket.socket.connect = _guarded(socket.socket.connect, lambda a: _host(a[1]))
+"""
+
+
+def test_the_cell_succeeds_at_once(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(OFFLINE)
+    asked, out = tmp_path / "asked_for", tmp_path / "out"
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    surroundings = {**os.environ, "PYTHONPATH": path, "ASKED_FOR": str(asked), "CUDA_VISIBLE_DEVICES": ""}
+    probe = "import socket; socket.create_connection(('192.0.2.1', 80), 1)"  # TEST-NET-1, RFC 5737
+    refused = subprocess.run([sys.executable, "-c", probe], env=surroundings, capture_output=True, text=True)
+    assert "no network in this test" in refused.stderr and asked.read_text() == "192.0.2.1\n"
+    asked.unlink()
+
+    command = [sys.executable, "-m", "samrl_ros.cli", "cell", "--out", str(out)]
+    done = subprocess.run(command, env=surroundings, capture_output=True, text=True)
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, said
+    assert not asked.exists(), asked.read_text()
+    episode = json.loads((out / "summary.json").read_text())["episodes"][0]
+    assert episode["success"] and episode["views"], said  # by evaluation truth; it looked around
+    assert "1 of 1 episodes succeeded" in said and "Traceback" not in said
+    assert (out / "contact_sheet.png").read_bytes().startswith(b"\x89PNG")
+    phases = [message.data for _, message in open_bag(out / "bag").decoded([cell_topic("phase")])]
+    assert phases.count("act") == episode["actions"] and {"update", "view", "look"} <= set(phases)

@@ -38,6 +38,7 @@ class Estimate:
     iterations: int  # renderings with gradient
     why_stopped: str  # converged | iteration_limit | diverged | no_target | initial
     converged: bool
+    loss_known: float = float("nan")  # eq. 6 after the fit, with the colours believed before it [-]
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,15 @@ class Real2SimSettings:
 # Losses of an estimate that no image has been fitted to.
 _NO_FIT: dict[str, Any] = {
     **dict.fromkeys(
-        ("loss_before", "loss_after", "color_loss_before", "color_loss_after", "emd_before", "emd_after"),
+        (
+            "loss_before",
+            "loss_after",
+            "color_loss_before",
+            "color_loss_after",
+            "emd_before",
+            "emd_after",
+            "loss_known",
+        ),
         float("nan"),
     ),
     "iterations": 0,
@@ -187,10 +196,10 @@ class Real2Sim:
         )
         if fit.why_stopped == "diverged":
             covariance = estimate.covariance
-        after = misfit.losses(values, colors)
+        losses = (before, misfit.losses(values, colors), misfit.losses(values, estimate.colors))
         belief = (values, covariance, colors, color_variance)
         count = coarse_evaluations + fit.evaluations
-        return _estimate(estimate, observation.stamp_ns, belief, (before, after), count, fit.why_stopped)
+        return _estimate(estimate, observation.stamp_ns, belief, losses, count, fit.why_stopped)
 
     def _update_together(
         self,
@@ -214,13 +223,13 @@ class Real2Sim:
         after = misfit.losses(fit.values, colors)
         found, losses, why = (
             (fit.values, fit.covariance, colors, color_variance),
-            (before, after),
+            (before, after, misfit.losses(fit.values, estimate.colors)),
             fit.why_stopped,
         )
         worse = min(after.emd / before.emd, after.color / before.color) > s.worse
         if why == "diverged" or worse:
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
-            losses, why = (before, before), "diverged"
+            losses, why = (before, before, before), "diverged"
         return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)
 
     def _right_face(
@@ -258,12 +267,12 @@ def _estimate(
     last: Estimate,
     stamp_ns: int,
     belief: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    losses: tuple[Losses, Losses],
+    losses: tuple[Losses, Losses, Losses],
     iterations: int,
     why_stopped: str,
 ) -> Estimate:
     values, covariance, colors, color_variance = belief
-    before, after = losses
+    before, after, known = losses
     return replace(
         last,
         values=values,
@@ -280,4 +289,5 @@ def _estimate(
         iterations=iterations,
         why_stopped=why_stopped,
         converged=why_stopped == "converged",
+        loss_known=known.total,
     )

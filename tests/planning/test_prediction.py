@@ -94,7 +94,7 @@ def test_what_stands_on_edge_may_fall_or_not() -> None:
     assert standing and lying and len(found) <= 3
     assert all(np.linalg.eigvalsh(one.covariance).min() > 0 for one in found)
     losses = (0.4, float("nan"), 0.2)
-    updates = [replace(before, loss_after=loss) for loss in losses]
+    updates = [replace(before, loss_known=loss) for loss in losses]
     assert likeliest(updates) is updates[2]
     assert likeliest(updates[1:2]) is updates[1]
 

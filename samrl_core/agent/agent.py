@@ -111,6 +111,9 @@ def run_episode(
         state = state.updated(estimate.why_stopped, estimate.loss_after)
         tip = agent.model.tip_in_base(observation.tool_arm.position).position
         stage = stage_after_update(task, estimate.values, tip, state, loop)
+        if stage == "again":
+            state = state.agreed_once()
+            continue
         if stage == "view":
             with watch("view"):
                 view = agent.looking.choose(estimate, observation)

@@ -157,7 +157,10 @@ class Supervisor(Behaviour):
         self._sigma = float(np.sqrt(np.diag(covariance).max()))
         self._state = self._state.updated(message.why_stopped, message.loss_after)
         stage = stage_after_update(self._task, values, self._tip, self._state, self._loop)
-        if stage == "lost":
+        if stage == "again":
+            self._state = self._state.agreed_once()
+            self._ask("update")
+        elif stage == "lost":
             self._end(False, f"error: target not seen in {self._state.lost_updates} updates in a row")
         elif stage in ("view", "act"):
             self._ask(stage)

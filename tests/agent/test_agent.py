@@ -101,7 +101,10 @@ def test_stages() -> None:
     assert stage(0.0) == stage(0.0, step=2) == "view"
     assert stage(0.0, looked=1) == stage(0.0, step=1) == "act"
     assert stage(0.0, step=4) == "action_limit"
-    assert stage(1.0, step=4) == "done"
+    assert stage(1.0, step=1) == stage(1.0, step=4) == stage(1.0) == "again"
+    assert stage(1.0, step=4, agreed=1) == stage(1.0, agreed=1) == "done"
+    first = LoopState(step=3).agreed_once()
+    assert first.agreed == 1 and first.acted().agreed == first.looked_once().agreed == 0
     blind = replace(loop, believe=False)
     assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=1), blind) == "act"
     assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=4), blind) == "action_limit"
@@ -111,7 +114,7 @@ def test_stages() -> None:
 
 def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:
     """A pancake that rolled out of sight was fitted to what was left of it, and was "flipped" there."""
-    loop = LoopSettings(max_actions=9)
+    loop = LoopSettings(max_actions=9, agreeing=1)
     task: Any = type("T", (), {"is_done": staticmethod(lambda values, tip: True)})()
     state = LoopState(step=1)
     for misfit in (0.04, 0.05, 0.045):

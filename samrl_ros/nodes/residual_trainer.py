@@ -91,9 +91,7 @@ class ResidualTrainer(Behaviour):
         self._replay: Replay | None = None
         self._process: TrainingProcess | None = None
         if settings.residual and (settings.train or settings.folder):
-            raise InputError(
-                "`residual` is a file that stays as it is; leave out `train` and `folder`"
-            )
+            raise InputError("`residual` is a file that stays as it is; leave out `train` and `folder`")
         if not settings.train:
             self.inputs = (READY, EXECUTED, OUTCOME)  # images would be put together for nothing
             return

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from samrl_core.agent.loop import LoopSettings
 from samrl_core.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_core.errors import InputError
 from samrl_core.tasks import task_named
@@ -167,6 +168,12 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     }
     if options.residual is not None:
         ours["residual_trainer"]["residual"] = ("--residual", str(options.residual.resolve()))
+        trained = overlay.get("residual_trainer", {})
+        if trained.get("train") or trained.get("folder"):
+            raise InputError(
+                f"--residual {options.residual} stays as it is, the parameter file gives residual_trainer a "
+                f"training; leave out --residual, or train and folder"
+            )
     if not options.update:  # a model as it starts knows nothing of when a task is done
         ours["supervisor"]["believe"] = ("--no-update", False)
     merged: dict[str, Any] = {}
@@ -177,6 +184,8 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         values = {name: value for name, (_, value) in owned.items()}
         merged[f"/cell/{node}"] = {"ros__parameters": {"use_sim_time": True, **given, **values}}
     merged["/cell/sim_bridge"]["ros__parameters"]["use_sim_time"] = False  # it makes the clock
+    # Written down always: a replay knows older runs by its absence.
+    merged["/cell/supervisor"]["ros__parameters"].setdefault("agreeing", LoopSettings.agreeing)
     return merged
 
 

@@ -50,7 +50,8 @@ def cell(
         Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
     ] = None,
     residual: Annotated[
-        Path | None, typer.Option(help="A trained residual's weight file; without it, none is added.")
+        Path | None,
+        typer.Option(help="A trained residual's weight file; without it, none, or what --params says."),
     ] = None,
     real_time_factor: Annotated[
         float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)

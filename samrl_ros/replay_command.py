@@ -84,4 +84,6 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
         known = {f.name for f in dataclasses.fields(node.settings)}
         given = data.get(f"/cell/{name}", {}).get("ros__parameters", {})
         settings[name] = {k: v for k, v in given.items() if k in known}
+    # Runs from before this was a setting, which are known by its absence, ended with the first such image.
+    settings["supervisor"].setdefault("agreeing", 1)
     return settings

@@ -93,12 +93,12 @@ class Episode:
 def run_episode(
     agent: Agent, plant: Plant, settings: LoopSettings | None = None, watch: Watch = unwatched
 ) -> Episode:
-    """Algorithm 1 from line 1 on, until the model believes that the task is done, or a limit.
+    """Algorithm 1 from line 1 on, until the model believes by two images that the task is done, or a limit.
 
     `watch` sees the parts: "observe", "look" and "move" are the plant's, the others the agent's.
     """
     task = agent.model.task
-    loop = settings or LoopSettings(task.max_actions)
+    loop = settings or LoopSettings(task.max_actions, believe=agent.settings.update)
     agent.updating.begin()
     agent.acting.begin()
     state = LoopState()

@@ -81,7 +81,8 @@ def stage_after_update(
     """
     if state.lost_updates > settings.max_lost_updates:
         return "lost"
-    believed = settings.believe and state.fits(settings.most_misfit)
+    # Where an image missed the target, the values are what was predicted.
+    believed = settings.believe and not state.lost_updates and state.fits(settings.most_misfit)
     if believed and task.is_done(values, tip_position):
         return "done" if state.agreed + 1 >= settings.agreeing else "again"
     if state.step >= settings.max_actions:

@@ -13,10 +13,11 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from samrl_core.agent.policies import DEFAULT_POLICY
 from samrl_core.errors import InputError, ReachError
 from samrl_core.experiments.cell_driver import CellDriver
 from samrl_core.experiments.differing_world import differing_cell, differing_settings
-from samrl_core.experiments.residual_episodes import SHARE_OF_ACTIONS
+from samrl_core.experiments.residual_episodes import Place
 from samrl_core.learn.exploration import shortened
 from samrl_core.learn.network_image import CHANNELS, COLOR_CENTER, COLOR_UNIT, XYZ_CLIP, observed_image
 from samrl_core.robots.cell import default_cell
@@ -63,7 +64,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             settings: physics and noise of the world.
             render_mode: None or "rgb_array".
             real_cell: the cell as it is in the world, which no observation tells; those are made by the
-                calibration of `default_cell`, whose arms the cell has.
+                calibration of `default_cell`.
             max_actions: of an episode, 0 for the task's.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -150,14 +151,15 @@ def differing_env(task: str, offset: Sequence[float], render_mode: str | None = 
 
     Args:
         task: its name.
-        offset: (3,) how far off the camera arm's base stands, in world [m]; `calibration_gap.offset_of` makes
-            it of the length that `sample_efficiency.json` states under `gap`.
+        offset: (3,) how far off the camera arm's base stands, in world [m]; `sample_efficiency.json` has it
+            under the task's `gap`.
         render_mode: of `CellEnv`.
+
+    Raises:
+        InputError: there is no such task, or the offset is not three finite numbers.
     """
-    return CellEnv(
-        task,
-        differing_settings(),
-        render_mode,
-        differing_cell(default_cell(), offset),
-        round(SHARE_OF_ACTIONS * task_named(task).max_actions),
-    )
+    if np.shape(offset) != (3,) or not np.isfinite(offset).all():
+        raise InputError(f"offset is {offset}, must be three finite numbers [m]")
+    world = Place(task, DEFAULT_POLICY, None, (offset[0], offset[1], offset[2]))
+    real = differing_cell(default_cell(), world.offset)
+    return CellEnv(task, differing_settings(), render_mode, real, world.max_actions)

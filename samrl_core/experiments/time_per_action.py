@@ -3,7 +3,7 @@
 A run of `samrl cell` leaves in its `summary.json` when each phase of its episodes began. An action is all
 that happens from the end of the one before it to its own: update of the model, choice of a view where one is
 due, motion of the camera there and update from the new image, the actor (or plan) and residual, motion of
-the tool. What follows the last action, the update that finds the task done, belongs to none.
+the tool. What follows the last action, the updates that find the task done, belongs to none.
 """
 
 from __future__ import annotations

@@ -101,14 +101,14 @@ class ResidualLearner:
         self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=settings.critic_rate)
         self.updates = 0
 
-    def learn(self, draw: Callable[[int, torch.Generator], Batch]) -> Figures:
-        """Update from what `draw` returns for the batch's size and the learner's generator.
+    def learn(self, batch_of: Callable[[int, torch.Generator], Batch]) -> Figures:
+        """Update from what `batch_of` makes of the batch's size and the learner's generator.
 
         Raises:
             SolveError: see `update`; from the state that is left then, the same is drawn once more.
         """
         before = self.generator.get_state()
-        batch = draw(self.settings.batch, self.generator)
+        batch = batch_of(self.settings.batch, self.generator)
         try:
             return self.update(batch)
         except SolveError:

@@ -41,7 +41,10 @@ class SupervisorSettings:
     view_period: int = setting(3, "actions from one search for a better view to the next", range=(1, 1000))
     looks: int = setting(1, "camera moves in one search; after each the model is updated", range=(1, 20))
     max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
-    believe: bool = setting(True, "end when the model says done; off where it is not updated")
+    believe: bool = setting(
+        True, "end when the model says done; set false where model_updater is not enabled"
+    )
+    agreeing: int = setting(2, "images in a row that must say done", range=(1, 20))
     retry_period: float = setting(
         3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0)
     )
@@ -49,7 +52,8 @@ class SupervisorSettings:
 
 
 class Supervisor(Behaviour):
-    """A chain of stages: update, view (update again if the camera moved), act, and from the start.
+    """A chain of stages: update, view (update again if the camera moved), act, and from the start. What says
+    "done" is asked for once more.
 
     `waiting_for` names the stage whose answer is due. Answers of another episode or step are ignored.
     """
@@ -73,6 +77,7 @@ class Supervisor(Behaviour):
             settings.view_period,
             settings.looks,
             settings.max_lost_updates,
+            agreeing=settings.agreeing,
             believe=settings.believe,
         )
         self._episode = -1

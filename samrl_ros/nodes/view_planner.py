@@ -107,6 +107,7 @@ class ViewPlannerNode(Behaviour):
         self._observations: list[Observation] = []  # since the newest update was asked for
         self._wanted_since_ns = 0
         self._wanted_more = 0  # images
+        self._update_asked_ns = 0  # stamp of the newest request for an update
         self._state: Any = None
         self._request: Any = None
         self._moves = 0
@@ -150,6 +151,8 @@ class ViewPlannerNode(Behaviour):
 
     def _on_request(self, message: Any) -> None:
         asked_ns = from_message.stamp_ns(message)
+        if message.stage == "update":
+            self._update_asked_ns = asked_ns
         if message.stage in ("view", "act"):
             self._request = message
         elif asked_ns != self._wanted_since_ns:  # else asked again: the updater may have its image already
@@ -187,6 +190,8 @@ class ViewPlannerNode(Behaviour):
             return
         if (state.episode, state.step) != (request.episode, request.step):
             return
+        if from_message.stamp_ns(state) < self._update_asked_ns:
+            return  # a step may have several updates: this is not the last one
         if from_message.stamp_ns(state) > from_message.stamp_ns(request):
             raise InputError("model state is newer than the request that follows it; clocks disagree")
         observation = self._observation(request, state)

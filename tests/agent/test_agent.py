@@ -103,6 +103,7 @@ def test_stages() -> None:
     assert stage(0.0, step=4) == "action_limit"
     assert stage(1.0, step=1) == stage(1.0, step=4) == stage(1.0) == "again"
     assert stage(1.0, step=4, agreed=1) == stage(1.0, agreed=1) == "done"
+    assert stage(1.0, step=1, agreed=1, lost_updates=1) == "act"  # that is a prediction, no image
     first = LoopState(step=3).agreed_once()
     assert first.agreed == 1 and first.acted().agreed == first.looked_once().agreed == 0
     blind = replace(loop, believe=False)
@@ -110,6 +111,13 @@ def test_stages() -> None:
     assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=4), blind) == "action_limit"
     assert stage(1.0, lost_updates=2) == "lost"
     assert stage(0.0, lost_updates=1, step=1) == "act"
+
+
+def test_two_images_in_a_row_have_to_agree(model: Model, plant: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(type(model.task), "is_done", lambda *_: plant.images in (2, 4, 5))
+    agent = Agent(model, AgentSettings(strategy="fixed", update=False), networks())
+    episode = run_episode(agent, plant, LoopSettings(max_actions=9, looks=0))
+    assert (episode.ended, len(episode.steps), plant.images) == ("done", 2, 5)
 
 
 def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:

@@ -81,6 +81,9 @@ def test_the_world_of_the_sample_efficiency() -> None:
     plain.close()
     with pytest.raises(InputError, match="max_actions is -1"):
         CellEnv("peg_insertion", max_actions=-1)
+    for bad in ((0.005,), (0.0, 0.0, np.nan)):
+        with pytest.raises(InputError, match="three finite numbers"):
+            differing_env("peg_insertion", bad)
 
 
 @pytest.mark.slow

@@ -11,7 +11,10 @@ from typing import Any
 import pytest
 import yaml
 
-from samrl_core.learn.weights import shipped
+from samrl_core.errors import InputError
+from samrl_core.learn.networks import ResidualActor
+from samrl_core.learn.weights import WeightsInfo, save_weights, shipped
+from samrl_core.robots.cell import default_cell
 from samrl_ros.cli import run
 
 pytest.importorskip("rclpy")
@@ -142,6 +145,30 @@ def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
     blind = yaml.safe_load(prepare(replace(options, update=False, out=tmp_path / "blind")).read_text())
     assert blind["/cell/supervisor"]["ros__parameters"]["believe"] is False
     assert blind["/cell/model_updater"]["ros__parameters"]["enabled"] is False
+    file, training = tmp_path / "residual.safetensors", tmp_path / "training.yaml"
+    about = WeightsInfo("residual_actor", "peg_insertion", default_cell().intrinsics, 0.003, 0)
+    save_weights(file, ResidualActor(0.003), about)
+    mine = replace(options, residual=file, out=tmp_path / "mine")
+    written = yaml.safe_load(prepare(mine).read_text())["/cell/residual_trainer"]["ros__parameters"]
+    assert written["residual"] == str(file.resolve())
+    training.write_text("residual_trainer: {ros__parameters: {train: true, folder: somewhere}}\n")
+    with pytest.raises(InputError, match="leave out --residual"):
+        prepare(replace(mine, params=training, out=tmp_path / "both"))
+    assert not (tmp_path / "both").exists()
+
+
+def test_a_replay_of_an_older_run_ends_as_that_did(tmp_path: Path) -> None:
+    from samrl_ros.cell_options import CellOptions, prepare
+    from samrl_ros.replay_command import recorded_settings
+
+    out = tmp_path / "run"
+    file = prepare(CellOptions(task="peg_insertion", episodes=1, seed=0, out=out))
+    (out / "bag").mkdir()
+    assert recorded_settings(out / "bag")["supervisor"]["agreeing"] == 2
+    older = yaml.safe_load(file.read_text())
+    del older["/cell/supervisor"]["ros__parameters"]["agreeing"]
+    file.write_text(yaml.safe_dump(older))
+    assert recorded_settings(out / "bag")["supervisor"]["agreeing"] == 1
 
 
 def test_an_out_folder_in_use_is_not_touched(tmp_path: Path, capfd: Any) -> None:

@@ -1,0 +1,101 @@
+"""What the supervisor asks for after an update that says "done"."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from samrl_core.model.model import Model
+from samrl_core.real2sim import initial_estimate
+from samrl_core.robots.cell import default_cell
+from samrl_core.tasks import task_named
+from samrl_core.tasks.peg_insertion.task import PegInsertion
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.ros
+TASK = task_named("peg_insertion")
+SECOND = 1_000_000_000
+
+
+class Outbox:
+    """Keeps what is asked for and how the episode ended; starts episodes at once."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, int]] = []  # stage and stamp [ns]
+        self.ends: list[tuple[bool, str]] = []
+
+    def publish(self, topic: str, message: Any) -> None:
+        from samrl_ros.conversions import from_message
+        from samrl_ros.nodes.supervisor import OUTCOME, REQUEST
+
+        if topic == REQUEST:
+            self.asked.append((message.stage, from_message.stamp_ns(message)))
+        elif topic == OUTCOME:
+            self.ends.append((message.detected_success, message.reason))
+
+    def log(self, level: str, text: str) -> None:
+        pass
+
+    def call(self, service: str, request: Any, on_response: Callable[[Any], None]) -> None:
+        on_response(type("Response", (), {"success": True, "message": ""})())
+
+
+@pytest.fixture(scope="module")
+def estimate() -> Any:
+    return initial_estimate(Model(TASK, default_cell()))
+
+
+@pytest.fixture
+def verdicts(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[bool]]:
+    """What the model says, update by update."""
+    left: list[bool] = []
+    monkeypatch.setattr(PegInsertion, "is_done", lambda *_: left.pop(0))
+    yield left
+    assert not left
+
+
+def updates(estimate: Any, count: int, **settings: Any) -> Outbox:
+    """An episode begins, and `count` updates answer, each 0.4 s after it was asked for."""
+    from samrl_msgs.msg import EpisodeReady
+
+    from samrl_ros.conversions import model_state, to_message
+    from samrl_ros.nodes.supervisor import READY, STATE, Supervisor, SupervisorSettings
+
+    outbox = Outbox()
+    supervisor = Supervisor(SupervisorSettings(**settings), outbox)
+    supervisor.start()
+    ready = EpisodeReady(header=to_message.header(SECOND), episode=0, task=TASK.name)
+    supervisor.handle(READY, ready)
+    for _ in range(count):
+        stage, asked_ns = outbox.asked[-1]
+        assert stage == "update"
+        now = replace(estimate, stamp_ns=asked_ns + 400_000_000, why_stopped="converged", loss_after=0.05)
+        supervisor.handle(STATE, model_state.to_message(now, TASK, 0, 0))
+    return outbox
+
+
+def test_done_is_asked_for_twice(estimate: Any, verdicts: list[bool]) -> None:
+    verdicts += [True, True]
+    found = updates(estimate, 2)
+    assert [stage for stage, _ in found.asked] == ["update", "update"]
+    assert found.asked[1][1] >= found.asked[0][1] + 400_000_000  # from an image after the first one
+    assert found.ends == [(True, "done")]
+
+
+def test_one_image_that_says_done_is_not_enough(estimate: Any, verdicts: list[bool]) -> None:
+    verdicts += [True, False]
+    found = updates(estimate, 2)
+    assert [stage for stage, _ in found.asked] == ["update", "update", "view"] and not found.ends
+
+
+def test_as_many_as_are_asked_for(estimate: Any, verdicts: list[bool]) -> None:
+    verdicts += [True]
+    assert updates(estimate, 1, agreeing=1).ends == [(True, "done")]
+
+
+def test_a_model_that_is_not_updated_ends_nothing(estimate: Any) -> None:
+    found = updates(estimate, 1, believe=False)
+    assert found.asked[-1][0] == "view" and not found.ends

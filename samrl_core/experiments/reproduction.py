@@ -9,6 +9,7 @@ from pathlib import Path
 
 from samrl_core.errors import InputError
 from samrl_core.experiments.job_queue import DEVICE, WORKERS, Job
+from samrl_core.experiments.sample_efficiency import BUDGET, weights_at
 from samrl_core.learn.weights import weights_name
 from samrl_core.tasks import OCCLUDED_TASKS, TASKS, plain_name
 
@@ -153,8 +154,7 @@ class Reproduction:
     def _residual_copier(self, task: str) -> Callable[[], None]:
         """Beside the task's actor and Q, as `fig8d` wants it: the first run's, as it was at the end."""
         files = [self.out / "weights" / "seed-1" / weights_name(task, kind) for kind in KINDS]
-        residual = weights_name(task, "residual_actor")
-        files.append(self.out / f"sample_efficiency-{task}" / "weights" / "seed_0" / residual)
+        files.append(weights_at(self.out / f"sample_efficiency-{task}", task, 0, self.steps or BUDGET))
         return _copier(files, self.out / "weights" / f"residual-{task}")
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,70 +18,19 @@ from typing import Any
 import numpy as np
 
 from samrl_core.errors import InputError, SolveError
-from samrl_core.experiments.residual_episodes import Order, Place, Play, Played
+from samrl_core.experiments.residual_episodes import Place, Play, Played
+from samrl_core.experiments.residual_evaluation import TRAINING, Evaluated, RunSettings, evaluated, order_of
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
+from samrl_core.learn.fit import STOPPED
 from samrl_core.learn.networks import Encoder
 from samrl_core.learn.replay import End, Replay, ReplayInfo
-from samrl_core.learn.residual import ResidualLearner, ResidualSettings
-from samrl_core.learn.residual_training import STOPPED
+from samrl_core.learn.residual import ResidualLearner
 from samrl_core.learn.step_features import StepFeatures, fingerprint
 from samrl_core.learn.transitions import transitions_of
 from samrl_core.learn.weights import WeightsInfo, save_weights
 from samrl_core.robots.robot import CellSpec
 
 KIND = "residual_run"
-_TRAINING, _EVALUATION = 1, 2  # seeds of scenes never meet: these come first in what they are made of
-
-
-@dataclass(frozen=True)
-class RunSettings:
-    """How a run goes.
-
-    Raises:
-        InputError: a value outside its limits.
-    """
-
-    points: tuple[int, ...]  # real steps at which is evaluated; the last one ends the run
-    learner: ResidualSettings = ResidualSettings()
-    episodes: int = 4  # per round, at least
-    growth: float = 0.25  # more of them, up to this share of all before: they are played side by side
-    first_steps: int = 200  # in the replay before the first update
-    updates_per_step: float = 2.0  # each step beyond the first ones allows so many
-    # Small and steady: 1.5 mm that change within an episode keep the tool from where the nominal policy goes
-    # on from, so that nothing succeeds, and there is no reward to learn from.
-    exploration: float = 0.0005  # standard deviation per axis of what is tried [m]
-    memory: float = 0.98  # of the exploration from action to action
-    evaluated: int = 20  # episodes per evaluation
-    max_actions: int = 40  # of an episode
-
-    def __post_init__(self) -> None:
-        if not self.points or list(self.points) != sorted(set(self.points)) or self.points[0] < 0:
-            raise InputError(f"evaluation points {self.points} must grow from 0 or more")
-        for name in ("episodes", "first_steps", "evaluated", "max_actions"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name} is {getattr(self, name)}, must be at least 1")
-        if not 0.0 <= self.growth < np.inf:
-            raise InputError(f"growth is {self.growth}, must be at least 0 and finite")
-        if not (self.updates_per_step > 0 and self.exploration > 0 and 0 <= self.memory <= 1):
-            raise InputError(
-                f"updates_per_step {self.updates_per_step} and exploration {self.exploration} m must be "
-                f"above 0, memory {self.memory} within 0..1"
-            )
-
-
-@dataclass(frozen=True)
-class Evaluated:
-    """The residual as it is, without exploration; none of it is learnt from."""
-
-    steps: int  # real steps before
-    episodes: int  # of the training before
-    updates: int
-    successes: list[bool]  # by the truth, per episode
-    detected: list[bool]  # by the model
-    final_errors: list[float]  # [m]
-    actions: list[int]
-    errors: list[str]  # of episodes that an error ended
-    residual: float  # mean length [m]
 
 
 class ResidualRun:
@@ -135,28 +84,15 @@ class ResidualRun:
             self._round(steps)
 
     def evaluate(self) -> Evaluated:
-        """Episodes of this run's own scenes, the same ones at every point."""
-        s = self._settings
-        plain = [self._order(_EVALUATION, k) for k in range(s.evaluated)]
-        played = self._play([replace(order, exploration=0.0) for order in plain])
-        lengths = [np.linalg.norm(step.residual) for one in played for step in one.steps]
-        return Evaluated(
-            self.steps,
-            self._episodes,
-            self._learner.updates,
-            [one.success for one in played],
-            [one.ended == "done" for one in played],
-            [one.final_error for one in played],
-            [len(one.steps) for one in played],
-            [one.why for one in played if one.ended == "error"],
-            float(np.mean(lengths)) if lengths else 0.0,
-        )
+        """The residual as it is; see `evaluated`."""
+        return evaluated(self._play, self._place, self._seed, self._settings, self._weights())
 
     def save_weights(self, path: Path, figures: dict[str, float]) -> None:
         """The residual as a weight file."""
         limit = self._settings.learner.limit
         off = dict(zip(("offset_x", "offset_y", "offset_z"), self._place.offset, strict=True))
-        about = {"steps": float(self.steps), "updates": float(self._learner.updates), **off, **figures}
+        counts = {"steps": self.steps, "episodes": self._episodes, "updates": self._learner.updates}
+        about = {**{name: float(count) for name, count in counts.items()}, **off, **figures}
         info = WeightsInfo(
             "residual_actor", self._place.task, self._cell.intrinsics, limit, self._seed, about
         )
@@ -167,7 +103,13 @@ class ResidualRun:
         first = self._episodes
         fewest = math.ceil((steps - self.steps) / s.max_actions)  # more may go beyond
         count = max(s.episodes, min(int(s.growth * first), fewest))
-        played = self._play([self._order(_TRAINING, first + k) for k in range(count)])
+        weights = self._weights()
+        played = self._play(
+            [
+                order_of(TRAINING, first + k, self._place, self._seed, self._settings, weights)
+                for k in range(count)
+            ]
+        )
         for number, one in enumerate(played, first):
             self._store(number, one)
         self._episodes += count
@@ -175,20 +117,11 @@ class ResidualRun:
         self._train()
         self._save(self._checkpoint)
 
-    def _order(self, kind: int, number: int) -> Order:
-        s = self._settings
-        state = {} if not self._learner.updates else self._learner.actor.state_dict()
-        scene, noise = np.random.SeedSequence([kind, self._seed, number]).generate_state(2) >> 1
-        return Order(
-            self._place,
-            int(scene),
-            s.max_actions,
-            {name: value.cpu().numpy() for name, value in state.items()},
-            s.learner.limit,
-            s.exploration,
-            s.memory,
-            int(noise),
-        )
+    def _weights(self) -> dict[str, np.ndarray]:
+        """The actor's, by name; none before the first update, when it is zero."""
+        if not self._learner.updates:
+            return {}
+        return {name: value.cpu().numpy() for name, value in self._learner.actor.state_dict().items()}
 
     def _store(self, number: int, played: Played) -> None:
         last = 0

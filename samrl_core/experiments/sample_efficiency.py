@@ -2,19 +2,20 @@
 
 Per task and training seed, episodes of the agent in a PyBullet world that its model does not know fill a
 replay, and TD3 trains the residual on it (eqs. 13 to 16). The model's own verdict is the reward. At each
-point of the curve, the first one before any real step, episodes of other scenes are judged by the truth;
-they explore nothing, are not learnt from and not counted as steps. `count` is the number of real steps. How
-far the calibration is off in that world is found first, see `calibration_gap`.
+point of the curve, the first one before any real step, the weights are kept and judged by the truth on
+episodes of other scenes; these explore nothing, are not learnt from and not counted as steps. `count` is the
+number of real steps. How far the calibration is off in that world is found first, see `calibration_gap`.
 
 Episodes of all runs share the worker processes; the learners are threads of this process and update on
-`device`, so that one accelerator serves them all.
+`device`, so that one accelerator serves them all. Kept weights are judged while the training goes on: its
+rounds are small at first and leave processes idle.
 """
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -25,10 +26,11 @@ import torch
 from samrl_core.experiments.calibration_gap import gaps, offset_of
 from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options, Tell
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played, play
-from samrl_core.experiments.residual_run import Evaluated, ResidualRun, RunSettings
+from samrl_core.experiments.residual_evaluation import RunSettings, evaluated
+from samrl_core.experiments.residual_run import ResidualRun
 from samrl_core.experiments.sample_efficiency_curve import summary_of, write_picture
 from samrl_core.learn.step_features import nominal_encoder
-from samrl_core.learn.weights import weights_file, weights_name
+from samrl_core.learn.weights import load_weights, weights_file, weights_name
 from samrl_core.learn.workers import worker_pool
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS
@@ -37,6 +39,7 @@ NAME = "sample_efficiency"
 SEEDS = 3  # trainings per task
 BUDGET = 8000  # real steps
 POINTS = (0, 500, 1000, 2000, 4000, 8000)
+_ALONE = threading.Lock()  # around what this process keeps for its episodes
 
 
 def points_up_to(budget: int) -> tuple[int, ...]:
@@ -62,7 +65,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
         found = gaps(log, calibrated, player, tell, options.processes)
         places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
         jobs = [
-            _Job(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
+            Job(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
             for k in range(SEEDS)
             for place in places
         ]
@@ -80,7 +83,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class _Job:
+class Job:
     """One training."""
 
     place: Place
@@ -88,6 +91,7 @@ class _Job:
     settings: RunSettings
 
     def key(self, point: int) -> str:
+        """Of its case at a point of the curve."""
         return f"{self.place.task}/{self.seed}/{point}"
 
 
@@ -108,10 +112,11 @@ def _player(options: Options) -> Iterator[Play]:
 
 
 def _here(orders: Sequence[Order]) -> list[Played]:
-    return [play(order) for order in orders]
+    with _ALONE:
+        return [play(order) for order in orders]
 
 
-def _run_all(jobs: Sequence[_Job], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
+def _run_all(jobs: Sequence[Job], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
     if not jobs:
         return
     lock, stop = threading.Lock(), threading.Event()
@@ -123,52 +128,74 @@ def _run_all(jobs: Sequence[_Job], options: Options, log: CaseLog, player: Play,
             tell(f"{case['key']}: success {rate:.2f} after {case['steps']} real steps")
 
     torch.set_num_threads(max(1, options.processes // len(jobs)))
-    with ThreadPoolExecutor(len(jobs)) as threads, ExitStack() as last:
+    with (
+        ThreadPoolExecutor(len(jobs)) as judges,
+        ThreadPoolExecutor(len(jobs)) as threads,
+        ExitStack() as last,
+    ):
         last.callback(stop.set)  # before the threads are waited for: they end with their round
-        runs = [threads.submit(_one, job, options, log, player, keep, stop) for job in jobs]
+        judged: list[Future[None]] = []
+
+        def judge(job: Job, point: int) -> None:
+            if not stop.is_set():
+                keep(judged_at(job, point, options.out, player))
+
+        def kept(job: Job, point: int) -> None:
+            if job.key(point) not in log.cases:
+                judged.append(judges.submit(judge, job, point))
+
+        runs = [threads.submit(_train, job, options, player, kept, stop) for job in jobs]
         for one in as_completed(runs):
             one.result()
+        for other in as_completed(judged):
+            other.result()
 
 
-def _one(
-    job: _Job,
-    options: Options,
-    log: CaseLog,
-    player: Play,
-    keep: Callable[[Case], None],
-    stop: threading.Event,
+def _train(
+    job: Job, options: Options, player: Play, kept: Callable[[Job, int], None], stop: threading.Event
 ) -> None:
-    """One training from where it was left."""
-    task, points = job.place.task, job.settings.points
-    folder = options.out / "runs" / f"{task}-{job.seed}"
+    """One training from where it was left; `kept` hears of each point that its weights lie there."""
+    folder = options.out / "runs" / f"{job.place.task}-{job.seed}"
     cell = default_cell()
-    encoder = nominal_encoder(task, cell, job.place.weights)
-    device = options.device
-    residual = ResidualRun(folder, job.place, cell, encoder, job.seed, job.settings, player, device)
+    encoder = nominal_encoder(job.place.task, cell, job.place.weights)
+    run = ResidualRun(folder, job.place, cell, encoder, job.seed, job.settings, player, options.device)
     try:
-        for point in points:
-            residual.advance(point, lambda: not stop.is_set())
+        for point in job.settings.points:
+            run.advance(point, lambda: not stop.is_set())
             if stop.is_set():
                 return
-            if job.key(point) not in log.cases:
-                case = _case(job, point, residual.evaluate())
-                file = options.out / "weights" / f"seed_{job.seed}" / weights_name(task, "residual_actor")
-                residual.save_weights(file, {"success": case["successes"] / case["evaluated"]})
-                keep(case)
+            file = weights_at(options.out, job.place.task, job.seed, point)
+            if not file.is_file():
+                run.save_weights(file, {})
+            kept(job, point)
     finally:
-        residual.close()
+        run.close()
 
 
-def _case(job: _Job, point: int, found: Evaluated) -> Case:
+def weights_at(out: Path, task: str, seed: int, point: int) -> Path:
+    """Where an experiment keeps the residual of a run as it was at a point of the curve."""
+    return out / "weights" / f"seed_{seed}" / f"steps_{point}" / weights_name(task, "residual_actor")
+
+
+def judged_at(job: Job, point: int, out: Path, player: Play) -> Case:
+    """The weights kept at a point, by the truth.
+
+    Raises:
+        InputError: their file does not fit; see `load_weights`.
+    """
+    task = job.place.task
+    actor, info = load_weights(weights_at(out, task, job.seed, point), "residual_actor", task, default_cell())
+    trained = {name: value.numpy() for name, value in actor.state_dict().items()}
+    found = evaluated(player, job.place, job.seed, job.settings, trained if info.figures["updates"] else {})
     return {
         "key": job.key(point),
-        "task": job.place.task,
+        "task": task,
         "policy": job.place.policy,
         "seed": job.seed,
         "point": point,
-        "steps": found.steps,
-        "episodes": found.episodes,
-        "updates": found.updates,
+        "steps": int(info.figures["steps"]),
+        "episodes": int(info.figures["episodes"]),
+        "updates": int(info.figures["updates"]),
         "evaluated": len(found.successes),
         "successes": sum(found.successes),
         "detected": sum(found.detected),

@@ -19,6 +19,7 @@ import numpy as np
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
+from samrl_core.learn.fit import STOPPED
 from samrl_core.learn.networks import Encoder
 from samrl_core.learn.replay import End, Replay, ReplayInfo
 from samrl_core.learn.residual import Figures, ResidualLearner, ResidualSettings
@@ -29,7 +30,6 @@ from samrl_core.robots.robot import CellSpec
 from samrl_core.whole_file import write_whole
 
 KIND = "residual_training"
-STOPPED = "stopped.safetensors"  # the state that led to a loss or gradient that is not finite
 KEPT_VERSIONS = 50  # weight files, 0.5 MB each: the node may be some versions behind
 RECENT_EPISODES = 20  # of the success rate in the summary
 IDLE_S = 0.2  # between looks at the replay while no update is due

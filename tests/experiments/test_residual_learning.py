@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from samrl_core.experiments.residual_episodes import Place
-from samrl_core.experiments.residual_run import ResidualRun, RunSettings
+from samrl_core.experiments.residual_evaluation import RunSettings
+from samrl_core.experiments.residual_run import ResidualRun
 from tests.experiments import kinematic_peg
 from tests.learn import toy_cell
 from tests.learn.small_cell import SMALL

@@ -13,13 +13,14 @@ import torch
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.experiments.residual_episodes import Order, Place, Played
-from samrl_core.experiments.residual_run import KIND, ResidualRun, RunSettings
+from samrl_core.experiments.residual_evaluation import RunSettings
+from samrl_core.experiments.residual_run import KIND, ResidualRun
 from samrl_core.learn.checkpoint import load_checkpoint
 from samrl_core.learn.exploration import Exploration, shortened
+from samrl_core.learn.fit import STOPPED
 from samrl_core.learn.networks import ResidualActor
 from samrl_core.learn.replay import End
 from samrl_core.learn.residual import ResidualSettings
-from samrl_core.learn.residual_training import STOPPED
 from samrl_core.learn.weights import load_weights
 from tests.experiments import kinematic_peg
 from tests.learn import toy_cell
@@ -75,24 +76,25 @@ def test_a_run_collects_trains_and_counts(tmp_path: Path) -> None:
     play = FakeCell()
     one = run(tmp_path, play)
     before = one.evaluate()
-    assert before.steps == before.updates == before.episodes == 0 and before.residual == 0.0
+    assert one.steps == 0 and before.residual == 0.0
     assert len(before.successes) == 3 and not any(order.residual for order in play.orders)
     assert {order.exploration for order in play.orders} == {0.0} and play.orders[0].max_actions == 3
     one.advance(12)
     after = one.evaluate()
-    assert after.steps == one.steps >= 12 and after.updates == int(np.ceil(0.3 * (one.steps - 5)))
+    assert one.steps >= 12 and one._learner.updates == int(np.ceil(0.3 * (one.steps - 5)))
     trained = play.orders[3:-3]
-    assert {o.exploration for o in trained} == {SETTINGS.exploration} and len(trained) == after.episodes
+    assert {o.exploration for o in trained} == {SETTINGS.exploration} and len(trained) == one._episodes
     scenes = [o.seed for o in trained]
     assert len(set(scenes)) == len(scenes) and not {o.seed for o in play.orders[:3]} & set(scenes)
     assert [o.seed for o in play.orders[:3]] == [o.seed for o in play.orders[-3:]]
     _, episodes, steps, ends = one._replay.outline()
-    assert len(episodes) == one.steps and set(episodes) == set(range(after.episodes))
+    assert len(episodes) == one.steps and set(episodes) == set(range(one._episodes))
     assert (ends[np.flatnonzero(steps == 0)[1:] - 1] != End.OPEN).all()  # every episode's last step says how
     assert after.residual > 0.0
     one.save_weights(tmp_path / "w.safetensors", {"success": 0.5})
     _, info = load_weights(tmp_path / "w.safetensors", "residual_actor", "toy", SMALL)
-    wanted = {"steps": one.steps, "updates": after.updates, "success": 0.5, "offset_z": -0.002}
+    counts = {"steps": one.steps, "updates": one._learner.updates, "episodes": one._episodes}
+    wanted = {**counts, "success": 0.5, "offset_z": -0.002}
     assert wanted.items() <= info.figures.items()
 
 
@@ -220,13 +222,39 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
     assert [one["point"] for one in curve] == [0, 6, 12] and curve[0]["steps"] == 0
     assert all(one["success"]["trials"] == 9 and len(one["by_seed"]) == 3 for one in curve)
     assert (tmp_path / "sample_efficiency.png").stat().st_size > 1000
-    assert len(list((tmp_path / "weights").rglob("peg_insertion_residual_actor.safetensors"))) == 3
+    assert (
+        len(list((tmp_path / "weights").rglob("peg_insertion_residual_actor.safetensors"))) == 9
+    )  # of every point
     assert found["gap"]["peg_insertion"]["length"] == 0.005
     # No larger error was tried, and the scenes are the same at each.
     assert len(nominal) == 4 * calibration_gap.EPISODES
     assert len({o.seed for o in nominal}) == calibration_gap.EPISODES
     assert {order.place.offset for order in cells[0].orders} == {calibration_gap.offset_of(0.005)}
     assert sum("real steps" in line for line in told) == 9
+
+
+def test_kept_weights_are_judged_long_after_they_were_trained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A point whose case is missing comes to the same, though the run has gone on since."""
+    from samrl_core.experiments import sample_efficiency
+
+    monkeypatch.setattr(sample_efficiency, "default_cell", lambda: SMALL)
+    play = FakeCell()
+    settings = replace(SETTINGS, points=(6, 12))
+    job = sample_efficiency.Job(PLACE, 3, settings)
+    one = ResidualRun(tmp_path / "run", PLACE, SMALL, toy_cell.ENCODER, 3, settings, play)
+    at_once = []
+    for point in settings.points:
+        one.advance(point)
+        one.save_weights(sample_efficiency.weights_at(tmp_path, "toy", 3, point), {})
+        at_once.append((one.steps, one._episodes, sum(one.evaluate().successes)))
+    for point, (steps, episodes, successes) in zip(settings.points, at_once, strict=True):
+        case = sample_efficiency.judged_at(job, point, tmp_path, play)
+        assert (case["steps"], case["episodes"], case["successes"]) == (steps, episodes, successes)
+        assert case["key"] == job.key(point) and case["residual"] > 0.0
+    with pytest.raises(InputError, match="steps_99"):
+        sample_efficiency.judged_at(job, 99, tmp_path, play)
 
 
 @pytest.mark.parametrize("processes", [1, 25, 200])

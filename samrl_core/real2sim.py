@@ -74,20 +74,11 @@ class Real2SimSettings:
     )
 
 
+_LOSSES = ("loss", "color_loss", "emd")
 # Losses of an estimate that no image has been fitted to.
 _NO_FIT: dict[str, Any] = {
-    **dict.fromkeys(
-        (
-            "loss_before",
-            "loss_after",
-            "color_loss_before",
-            "color_loss_after",
-            "emd_before",
-            "emd_after",
-            "loss_known",
-        ),
-        float("nan"),
-    ),
+    **dict.fromkeys((f"{name}_{when}" for name in _LOSSES for when in ("before", "after")), float("nan")),
+    "loss_known": float("nan"),
     "iterations": 0,
 }
 
@@ -216,14 +207,14 @@ class Real2Sim:
         fit = fit_pose(
             renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )
-        fit = self._right_face(fit, estimate.colors, renderer, real, misfit, belief)
+        fit, known_losses = self._right_face(fit, estimate.colors, renderer, real, misfit, belief)
         pixels = renderer.group_pixels(fit.values, fit.colors)
         known = (estimate.colors, estimate.color_variance)
         colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
         after = misfit.losses(fit.values, colors)
         found, losses, why = (
             (fit.values, fit.covariance, colors, color_variance),
-            (before, after, misfit.losses(fit.values, estimate.colors)),
+            (before, after, known_losses),
             fit.why_stopped,
         )
         worse = min(after.emd / before.emd, after.color / before.color) > s.worse
@@ -240,19 +231,21 @@ class Real2Sim:
         real: RealTarget,
         misfit: Misfit,
         belief: np.ndarray,
-    ) -> PoseFit:
-        """The fit, or that of a look-alike which the colours believed before this image speak for.
+    ) -> tuple[PoseFit, Losses]:
+        """The fit, or that of a look-alike which the colours known before speak for, and its eq. 6 with them.
 
         A fit that took the wrong face of a disc paints it in the other's colour, and would be right for ever.
         """
         s = self._settings
+        losses = misfit.losses(fit.values, colors)
         for values in self._model.task.look_alikes(fit.values):
-            least = s.other_face * misfit.losses(fit.values, colors).total
+            least = s.other_face * losses.total
             if misfit.losses(values, colors).total < least:
                 other = fit_pose(renderer, real, misfit, values, colors, belief, s.noise, s.pose)
-                if misfit.losses(other.values, colors).total < least:
-                    fit = replace(other, evaluations=fit.evaluations + other.evaluations)
-        return fit
+                found = misfit.losses(other.values, colors)
+                if found.total < least:
+                    fit, losses = replace(other, evaluations=fit.evaluations + other.evaluations), found
+        return fit, losses
 
     def _fit(
         self, misfit: Misfit, values: np.ndarray, colors: np.ndarray, steps: MinimizeSettings

@@ -28,7 +28,7 @@ from torch.nn import functional
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.learn.checkpoint import adam_tensors, load_adam, with_prefix
-from samrl_core.learn.networks import Encoder, ResidualActor, TwinCritic
+from samrl_core.learn.networks import FEATURES, Encoder, ResidualActor, TwinCritic, thinned
 from samrl_core.learn.transitions import Batch
 
 
@@ -125,14 +125,17 @@ class ResidualLearner:
         s = self.settings
         target = self._target(batch)
         tried = batch.residual + self._noise(batch.residual, s.blur)
-        first, second = self.critic(self._thinned(batch), batch.nominal, tried)
+        features = self._thinned(batch.features, batch.episodes)
+        first, second = self.critic(features, batch.nominal, tried)
         critic_loss = functional.mse_loss(first, target) + functional.mse_loss(second, target)
         critic_slopes = self._slopes(critic_loss, self.critic, "critic")
         actor_value = residual = float("nan")
         actor_slopes = None
         if self.updates >= s.warm_up and self.updates % s.delay == 0:
-            action = self.actor.of_features(self._thinned(batch), batch.nominal)
-            value = self.critic(self._thinned(batch), batch.nominal, action)[0].mean()
+            features = self._thinned(batch.features, batch.episodes)
+            action = self.actor.of_features(features, batch.nominal)
+            features = self._thinned(batch.features, batch.episodes)
+            value = self.critic(features, batch.nominal, action)[0].mean()
             departure = action - batch.residual
             price = s.effort * _squares(action, s.limit) + s.behaviour * _squares(departure, s.limit)
             actor_slopes = self._slopes(price - value, self.actor.head, "actor")
@@ -143,6 +146,7 @@ class ResidualLearner:
             self._follow(self._target_actor.head, self.actor.head)
         if self.updates % s.delay == 0:
             self._follow(self._target_critic, self.critic)
+        self.actor.seen.fill_(self._share(batch.episodes))
         self.updates += 1
         return Figures(critic_loss.item(), first.mean().item(), actor_value, residual)
 
@@ -150,6 +154,7 @@ class ResidualLearner:
         """All that the next updates depend on, by name; the encoder, which stands still, left out."""
         found: dict[str, torch.Tensor] = {
             "updates": torch.tensor(self.updates),
+            "seen": self.actor.seen.detach().cpu().clone(),
             "generator": self.generator.get_state(),
         }
         for name, module in self._modules().items():
@@ -169,6 +174,7 @@ class ResidualLearner:
                 module.load_state_dict(with_prefix(state, f"{name}."))
             for name, adam in self._optimisers().items():
                 load_adam(adam, state, f"{name}.")
+            self.actor.seen.copy_(state["seen"])
             self.generator.set_state(state["generator"])
             self.updates = int(state["updates"])
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -179,18 +185,19 @@ class ResidualLearner:
         with torch.no_grad():
             longest = s.target_noise_clip * s.limit
             noise = self._noise(batch.nominal, s.target_noise).clamp(-longest, longest)
-            features, nominal = batch.next_features, batch.next_nominal
+            features, nominal = self._thinned(batch.next_features, batch.episodes), batch.next_nominal
             action = shortened(self._target_actor.of_features(features, nominal) + noise, s.limit)
             first, second = self._target_critic(features, nominal, action)
             return (batch.reward + batch.discount * torch.minimum(first, second)).clamp(0.0, 1.0)
 
-    def _thinned(self, batch: Batch) -> torch.Tensor:
+    def _share(self, episodes: int) -> float:
+        """Of the features that an update sees in a step, with so many episodes in the replay."""
+        return min(1.0, max(1.0, episodes / self.settings.episodes_per_feature) / FEATURES)
+
+    def _thinned(self, features: torch.Tensor, episodes: int) -> torch.Tensor:
         """Features (B, 128), each step's with others hidden, and what is left made up for it."""
-        features = batch.features
-        seen = max(1.0, batch.episodes / self.settings.episodes_per_feature)
-        share = min(1.0, seen / features.shape[1])
-        shown = torch.rand(features.shape, generator=self.generator) < share
-        return features * shown.to(self.device) / share
+        drawn = torch.rand(features.shape, generator=self.generator)
+        return thinned(features, self._share(episodes), drawn.to(self.device))
 
     def _noise(self, like: torch.Tensor, deviation: float) -> torch.Tensor:
         """Of rows (B, 3), its standard deviation per axis in limits [m]."""

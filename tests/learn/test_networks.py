@@ -15,6 +15,7 @@ from samrl_core.learn.networks import (
     TwinCritic,
     bounded,
     key_points,
+    thinned,
 )
 
 LIMIT = 0.01
@@ -104,6 +105,24 @@ def test_residual_is_exactly_zero_at_first_and_can_be_trained() -> None:
     assert torch.equal(out, torch.zeros(3, 3))
     (out - 1e-3).square().sum().backward()
     assert int(torch.count_nonzero(network.head[-1].weight.grad)) > 0
+
+
+def test_residual_is_the_mean_over_what_may_be_shown() -> None:
+    """Of the same draws each time, for each row alone; plain where everything is seen."""
+    network = ResidualActor(LIMIT, generator())
+    image, nominal = inputs("residual_actor")
+    with torch.no_grad():
+        network.head[-1].weight.normal_(generator=generator())
+        features = network.encoder(image)
+        assert torch.equal(network(image, nominal), network.of_features(features, nominal))
+        network.seen.fill_(0.25)
+        acting = network(image, nominal)
+        assert torch.equal(acting, network(image, nominal))
+        torch.testing.assert_close(acting[1:2], network(image[1:2], nominal[1:2]))
+        assert float(acting.norm(dim=1).max()) <= LIMIT
+        drawn = torch.rand((4000, FEATURES), generator=generator())
+        many = network.of_features(thinned(features[:1], 0.25, drawn), nominal[:1].expand(4000, 3))
+    assert (acting[0] - many.mean(dim=0)).norm() < 4.0 * (many.std(dim=0) / 8.0).norm()
 
 
 def test_q_lies_within_zero_and_one_and_depends_on_the_action() -> None:

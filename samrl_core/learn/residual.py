@@ -5,7 +5,8 @@ model's (eq. 15); actions are bounded in length; returns run over 100 actions, a
 episode, where the only reward comes; the target stays within 0..1, where every return of eq. 16 lies; critics
 learn alone at first, because the actor would climb what they have not yet learnt; and it is held to the
 residuals that were tried (Fujimoto & Gu 2021, "A minimalist approach to offline RL"), as beyond them critics
-make things up.
+make things up; the less, the more episodes there are, for the error of what critics say of a way to go falls
+with the root of their number. At the full price forever, no residual comes far from where it began.
 
 The encoder is the nominal policy's and stands still, so that what is learnt from are features: 128 numbers a
 step. With convolutions of their own, actor and critics knew a few dozen episodes by heart, and an update took
@@ -52,13 +53,14 @@ class ResidualSettings:
     target_noise: float = 0.2  # standard deviation per axis, of the limit
     target_noise_clip: float = 0.5  # of the limit
     effort: float = 0.1  # return that a residual of full length must be worth, quadratic in its length
-    behaviour: float = 1.0  # the same of its distance from the one that was executed there
+    behaviour: float = 1.0  # the same of its distance from the one executed there, with few episodes
+    few_episodes: float = 25.0  # from these on `behaviour` falls with the root of their number
     delay: int = 2  # updates of the critics per update of the actor
     warm_up: int = 400  # updates of the critics before the first one of the actor
     max_gradient: float = 10.0  # longer gradients are shortened to this
 
     def __post_init__(self) -> None:
-        for name in ("n_step", "batch", "delay", "episodes_per_feature"):
+        for name in ("n_step", "batch", "delay", "episodes_per_feature", "few_episodes"):
             if not 1 <= getattr(self, name) < math.inf:
                 raise InputError(f"{name} is {getattr(self, name)}, must be at least 1 and finite")
         for name in ("gamma", "average", "critic_rate", "actor_rate", "limit"):
@@ -137,7 +139,8 @@ class ResidualLearner:
             features = self._thinned(batch.features, batch.episodes)
             value = self.critic(features, batch.nominal, action)[0].mean()
             departure = action - batch.residual
-            price = s.effort * _squares(action, s.limit) + s.behaviour * _squares(departure, s.limit)
+            behaviour = s.behaviour * math.sqrt(s.few_episodes / max(s.few_episodes, batch.episodes))
+            price = s.effort * _squares(action, s.limit) + behaviour * _squares(departure, s.limit)
             actor_slopes = self._slopes(price - value, self.actor.head, "actor")
             actor_value, residual = value.item(), action.detach().norm(dim=1).mean().item()
         _apply(self._critic_adam, self.critic, critic_slopes)

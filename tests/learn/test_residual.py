@@ -101,6 +101,22 @@ def test_the_actor_acts_as_it_learnt_where_updates_see_few_features() -> None:
     assert torch.equal(again.actor.mean_of_features(features, data.nominal).mean(dim=0), acting)
 
 
+def test_what_leaving_costs_falls_with_the_root_of_the_episodes() -> None:
+    """From `few_episodes` on, all else being equal: a hundred times as many count as a tenth of the price."""
+    data = replace(batch(0, 64), features=torch.zeros(64, FEATURES), residual=torch.full((64, 3), 0.001))
+    found = []
+    for few, behaviour in ((100.0, 5.0), (10_000.0, 0.5), (10_000.0, 5.0)):
+        settings = replace(QUICK, few_episodes=few, behaviour=behaviour, actor_rate=1e-3)
+        learner = ResidualLearner(settings, ENCODER, 0)
+        for _ in range(20):
+            learner.update(replace(data, episodes=10_000))
+        found.append(learner.actor.mean_of_features(data.features, data.nominal).detach())
+    torch.testing.assert_close(found[0], found[1])
+    assert (found[0] - found[2]).norm(dim=1).mean() > 1e-5
+    with pytest.raises(InputError, match="few_episodes"):
+        replace(QUICK, few_episodes=0.5)
+
+
 @pytest.mark.parametrize("seed", [0, 4])
 def test_features_that_tell_episodes_apart_hide_nothing(seed: int) -> None:
     """Of 24 episodes, each to be known by its features, those with residuals along +x succeed more often.

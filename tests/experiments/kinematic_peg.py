@@ -45,7 +45,7 @@ def _episode(order: Order) -> Played:
     hole = believed + OFFSET + rng.normal(0.0, SPREAD, 2)
     tip = np.array([TASK.center_x, TASK.center_y, TASK.height + TASK.start_above])
     steps: list[Step] = []
-    color, depth = _scene(np.random.default_rng([order.seed, 1]))
+    color, depth = scene(np.random.default_rng([order.seed, 1]))
     while True:
         seen = believed + rng.normal(0.0, ESTIMATE, 2)
         if TASK.is_done(seen, tip):
@@ -72,7 +72,7 @@ def _episode(order: Order) -> Played:
         tip = after
 
 
-def _scene(rng: np.random.Generator, squares: int = 4) -> tuple[np.ndarray, np.ndarray]:
+def scene(rng: np.random.Generator, squares: int = 4) -> tuple[np.ndarray, np.ndarray]:
     """Colour (H, W, 3) and depth (H, W) [m] of a block of coloured squares, each at another height."""
     one = np.ones((SIZE // squares, SIZE // squares))
     color = np.kron(rng.integers(20, 220, (squares, squares, 3), dtype=np.uint8), one[..., None])

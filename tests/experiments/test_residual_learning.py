@@ -12,7 +12,7 @@ import pytest
 from samrl_core.experiments.residual_episodes import Place
 from samrl_core.experiments.residual_evaluation import RunSettings
 from samrl_core.experiments.residual_run import ResidualRun
-from tests.experiments import kinematic_peg
+from tests.experiments import far_correction, kinematic_peg
 from tests.learn import toy_cell
 from tests.learn.small_cell import SMALL
 
@@ -43,3 +43,23 @@ def test_a_correction_is_found_and_kept(tmp_path: Path, seeds: Sequence[int], sp
     print(mean)
     assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37, 0.48, 0.55, 0.82, 0.94; spoilt 0.39 ... 1.0
     assert all(curve[-1] > curve[0] for curve in curves)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+def test_a_correction_far_off_is_found_too(tmp_path: Path) -> None:
+    """About 2.5 mm from none. At the full price for leaving what was tried, all along, it is not."""
+    curves = []
+    for seed in (0, 1):
+        settings = RunSettings((0, 3000, 6000, 8000), evaluated=40)
+        one = ResidualRun(
+            tmp_path / str(seed), PLACE, SMALL, toy_cell.ENCODER, seed, settings, far_correction.play
+        )
+        curves.append([])
+        for steps in settings.points:
+            one.advance(steps)
+            curves[-1].append(float(np.mean(one.evaluate().successes)))
+        one.close()
+        print(seed, curves[-1], flush=True)
+    mean = np.mean(curves, axis=0)
+    assert mean[0] < 0.5 and mean[-1] > mean[0] + 0.15

@@ -33,7 +33,7 @@ class RunSettings:
     updates_per_step: float = 2.0  # each step beyond the first ones allows so many
     # Small and steady: 1.5 mm that change within an episode keep the tool from where the nominal policy goes
     # on from, so that nothing succeeds, and there is no reward to learn from.
-    exploration: float = 0.0005  # standard deviation per axis of what is tried [m]
+    exploration: float = 0.00075  # standard deviation per axis of what is tried [m]
     memory: float = 0.98  # of the exploration from action to action
     evaluated: int = 20  # episodes per evaluation
     max_actions: int = 40  # of an episode

@@ -161,10 +161,16 @@ class ResidualActor(nn.Module):
         return self.mean_of_features(self.encoder(image_real), nominal)
 
     def mean_of_features(self, features: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
-        """The same from the encoder's features (B, 128) of the images."""
+        """The same from the encoder's features (B, 128) of the images.
+
+        Raises:
+            InputError: the share that was loaded is none.
+        """
         share = float(self.seen)
-        if share >= 1.0:
+        if share == 1.0:
             return self.of_features(features, nominal)
+        if not 0.0 < share < 1.0:
+            raise InputError(f"the residual has seen a share of {share} of its features, must be in 0..1")
         shown = thinned(features[:, None], share, self._drawn).flatten(0, 1)
         found = self.of_features(shown, nominal.repeat_interleave(_DRAWS, dim=0))
         return found.unflatten(0, (len(features), _DRAWS)).mean(dim=1)

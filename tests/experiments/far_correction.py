@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 
 from samrl_core.experiments.residual_episodes import Order, Played
-from samrl_core.learn.exploration import Exploration, shortened
-from samrl_core.learn.networks import ResidualActor
+from samrl_core.learn.exploration import shortened
 from samrl_core.learn.replay import Step
-from tests.experiments.kinematic_peg import scene
+from tests.experiments.kinematic_peg import ordered, scene
 from tests.learn import toy_cell
 from tests.learn.small_cell import SIZE
 
@@ -34,10 +32,7 @@ def play(orders: Sequence[Order]) -> list[Played]:
 
 def _episode(order: Order) -> Played:
     rng = np.random.default_rng(order.seed)
-    noise = Exploration(order.exploration, order.memory, np.random.default_rng(order.noise_seed))
-    actor = ResidualActor(order.limit)
-    if order.residual:
-        actor.load_state_dict({name: torch.from_numpy(array) for name, array in order.residual.items()})
+    noise, actor = ordered(order)
     wanted = MIDDLE + rng.normal(0.0, SPREAD, 3)
     enough = int(rng.integers(*LENGTHS))
     color, depth = scene(np.random.default_rng([order.seed, 1]))

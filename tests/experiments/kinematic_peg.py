@@ -35,12 +35,18 @@ def play(orders: Sequence[Order], spoilt: float = 0.0) -> list[Played]:
     return [replace(one, **failed) if bad else one for one, bad in zip(found, lost, strict=True)]
 
 
-def _episode(order: Order) -> Played:
-    rng = np.random.default_rng(order.seed)
+def ordered(order: Order) -> tuple[Exploration, ResidualActor]:
+    """The noise and the residual of an episode."""
     noise = Exploration(order.exploration, order.memory, np.random.default_rng(order.noise_seed))
     actor = ResidualActor(order.limit)
     if order.residual:
         actor.load_state_dict({k: torch.from_numpy(v) for k, v in order.residual.items()})
+    return noise, actor
+
+
+def _episode(order: Order) -> Played:
+    rng = np.random.default_rng(order.seed)
+    noise, actor = ordered(order)
     believed = TASK.start_values(rng)
     hole = believed + OFFSET + rng.normal(0.0, SPREAD, 2)
     tip = np.array([TASK.center_x, TASK.center_y, TASK.height + TASK.start_above])

@@ -16,9 +16,8 @@ from samrl_core.experiments.residual_episodes import Order, Place, Played
 from samrl_core.experiments.residual_evaluation import RunSettings
 from samrl_core.experiments.residual_run import KIND, ResidualRun
 from samrl_core.learn.checkpoint import load_checkpoint
-from samrl_core.learn.exploration import Exploration, shortened
+from samrl_core.learn.exploration import shortened
 from samrl_core.learn.fit import STOPPED
-from samrl_core.learn.networks import ResidualActor
 from samrl_core.learn.replay import End
 from samrl_core.learn.residual import ResidualSettings
 from samrl_core.learn.weights import load_weights
@@ -48,10 +47,7 @@ class FakeCell:
 
     def play(self, order: Order) -> Played:
         rng = np.random.default_rng(order.seed)
-        noise = Exploration(order.exploration, order.memory, np.random.default_rng(order.noise_seed))
-        actor = ResidualActor(order.limit)
-        if order.residual:
-            actor.load_state_dict({k: torch.from_numpy(v) for k, v in order.residual.items()})
+        noise, actor = kinematic_peg.ordered(order)
         steps, good = [], False
         for index in range(order.max_actions):
             state, error = toy_cell.draw_state(rng, 0)

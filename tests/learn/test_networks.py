@@ -122,6 +122,10 @@ def test_residual_is_the_mean_over_what_may_be_shown() -> None:
         assert float(acting.norm(dim=1).max()) <= LIMIT
         drawn = torch.rand((4000, FEATURES), generator=generator())
         many = network.of_features(thinned(features[:1], 0.25, drawn), nominal[:1].expand(4000, 3))
+        for share in (0.0, -0.5, 1.5, float("nan")):
+            network.seen.fill_(share)
+            with pytest.raises(InputError, match="share of"):
+                network(image, nominal)
     assert (acting[0] - many.mean(dim=0)).norm() < 4.0 * (many.std(dim=0) / 8.0).norm()
 
 

@@ -41,7 +41,7 @@ def test_a_correction_is_found_and_kept(tmp_path: Path, seeds: Sequence[int], sp
         print(seed, curves[-1], flush=True)
     mean = np.mean(curves, axis=0)
     print(mean)
-    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37, 0.48, 0.55, 0.82, 0.94; spoilt 0.39 ... 1.0
+    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37 ... 0.97; spoilt 0.39 ... 0.91
     assert all(curve[-1] > curve[0] for curve in curves)
 
 
@@ -62,4 +62,4 @@ def test_a_correction_far_off_is_found_too(tmp_path: Path) -> None:
         one.close()
         print(seed, curves[-1], flush=True)
     mean = np.mean(curves, axis=0)
-    assert mean[0] < 0.5 and mean[-1] > mean[0] + 0.15
+    assert mean[0] < 0.5 and mean[-1] > mean[0] + 0.15  # measured: 0.40, 0.51, 0.74, 0.78

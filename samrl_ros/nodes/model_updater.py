@@ -48,6 +48,8 @@ class ModelUpdater(Behaviour):
         self._updating = Updating(self._model, settings.enabled, lambda text: outbox.log("error", text))
         self._frames = assembly.PatientAssembler(cell, settings.max_bad_frames, outbox.log)
         self._request: Any = None
+        self._asked: tuple[str, int] | None = None  # stage and stamp [ns] of the newest request
+        self._state: Any = None  # published last
         self._updates = 0
 
     def start(self) -> None:
@@ -58,10 +60,9 @@ class ModelUpdater(Behaviour):
         """See `Behaviour`."""
         if topic == READY:
             self._updating.begin()
-            self._request = None
+            self._request = self._asked = self._state = None
         elif topic == REQUEST:
-            if message.stage == "update":
-                self._request = message
+            self._on_request(message)
         else:
             observation = self._frames.take(topic, message, self._wanted)
             if observation is not None:
@@ -75,6 +76,13 @@ class ModelUpdater(Behaviour):
             "why_stopped": self._updating.estimate.why_stopped,
         }
 
+    def _on_request(self, message: Any) -> None:
+        asked, self._asked = self._asked, (message.stage, from_message.stamp_ns(message))
+        if message.stage == "update":
+            self._request = message
+        elif asked == self._asked and self._state is not None:
+            self._outbox.publish(STATE, self._state)  # asked again: it may have been lost on its way
+
     def _wanted(self, stamp_ns: int) -> bool:
         return self._request is not None and stamp_ns >= from_message.stamp_ns(self._request)
 
@@ -82,9 +90,8 @@ class ModelUpdater(Behaviour):
         request, self._request = self._request, None
         estimate = self._updating.update(observation)
         self._updates += 1
-        self._outbox.publish(
-            STATE, model_state_message.to_message(estimate, self._task, request.episode, request.step)
-        )
+        self._state = model_state_message.to_message(estimate, self._task, request.episode, request.step)
+        self._outbox.publish(STATE, self._state)
         with torch.no_grad():
             rendered = self._model.render(
                 torch.as_tensor(estimate.values),

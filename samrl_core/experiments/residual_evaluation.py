@@ -7,12 +7,15 @@ can be judged at any time and in any process, and come to the same.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from samrl_core.errors import InputError
 from samrl_core.experiments.residual_episodes import Order, Place, Play
 from samrl_core.learn.residual import ResidualSettings
+from samrl_core.learn.weights import WeightsInfo, load_weights
+from samrl_core.robots.robot import CellSpec
 
 TRAINING, EVALUATION = 1, 2  # seeds of scenes never meet: these come first in what they are made of
 
@@ -100,3 +103,25 @@ def evaluated(
         [one.why for one in played if one.ended == "error"],
         float(np.mean(lengths)) if lengths else 0.0,
     )
+
+
+def evaluated_file(
+    play: Play, place: Place, seed: int, settings: RunSettings, file: Path, cell: CellSpec
+) -> tuple[Evaluated, WeightsInfo]:
+    """A residual that a run has kept, and what its file says of itself.
+
+    Args:
+        play: plays the episodes.
+        place: where they are played.
+        seed: of the run.
+        settings: of the run.
+        file: of `ResidualRun.save_weights`.
+        cell: whose camera the residual is for.
+
+    Raises:
+        InputError: the file does not fit; see `load_weights`.
+    """
+    actor, info = load_weights(file, "residual_actor", place.task, cell)
+    trained = {name: value.numpy() for name, value in actor.state_dict().items()}
+    weights = trained if info.figures["updates"] else {}
+    return evaluated(play, place, seed, settings, weights), info

@@ -19,7 +19,7 @@ import numpy as np
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.experiments.residual_episodes import Place, Play, Played
-from samrl_core.experiments.residual_evaluation import TRAINING, Evaluated, RunSettings, evaluated, order_of
+from samrl_core.experiments.residual_evaluation import TRAINING, RunSettings, order_of
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learn.fit import STOPPED
 from samrl_core.learn.networks import Encoder
@@ -34,7 +34,7 @@ KIND = "residual_run"
 
 
 class ResidualRun:
-    """One task, one seed; `advance` up to each point, `evaluate` there.
+    """One task, one seed; `advance` up to each point, `save_weights` there; `evaluated_file` judges them.
 
     Raises:
         InputError: what lies in the folder is corrupt, or was made with other settings.
@@ -82,10 +82,6 @@ class ResidualRun:
         """
         while self.steps < steps and going():
             self._round(steps)
-
-    def evaluate(self) -> Evaluated:
-        """The residual as it is; see `evaluated`."""
-        return evaluated(self._play, self._place, self._seed, self._settings, self._weights())
 
     def save_weights(self, path: Path, figures: dict[str, float]) -> None:
         """The residual as a weight file."""

@@ -26,11 +26,11 @@ import torch
 from samrl_core.experiments.calibration_gap import gaps, offset_of
 from samrl_core.experiments.experiment import Case, CaseLog, Experiment, Options, Tell
 from samrl_core.experiments.residual_episodes import Order, Place, Play, Played, play
-from samrl_core.experiments.residual_evaluation import RunSettings, evaluated
+from samrl_core.experiments.residual_evaluation import RunSettings, evaluated_file
 from samrl_core.experiments.residual_run import ResidualRun
 from samrl_core.experiments.sample_efficiency_curve import summary_of, write_picture
 from samrl_core.learn.step_features import nominal_encoder
-from samrl_core.learn.weights import load_weights, weights_file, weights_name
+from samrl_core.learn.weights import weights_file, weights_name
 from samrl_core.learn.workers import worker_pool
 from samrl_core.robots.cell import default_cell
 from samrl_core.tasks import TASKS
@@ -184,9 +184,8 @@ def judged_at(job: Job, point: int, out: Path, player: Play) -> Case:
         InputError: their file does not fit; see `load_weights`.
     """
     task = job.place.task
-    actor, info = load_weights(weights_at(out, task, job.seed, point), "residual_actor", task, default_cell())
-    trained = {name: value.numpy() for name, value in actor.state_dict().items()}
-    found = evaluated(player, job.place, job.seed, job.settings, trained if info.figures["updates"] else {})
+    file = weights_at(out, task, job.seed, point)
+    found, info = evaluated_file(player, job.place, job.seed, job.settings, file, default_cell())
     return {
         "key": job.key(point),
         "task": task,

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.experiments.residual_episodes import Place
-from samrl_core.experiments.residual_evaluation import RunSettings
+from samrl_core.experiments.residual_episodes import Place, Play
+from samrl_core.experiments.residual_evaluation import RunSettings, evaluated_file
 from samrl_core.experiments.residual_run import ResidualRun
 from tests.experiments import far_correction, kinematic_peg
 from tests.learn import toy_cell
@@ -21,6 +21,21 @@ POINTS = (0, 500, 1000, 2000, 3000)  # real steps
 SEEDS = 6
 
 
+def curve(folder: Path, seed: int, settings: RunSettings, play: Play) -> list[float]:
+    """Success of the weights that a training keeps at each of its points."""
+    one = ResidualRun(folder, PLACE, SMALL, toy_cell.ENCODER, seed, settings, play)
+    found = []
+    for steps in settings.points:
+        one.advance(steps)
+        file = folder / f"steps_{steps}.safetensors"
+        one.save_weights(file, {})
+        judged, _ = evaluated_file(play, PLACE, seed, settings, file, SMALL)
+        found.append(float(np.mean(judged.successes)))
+    one.close()
+    print(seed, found, flush=True)
+    return found
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(6000)  # 80 s per seed, on a machine that may be busy
 @pytest.mark.parametrize(("seeds", "spoilt"), [(range(SEEDS), 0.0), ((1, 3), 0.3)])
@@ -29,37 +44,20 @@ def test_a_correction_is_found_and_kept(tmp_path: Path, seeds: Sequence[int], sp
     updates see whole features, and leaving what was tried costs nothing, this leads nowhere: see
     msgs_docs/learning.md.
     """
-    play, curves = partial(kinematic_peg.play, spoilt=spoilt), []
-    for seed in seeds:
-        settings = RunSettings(POINTS, evaluated=40)
-        one = ResidualRun(tmp_path / str(seed), PLACE, SMALL, toy_cell.ENCODER, seed, settings, play)
-        curves.append([])
-        for steps in POINTS:
-            one.advance(steps)
-            curves[-1].append(float(np.mean(one.evaluate().successes)))
-        one.close()
-        print(seed, curves[-1], flush=True)
+    play = partial(kinematic_peg.play, spoilt=spoilt)
+    settings = RunSettings(POINTS, evaluated=40)
+    curves = [curve(tmp_path / str(seed), seed, settings, play) for seed in seeds]
     mean = np.mean(curves, axis=0)
     print(mean)
     assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37 ... 0.97; spoilt 0.39 ... 0.91
-    assert all(curve[-1] > curve[0] for curve in curves)
+    assert all(one[-1] > one[0] for one in curves)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3000)
 def test_a_correction_far_off_is_found_too(tmp_path: Path) -> None:
     """About 2.5 mm from none. At the full price for leaving what was tried, all along, it is not."""
-    curves = []
-    for seed in (0, 1):
-        settings = RunSettings((0, 3000, 6000, 8000), evaluated=40)
-        one = ResidualRun(
-            tmp_path / str(seed), PLACE, SMALL, toy_cell.ENCODER, seed, settings, far_correction.play
-        )
-        curves.append([])
-        for steps in settings.points:
-            one.advance(steps)
-            curves[-1].append(float(np.mean(one.evaluate().successes)))
-        one.close()
-        print(seed, curves[-1], flush=True)
+    settings = RunSettings((0, 3000, 6000, 8000), evaluated=40)
+    curves = [curve(tmp_path / str(seed), seed, settings, far_correction.play) for seed in (0, 1)]
     mean = np.mean(curves, axis=0)
     assert mean[0] < 0.5 and mean[-1] > mean[0] + 0.15  # measured: 0.40, 0.51, 0.74, 0.78

@@ -13,14 +13,13 @@ import torch
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.experiments.residual_episodes import Order, Place, Played
-from samrl_core.experiments.residual_evaluation import RunSettings
+from samrl_core.experiments.residual_evaluation import RunSettings, evaluated, evaluated_file
 from samrl_core.experiments.residual_run import KIND, ResidualRun
 from samrl_core.learn.checkpoint import load_checkpoint
 from samrl_core.learn.exploration import shortened
 from samrl_core.learn.fit import STOPPED
 from samrl_core.learn.replay import End
 from samrl_core.learn.residual import ResidualSettings
-from samrl_core.learn.weights import load_weights
 from tests.experiments import kinematic_peg
 from tests.learn import toy_cell
 from tests.learn.small_cell import SMALL
@@ -71,12 +70,14 @@ def content(one: ResidualRun) -> dict[str, torch.Tensor]:
 def test_a_run_collects_trains_and_counts(tmp_path: Path) -> None:
     play = FakeCell()
     one = run(tmp_path, play)
-    before = one.evaluate()
+    one.save_weights(tmp_path / "before.safetensors", {})
+    before, _ = evaluated_file(play, PLACE, 0, SETTINGS, tmp_path / "before.safetensors", SMALL)
     assert one.steps == 0 and before.residual == 0.0
     assert len(before.successes) == 3 and not any(order.residual for order in play.orders)
     assert {order.exploration for order in play.orders} == {0.0} and play.orders[0].max_actions == 3
     one.advance(12)
-    after = one.evaluate()
+    one.save_weights(tmp_path / "after.safetensors", {"success": 0.5})
+    after, info = evaluated_file(play, PLACE, 0, SETTINGS, tmp_path / "after.safetensors", SMALL)
     assert one.steps >= 12 and one._learner.updates == int(np.ceil(0.3 * (one.steps - 5)))
     trained = play.orders[3:-3]
     assert {o.exploration for o in trained} == {SETTINGS.exploration} and len(trained) == one._episodes
@@ -87,8 +88,6 @@ def test_a_run_collects_trains_and_counts(tmp_path: Path) -> None:
     assert len(episodes) == one.steps and set(episodes) == set(range(one._episodes))
     assert (ends[np.flatnonzero(steps == 0)[1:] - 1] != End.OPEN).all()  # every episode's last step says how
     assert after.residual > 0.0
-    one.save_weights(tmp_path / "w.safetensors", {"success": 0.5})
-    _, info = load_weights(tmp_path / "w.safetensors", "residual_actor", "toy", SMALL)
     counts = {"steps": one.steps, "updates": one._learner.updates, "episodes": one._episodes}
     wanted = {**counts, "success": 0.5, "offset_z": -0.002}
     assert wanted.items() <= info.figures.items()
@@ -244,11 +243,13 @@ def test_kept_weights_are_judged_long_after_they_were_trained(
     for point in settings.points:
         one.advance(point)
         one.save_weights(sample_efficiency.weights_at(tmp_path, "toy", 3, point), {})
-        at_once.append((one.steps, one._episodes, sum(one.evaluate().successes)))
-    for point, (steps, episodes, successes) in zip(settings.points, at_once, strict=True):
+        now = evaluated(play, PLACE, 3, settings, one._weights())
+        at_once.append((one.steps, one._episodes, sum(now.successes), now.residual))
+    for point, (steps, episodes, successes, residual) in zip(settings.points, at_once, strict=True):
         case = sample_efficiency.judged_at(job, point, tmp_path, play)
         assert (case["steps"], case["episodes"], case["successes"]) == (steps, episodes, successes)
-        assert case["key"] == job.key(point) and case["residual"] > 0.0
+        assert case["key"] == job.key(point) and residual > 0.0
+        assert case["residual"] == pytest.approx(residual, rel=1e-2)
     with pytest.raises(InputError, match="steps_99"):
         sample_efficiency.judged_at(job, 99, tmp_path, play)
 
@@ -279,10 +280,8 @@ def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
     assert len(found["success"]) == len(needed) and len(orders) == played * EPISODES  # once
 
 
-def test_the_kinematic_peg_fails_at_times_without_a_residual(tmp_path: Path) -> None:
+def test_the_kinematic_peg_fails_at_times_without_a_residual() -> None:
     """What settings of the learner are tried on: there is something to learn."""
-    one = ResidualRun(
-        tmp_path, PLACE, SMALL, toy_cell.ENCODER, 0, RunSettings((0, 10), evaluated=40), kinematic_peg.play
-    )
-    nominal = one.evaluate()
+    settings = RunSettings((0, 10), evaluated=40)
+    nominal = evaluated(kinematic_peg.play, PLACE, 0, settings, {})
     assert 0.25 < np.mean(nominal.successes) < 0.65 and nominal.successes == nominal.detected

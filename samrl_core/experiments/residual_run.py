@@ -83,14 +83,14 @@ class ResidualRun:
         while self.steps < steps and going():
             self._round(steps)
 
-    def save_weights(self, path: Path, figures: dict[str, float]) -> None:
+    def save_weights(self, path: Path) -> None:
         """The residual as a weight file."""
         limit = self._settings.learner.limit
         off = dict(zip(("offset_x", "offset_y", "offset_z"), self._place.offset, strict=True))
         counts = {"steps": self.steps, "episodes": self._episodes, "updates": self._learner.updates}
-        about = {**{name: float(count) for name, count in counts.items()}, **off, **figures}
+        figures = {name: float(count) for name, count in counts.items()} | off
         info = WeightsInfo(
-            "residual_actor", self._place.task, self._cell.intrinsics, limit, self._seed, about
+            "residual_actor", self._place.task, self._cell.intrinsics, limit, self._seed, figures
         )
         save_weights(path, self._learner.actor, info)
 

@@ -166,7 +166,7 @@ def _train(
                 return
             file = weights_at(options.out, job.place.task, job.seed, point)
             if not file.is_file():
-                run.save_weights(file, {})
+                run.save_weights(file)
             kept(job, point)
     finally:
         run.close()

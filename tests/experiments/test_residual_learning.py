@@ -28,7 +28,7 @@ def curve(folder: Path, seed: int, settings: RunSettings, play: Play) -> list[fl
     for steps in settings.points:
         one.advance(steps)
         file = folder / f"steps_{steps}.safetensors"
-        one.save_weights(file, {})
+        one.save_weights(file)
         judged, _ = evaluated_file(play, PLACE, seed, settings, file, SMALL)
         found.append(float(np.mean(judged.successes)))
     one.close()

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from torch import nn
 
 from samrl_core.errors import InputError
 from samrl_core.experiments.residual_episodes import Order, Place, Play
@@ -68,6 +69,13 @@ class Evaluated:
     residual: float  # mean length [m]
 
 
+def weights_of(actor: nn.Module, updates: float) -> dict[str, np.ndarray]:
+    """A residual's actor by name, as an order has it; none before the first update, when it is zero."""
+    if not updates:
+        return {}
+    return {name: value.cpu().numpy() for name, value in actor.state_dict().items()}
+
+
 def order_of(
     kind: int, number: int, place: Place, seed: int, settings: RunSettings, weights: dict[str, np.ndarray]
 ) -> Order:
@@ -79,7 +87,7 @@ def order_of(
         place: where it is played.
         seed: of the run.
         settings: of the run.
-        weights: of the residual's actor by name; none is the zero residual.
+        weights: see `weights_of`; none is the zero residual.
     """
     scene, noise = np.random.SeedSequence([kind, seed, number]).generate_state(2) >> 1
     s = settings
@@ -122,6 +130,5 @@ def evaluated_file(
         InputError: the file does not fit; see `load_weights`.
     """
     actor, info = load_weights(file, "residual_actor", place.task, cell)
-    trained = {name: value.numpy() for name, value in actor.state_dict().items()}
-    weights = trained if info.figures["updates"] else {}
+    weights = weights_of(actor, info.figures["updates"])
     return evaluated(play, place, seed, settings, weights), info

@@ -15,11 +15,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from samrl_core.errors import InputError, SolveError
 from samrl_core.experiments.residual_episodes import Place, Play, Played
-from samrl_core.experiments.residual_evaluation import TRAINING, RunSettings, order_of
+from samrl_core.experiments.residual_evaluation import TRAINING, RunSettings, order_of, weights_of
 from samrl_core.learn.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learn.fit import STOPPED
 from samrl_core.learn.networks import Encoder
@@ -99,7 +97,7 @@ class ResidualRun:
         first = self._episodes
         fewest = math.ceil((steps - self.steps) / s.max_actions)  # more may go beyond
         count = max(s.episodes, min(int(s.growth * first), fewest))
-        weights = self._weights()
+        weights = weights_of(self._learner.actor, self._learner.updates)
         played = self._play(
             [
                 order_of(TRAINING, first + k, self._place, self._seed, self._settings, weights)
@@ -112,12 +110,6 @@ class ResidualRun:
         self._replay.flush()
         self._train()
         self._save(self._checkpoint)
-
-    def _weights(self) -> dict[str, np.ndarray]:
-        """The actor's, by name; none before the first update, when it is zero."""
-        if not self._learner.updates:
-            return {}
-        return {name: value.cpu().numpy() for name, value in self._learner.actor.state_dict().items()}
 
     def _store(self, number: int, played: Played) -> None:
         last = 0

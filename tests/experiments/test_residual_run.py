@@ -13,7 +13,7 @@ import torch
 
 from samrl_core.errors import InputError, SolveError
 from samrl_core.experiments.residual_episodes import Order, Place, Played
-from samrl_core.experiments.residual_evaluation import RunSettings, evaluated, evaluated_file
+from samrl_core.experiments.residual_evaluation import RunSettings, evaluated, evaluated_file, weights_of
 from samrl_core.experiments.residual_run import KIND, ResidualRun
 from samrl_core.learn.checkpoint import load_checkpoint
 from samrl_core.learn.exploration import shortened
@@ -242,7 +242,8 @@ def test_kept_weights_are_judged_long_after_they_were_trained(
     for point in settings.points:
         one.advance(point)
         one.save_weights(sample_efficiency.weights_at(tmp_path, "toy", 3, point))
-        now = evaluated(play, PLACE, 3, settings, one._weights())
+        weights = weights_of(one._learner.actor, one._learner.updates)
+        now = evaluated(play, PLACE, 3, settings, weights)
         at_once.append((one.steps, one._episodes, sum(now.successes), now.residual))
     for point, (steps, episodes, successes, residual) in zip(settings.points, at_once, strict=True):
         case = sample_efficiency.judged_at(job, point, tmp_path, play)

@@ -38,7 +38,8 @@ class Estimate:
     iterations: int  # renderings with gradient
     why_stopped: str  # converged | iteration_limit | diverged | no_target | initial
     converged: bool
-    loss_known: float = float("nan")  # eq. 6 after the fit, with the colours believed before it [-]
+    # Eq. 6 after the fit, with the colours believed before it; NaN where nothing was to be compared [-].
+    loss_known: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,7 @@ class Real2Sim:
         estimate: Estimate,
         observation: Observation,
         watch: Callable[[np.ndarray], None] | None = None,
+        compared: bool = True,
     ) -> Estimate:
         """Reduce eq. 6 over poses and colours, then fuse the fit with the belief before it.
 
@@ -130,6 +132,7 @@ class Real2Sim:
             estimate: belief before this image.
             observation: image and joints.
             watch: told the values (P,) as the fit goes on, by `pose_fit` alone.
+            compared: whether `likeliest` has others to compare the result with, and so needs `loss_known`.
 
         Returns:
             A new estimate. `why_stopped` "no_target": too few target pixels, values and colours unchanged;
@@ -152,7 +155,7 @@ class Real2Sim:
         before = misfit.losses(estimate.values, estimate.colors)
         if self._together:
             return self._update_together(
-                estimate, observation.stamp_ns, renderer, real, misfit, before, watch
+                estimate, observation.stamp_ns, renderer, real, misfit, before, watch, compared
             )
 
         start, coarse_evaluations = estimate.values, 0
@@ -187,7 +190,8 @@ class Real2Sim:
         )
         if fit.why_stopped == "diverged":
             covariance = estimate.covariance
-        losses = (before, misfit.losses(values, colors), misfit.losses(values, estimate.colors))
+        loss_known = misfit.losses(values, estimate.colors).total if compared else float("nan")
+        losses = (before, misfit.losses(values, colors), loss_known)
         belief = (values, covariance, colors, color_variance)
         count = coarse_evaluations + fit.evaluations
         return _estimate(estimate, observation.stamp_ns, belief, losses, count, fit.why_stopped)
@@ -201,26 +205,27 @@ class Real2Sim:
         misfit: Misfit,
         before: Losses,
         watch: Callable[[np.ndarray], None] | None,
+        compared: bool,
     ) -> Estimate:
         s = self._settings
         belief = estimate.covariance + np.diag((s.motion * self._scale) ** 2)
         fit = fit_pose(
             renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )
-        fit, known_losses = self._right_face(fit, estimate.colors, renderer, real, misfit, belief)
+        fit, loss_known = self._right_face(fit, estimate.colors, renderer, real, misfit, belief, compared)
         pixels = renderer.group_pixels(fit.values, fit.colors)
         known = (estimate.colors, estimate.color_variance)
         colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
         after = misfit.losses(fit.values, colors)
         found, losses, why = (
             (fit.values, fit.covariance, colors, color_variance),
-            (before, after, known_losses),
+            (before, after, loss_known),
             fit.why_stopped,
         )
         worse = min(after.emd / before.emd, after.color / before.color) > s.worse
         if why == "diverged" or worse:
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
-            losses, why = (before, before, before), "diverged"
+            losses, why = (before, before, before.total), "diverged"
         return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)
 
     def _right_face(
@@ -231,21 +236,25 @@ class Real2Sim:
         real: RealTarget,
         misfit: Misfit,
         belief: np.ndarray,
-    ) -> tuple[PoseFit, Losses]:
+        compared: bool,
+    ) -> tuple[PoseFit, float]:
         """The fit, or that of a look-alike which the colours known before speak for, and its eq. 6 with them.
 
         A fit that took the wrong face of a disc paints it in the other's colour, and would be right for ever.
         """
         s = self._settings
-        losses = misfit.losses(fit.values, colors)
-        for values in self._model.task.look_alikes(fit.values):
-            least = s.other_face * losses.total
+        look_alikes = self._model.task.look_alikes(fit.values)
+        if not (compared or look_alikes):
+            return fit, float("nan")
+        loss = misfit.losses(fit.values, colors).total
+        for values in look_alikes:
+            least = s.other_face * loss
             if misfit.losses(values, colors).total < least:
                 other = fit_pose(renderer, real, misfit, values, colors, belief, s.noise, s.pose)
-                found = misfit.losses(other.values, colors)
-                if found.total < least:
-                    fit, losses = replace(other, evaluations=fit.evaluations + other.evaluations), found
-        return fit, losses
+                found = misfit.losses(other.values, colors).total
+                if found < least:
+                    fit, loss = replace(other, evaluations=fit.evaluations + other.evaluations), found
+        return fit, loss
 
     def _fit(
         self, misfit: Misfit, values: np.ndarray, colors: np.ndarray, steps: MinimizeSettings
@@ -260,12 +269,12 @@ def _estimate(
     last: Estimate,
     stamp_ns: int,
     belief: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    losses: tuple[Losses, Losses, Losses],
+    losses: tuple[Losses, Losses, float],
     iterations: int,
     why_stopped: str,
 ) -> Estimate:
     values, covariance, colors, color_variance = belief
-    before, after, known = losses
+    before, after, loss_known = losses
     return replace(
         last,
         values=values,
@@ -282,5 +291,5 @@ def _estimate(
         iterations=iterations,
         why_stopped=why_stopped,
         converged=why_stopped == "converged",
-        loss_known=known.total,
+        loss_known=loss_known,
     )

@@ -35,7 +35,9 @@ class Updating:
     def update(self, observation: Observation) -> Estimate:
         """The belief after an image: eq. 8 in each way that it may have gone, then eq. 7 from each."""
         if self._enabled:
-            updates = [self._real2sim.update(one, observation) for one in self._predictions(observation)]
+            found = self._predictions(observation)
+            several = len(found) > 1
+            updates = [self._real2sim.update(one, observation, compared=several) for one in found]
             self.estimate = likeliest(updates)
         else:
             self.estimate = replace(self.estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")

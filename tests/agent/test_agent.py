@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from samrl_core.agent import updating
 from samrl_core.agent.acting import Acting
 from samrl_core.agent.agent import Agent, run_episode
 from samrl_core.agent.loop import LoopSettings, LoopState, stage_after_update
@@ -76,6 +77,26 @@ def test_two_actions_of_algorithm_1(model: Model, plant: Any) -> None:
     last = model.tip_in_base(episode.last.tool_arm.position).position
     nearer = np.linalg.norm(goal - tips[0]) - np.linalg.norm(goal - last)
     assert nearer > 0.95 * sum(np.linalg.norm(d) for d in plant.displacements) > 5e-3
+
+
+def test_predictions_that_compete_are_told_apart_by_the_known_colours(
+    model: Model, plant: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One alone needs no such verdict: its eq. 6 with them is not worked out."""
+    alone, several = updating.Updating(model), updating.Updating(model)
+    image = plant.observe()
+    start = several.update(image)
+    assert np.isnan(start.loss_known)
+    repainted = replace(start, colors=1.0 - start.colors)
+    monkeypatch.setattr(updating, "predictions", lambda *_: (repainted, start))
+    found = several.update(image)
+    assert np.isfinite(found.loss_known)
+    alone.update(image)
+    monkeypatch.setattr(updating, "predictions", lambda *_: (start,))
+    once = alone.update(image)
+    assert np.isnan(once.loss_known)
+    np.testing.assert_array_equal(once.values, found.values)
+    np.testing.assert_array_equal(once.colors, found.colors)
 
 
 def test_looks_again_until_it_stays_or_has_looked_enough(model: Model, plant: Any) -> None:

@@ -31,7 +31,7 @@ class RunSettings:
 
     points: tuple[int, ...]  # real steps at which is evaluated; the last one ends the run
     learner: ResidualSettings = ResidualSettings()
-    episodes: int = 4  # per round, at least
+    episodes: int = 8  # per round, at least: while the longest of them lasts, nothing is learnt
     growth: float = 0.25  # more of them, up to this share of all before: they are played side by side
     first_steps: int = 200  # in the replay before the first update
     updates_per_step: float = 2.0  # each step beyond the first ones allows so many

@@ -42,14 +42,14 @@ def curve(folder: Path, seed: int, settings: RunSettings, play: Play) -> list[fl
 def test_a_correction_is_found_and_kept(tmp_path: Path, seeds: Sequence[int], spoilt: float) -> None:
     """A hole that is off by 2.2 +- 0.5 mm, also where a share of the episodes fails for no reason. Where
     updates see whole features, and leaving what was tried costs nothing, this leads nowhere: see
-    msgs_docs/learning.md.
+    msgs_docs/residual.md.
     """
     play = partial(kinematic_peg.play, spoilt=spoilt)
     settings = RunSettings(POINTS, evaluated=40)
     curves = [curve(tmp_path / str(seed), seed, settings, play) for seed in seeds]
     mean = np.mean(curves, axis=0)
     print(mean)
-    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37 ... 0.97; spoilt 0.39 ... 0.91
+    assert mean[0] < 0.5 and mean[-1] > 0.85  # measured: 0.37 ... 0.99; spoilt 0.39 ... 0.94
     assert all(one[-1] > one[0] for one in curves)
 
 
@@ -60,4 +60,4 @@ def test_a_correction_far_off_is_found_too(tmp_path: Path) -> None:
     settings = RunSettings((0, 3000, 6000, 8000), evaluated=40)
     curves = [curve(tmp_path / str(seed), seed, settings, far_correction.play) for seed in (0, 1)]
     mean = np.mean(curves, axis=0)
-    assert mean[0] < 0.5 and mean[-1] > mean[0] + 0.15  # measured: 0.40, 0.51, 0.74, 0.78
+    assert mean[0] < 0.5 and mean[-1] > mean[0] + 0.15  # measured: 0.40, 0.52, 0.71, 0.71

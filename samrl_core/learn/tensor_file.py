@@ -49,7 +49,7 @@ def write_tensors(path: Path, entry: str, about: dict[str, Any], tensors: dict[s
 
 
 def read_tensors(path: Path, entry: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-    """Tensors on the CPU, and what the file says about them.
+    """Tensors on the CPU by name, in the order of their names, and what the file says about them.
 
     Raises:
         InputError: no such file, too large, cut short, damaged, not written by `write_tensors`, or of another
@@ -57,7 +57,8 @@ def read_tensors(path: Path, entry: str) -> tuple[dict[str, torch.Tensor], dict[
     """
     content = read_whole(path, MAX_BYTES)
     try:
-        tensors = safetensors.torch.load(content)
+        found = safetensors.torch.load(content)  # in another order at every call
+        tensors = {name: found[name] for name in sorted(found)}
         length = int.from_bytes(content[:_LENGTH], "little")
         text = json.loads(content[_LENGTH : _LENGTH + length]).get("__metadata__", {}).get(entry)
     except _UNREADABLE as error:

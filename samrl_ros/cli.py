@@ -248,6 +248,9 @@ def experiment(
     weights: Annotated[
         Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
     ] = None,
+    condition: Annotated[
+        list[str] | None, typer.Option(help="Only this condition of those compared; may be repeated.")
+    ] = None,
 ) -> None:
     """Make one table or figure: cases, JSON and a picture; resumable."""
     from samrl_core.experiments.experiment import Options
@@ -255,7 +258,16 @@ def experiment(
 
     if name is None:
         raise typer.Exit(list_experiments())
-    options = Options(out or Path("out") / name, tuple(task or ()), count, seed, device, workers, weights)
+    options = Options(
+        out or Path("out") / name,
+        tuple(task or ()),
+        count,
+        seed,
+        device,
+        workers,
+        weights,
+        tuple(condition or ()),
+    )
     raise typer.Exit(run_experiment(name, options))
 
 

@@ -42,6 +42,7 @@ class Options:
     device: str = "cpu"  # torch's name, for what is drawn in batches
     workers: int = 0  # processes; 0 takes the free cores
     weights: Path | None = None  # folder of trained networks, in place of the package's
+    conditions: tuple[str, ...] = ()  # of those that it can leave out; none: all of them
 
     def __post_init__(self) -> None:
         if min(self.count, self.seed, self.workers) < 0:
@@ -69,26 +70,31 @@ class Experiment:
     tasks: tuple[str, ...]  # that it knows
     run: Callable[[Options, Tell], dict[str, Any]]  # returns the summary; writes `<name>.png` in `out`
     on_request: tuple[str, ...] = ()  # tasks that it knows, too, and leaves out unless asked for
+    conditions: tuple[str, ...] = ()  # that may be asked for without the others; none: it makes them all
 
     def result(self, options: Options, tell: Tell) -> dict[str, Any]:
         """Run what is left of it, and write `<name>.json`.
 
         Raises:
-            InputError: a task that it does not know, a folder of another experiment, or one in which
-                another process is at work.
+            InputError: a task or condition that it does not know, a folder of another experiment, or one in
+                which another process is at work.
         """
-        known = (*self.tasks, *self.on_request)
-        unknown = [task for task in options.tasks if task not in known]
-        if unknown:
-            raise InputError(f"{self.name} knows no task {unknown[0]!r}; there are: {', '.join(known)}")
+        self._must_know("task", options.tasks, (*self.tasks, *self.on_request))
+        self._must_know("condition", options.conditions, self.conditions)
         options = replace(options, tasks=options.tasks or self.tasks)
         with folder_lock(options.out):
-            where = ("out", "device", "workers")  # may differ when it goes on
-            asked = {k: v for k, v in asdict(options).items() if k not in where}
+            free = ("out", "device", "workers", "conditions")  # may differ when it goes on
+            asked = {k: v for k, v in asdict(options).items() if k not in free}
             keep_to(options.out / CONFIG, {"experiment": self.name, **asked}, "experiment", {})
             summary = {"schema": 1, "experiment": self.name, "seed": options.seed, **self.run(options, tell)}
             write_whole(options.out / f"{self.name}.json", json.dumps(summary, indent=1) + "\n")
         return summary
+
+    def _must_know(self, what: str, asked: Sequence[str], known: Sequence[str]) -> None:
+        unknown = [name for name in asked if name not in known]
+        if unknown:
+            there = ", ".join(known) or f"none to choose from, leave {what}s out"
+            raise InputError(f"{self.name} knows no {what} {unknown[0]!r}; there are: {there}")
 
 
 class CaseLog:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from samrl_core.errors import InputError
 from samrl_core.experiments.differing_world import trained_offset
 from samrl_core.experiments.experiment import CaseLog, Experiment, Options, Tell
 from samrl_core.experiments.success_rates import compared, rates, write_bars
@@ -54,7 +55,8 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
     """Episodes of a task, condition by condition; those with a residual only where there is one.
 
     Raises:
-        InputError: the residual's file does not fit; see `load_weights`.
+        InputError: the residual's file does not fit, see `load_weights`, or a condition that was asked for
+            needs one and there is none.
     """
     file = weights_file(task, "residual_actor", options.weights)
     residual = file if file.is_file() else None
@@ -62,6 +64,12 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
     if residual is not None:
         _, info = load_weights(residual, "residual_actor", task, default_cell())
         offset = trained_offset(info.figures)
+    possible = {n: c for n, c in ABLATIONS.items() if residual is not None or not c.residual}
+    missing = [name for name in options.conditions if name not in possible]
+    if missing:
+        raise InputError(f"{missing[0]} of {task} needs {file}, which is not there; ask for other conditions")
+    if options.conditions:
+        possible = {name: c for name, c in possible.items() if name in options.conditions}
     return [
         EpisodeJob(
             key=f"{task}/{name}/{seed}",
@@ -74,10 +82,15 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
             weights=options.weights,
             residual=residual,
         )
-        for name, condition in ABLATIONS.items()
-        if residual is not None or not condition.residual
+        for name, condition in possible.items()
         for seed in range(options.seed, options.seed + (options.count or COUNT))
     ]
 
 
-EXPERIMENT = Experiment("fig8d", "ablations in a world that differs from the model", tuple(TASKS), run)
+EXPERIMENT = Experiment(
+    "fig8d",
+    "ablations in a world that differs from the model",
+    tuple(TASKS),
+    run,
+    conditions=tuple(ABLATIONS),
+)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,7 @@ def test_a_folder_of_other_options_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="count 0 .asked for: 2."):
         EXPERIMENT.result(Options(tmp_path, count=2), print)
     EXPERIMENT.result(Options(tmp_path, workers=2), print)  # where it runs may differ
+    replace(EXPERIMENT, conditions=("a",)).result(Options(tmp_path, conditions=("a",)), print)  # and how much
 
 
 def test_what_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
@@ -64,6 +66,12 @@ def test_what_is_not_there_is_refused_before_anything_is_written(tmp_path: Path)
 def test_unknown_names_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="knows no task 'juggling'; there are: peg_insertion"):
         EXPERIMENT.result(Options(tmp_path, tasks=("juggling",)), print)
+    with pytest.raises(InputError, match="knows no condition 'active'; there are: none to choose from"):
+        EXPERIMENT.result(Options(tmp_path, conditions=("active",)), print)
+    two = replace(EXPERIMENT, conditions=("a", "b"))
+    with pytest.raises(InputError, match="knows no condition 'c'; there are: a, b"):
+        two.result(Options(tmp_path, conditions=("a", "c")), print)
+    assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="no experiment is named 'table9'"):
         experiment_named("table9")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -74,6 +75,23 @@ def test_table_1_runs_every_condition_on_the_same_seeds(tmp_path: Path) -> None:
     assert table(tmp_path, seed=3) == summary and not JOBS  # all cases are known
 
 
+def test_some_conditions_alone_and_then_the_others(tmp_path: Path) -> None:
+    """Those that were not asked for are not run; asked for later, they do not run the first ones again."""
+    without_search = table(tmp_path, conditions=("held_random", "active"))
+    assert {job.name for job in JOBS} == {"active", "held_random"} == set(without_search["tasks"][TASK])
+    assert without_search["against_best_fixed"] == without_search["best_fixed"] == {}
+    two = table(tmp_path, conditions=("active", "best_fixed"))
+    assert [job.name for job in JOBS].count("active") == 4 and list(two["tasks"][TASK]) == [
+        "active",
+        "best_fixed",
+    ]
+    assert list(two["against_best_fixed"][TASK]) == ["active"] and two["best_fixed"][TASK]["of"] == len(VIEWS)
+    whole = table(tmp_path)
+    assert whole["tasks"][TASK]["best_fixed"] == two["tasks"][TASK]["best_fixed"]
+    assert len({job.key for job in JOBS}) == len(JOBS)
+    assert whole == table(tmp_path / "at_once")
+
+
 def test_the_fixed_view_is_chosen_on_other_seeds(tmp_path: Path) -> None:
     """First round: 4 views on 2 seeds; second: 2 of them on 3, of which 2 are known."""
     summary = table(tmp_path)
@@ -121,6 +139,16 @@ def test_ablations(tmp_path: Path, with_residual: bool) -> None:
     assert {j.residual for j in JOBS} == {file if with_residual else None}
     assert bool(summary["residual_sha256"][TASK]) == with_residual
     assert (tmp_path / "fig8d.png").is_file()
+
+
+def test_ablations_that_are_asked_for(tmp_path: Path) -> None:
+    options = Options(tmp_path, tasks=(TASK,), count=2, workers=1, conditions=("without_both",))
+    assert list(fig8d.run(options, lambda line: None)["tasks"][TASK]) == ["without_both"]
+    assert {job.name for job in JOBS} == {"without_both"}
+    options = replace(options, conditions=("without_both", "full"))
+    with pytest.raises(InputError, match="full of peg_insertion needs .*residual_actor.*not there"):
+        fig8d.run(options, lambda line: None)
+    assert len(JOBS) == 2
 
 
 JOB = EpisodeJob("k", TASK, "held", Condition("optimised", HELD), 2)

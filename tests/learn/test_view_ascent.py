@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from samrl_core.learn.network_image import network_image, upright
 from samrl_core.learn.networks import SensingQ, SimActor
 from samrl_core.learn.sensing_value import Networks, SensingValue
 from samrl_core.learn.view_ascent import ViewAscent, ViewAscentSettings, place_camera
-from samrl_core.learn.view_search import Answer, ViewSearch
+from samrl_core.learn.view_search import Answer, Found, Request, ViewSearch
 from samrl_core.model.model import Model, ModelSettings, world_to_camera
 from samrl_core.real2sim import initial_estimate
 from samrl_core.robots.cell import default_cell
@@ -221,8 +222,45 @@ def test_goes_to_where_the_target_can_be_seen() -> None:
         behind = ViewAscent(hidden, hidden.cell, hidden.task, networks(SmoothQ(gain=0.0)), settings)
         found[least] = behind.plan(estimate, joints["tool_arm"], joints["camera_arm"])
     assert not found[0.0].move and found[0.0].visibility < 0.1
-    assert found[0.5].move and found[0.5].visibility >= 0.5
+    assert found[0.5].move and found[0.5].visibility >= 0.4
     assert found[0.5].score == pytest.approx(found[0.5].present_score, abs=0.05)
+
+
+def search_of(ascent: ViewAscent, joints: dict[str, np.ndarray], least_visibility: float) -> ViewSearch:
+    """At the start, of first looks alone, whose Q and whose visibility the test makes up."""
+    task = ascent._model.task
+    nominal = initial_estimate(ascent._model).values
+    settings = replace(SETTINGS, min_gain=0.0, time_price=0.0, starts=0, least_visibility=least_visibility)
+    obstacles = ascent._reach.obstacles(joints["tool_arm"], nominal)
+    here = joints["camera_arm"]
+    return ViewSearch(ascent._cell, task.view_region(), ascent._reach, settings, here, obstacles)
+
+
+def end_of(asking: Generator[Request, Answer, Found], q: np.ndarray | float) -> Found:
+    """What a search of one request finds, Q of the looks being `q`."""
+    places = next(asking).places
+    with pytest.raises(StopIteration) as end:
+        asking.send(Answer(np.broadcast_to(q, len(places)), np.zeros(places.shape)))
+    return end.value.value
+
+
+@pytest.mark.parametrize("most", [1.0, 0.4])
+@pytest.mark.parametrize(("present_shows", "moves"), [(0.55, False), (0.3, True)])
+def test_enough_is_half_of_what_can_be_seen(
+    ascent: ViewAscent,
+    joints: dict[str, np.ndarray],
+    monkeypatch: pytest.MonkeyPatch,
+    most: float,
+    present_shows: float,
+    moves: bool,
+) -> None:
+    """Of those that show so much of the target the best by Q, behind a screen as well as without one."""
+    monkeypatch.setattr(ascent._reach, "way_is_clear", lambda *way: True)
+    shown = {0.9: 0.1, 0.7: 0.6, 0.5: 1.0}  # of `most`, by Q
+    search = search_of(ascent, joints, 0.5)
+    asking = search.found(0.8, most * present_shows, lambda look: most * shown[look.q])
+    found = end_of(asking, np.array(list(shown)))
+    assert [look.q for look in found.moves] == ([0.7] if moves else [])
 
 
 def test_no_view_is_taken_that_hides_the_target(
@@ -231,19 +269,8 @@ def test_no_view_is_taken_that_hides_the_target(
     """Where none shows enough, none is gone to that shows less than the present one."""
     asks = initial_estimate(model), joints["tool_arm"], joints["camera_arm"]
     present = with_settings(ascent, SmoothQ(), min_gain=1.0).plan(*asks).visibility
-    searching = ViewSearch(
-        model.cell,
-        model.task.view_region(),
-        ascent._reach,
-        replace(SETTINGS, min_gain=0.0, time_price=0.0, starts=0, least_visibility=1.01),
-        joints["camera_arm"],
-        ascent._reach.obstacles(asks[1], asks[0].values),
-    )
     assert 0.5 < present < 1.0
+    search = search_of(ascent, joints, 1.01)
     for shown, moves in ((present, True), (present - 1e-6, False)):
-        asking = searching.found(0.1, present, lambda look, shown=shown: shown)
-        request = next(asking)
-        count = len(request.places)
-        with pytest.raises(StopIteration) as end:
-            asking.send(Answer(np.full(count, 0.6), np.zeros((count, 3))))
-        assert bool(end.value.value.moves) == moves
+        found = end_of(search.found(0.1, present, lambda look, shown=shown: shown), 0.6)
+        assert bool(found.moves) == moves

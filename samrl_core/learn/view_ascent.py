@@ -57,7 +57,7 @@ class ViewAscent:
 
         Renderings, all without moving: 1 + `first_looks` alone and `starts` (1 + `steps`) with gradient at
         most, as many passes of either network, and one of the renderer's depth for the visibility from the
-        present view, from each of the first looks, and from the best ones of the ascent.
+        present view and from each of the best ones until some show enough.
 
         Args:
             estimate: what is believed.

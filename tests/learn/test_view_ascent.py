@@ -222,7 +222,7 @@ def test_goes_to_where_the_target_can_be_seen() -> None:
         behind = ViewAscent(hidden, hidden.cell, hidden.task, networks(SmoothQ(gain=0.0)), settings)
         found[least] = behind.plan(estimate, joints["tool_arm"], joints["camera_arm"])
     assert not found[0.0].move and found[0.0].visibility < 0.1
-    assert found[0.5].move and found[0.5].visibility >= 0.4
+    assert found[0.5].move and found[0.5].visibility >= 0.5
     assert found[0.5].score == pytest.approx(found[0.5].present_score, abs=0.05)
 
 
@@ -244,21 +244,18 @@ def end_of(asking: Generator[Request, Answer, Found], q: np.ndarray | float) -> 
     return end.value.value
 
 
-@pytest.mark.parametrize("most", [1.0, 0.4])
-@pytest.mark.parametrize(("present_shows", "moves"), [(0.55, False), (0.3, True)])
-def test_enough_is_half_of_what_can_be_seen(
+@pytest.mark.parametrize(("present_shows", "moves"), [(0.25, False), (0.15, True)])
+def test_q_decides_among_the_views_that_show_enough(
     ascent: ViewAscent,
     joints: dict[str, np.ndarray],
     monkeypatch: pytest.MonkeyPatch,
-    most: float,
     present_shows: float,
     moves: bool,
 ) -> None:
-    """Of those that show so much of the target the best by Q, behind a screen as well as without one."""
+    """Not how much they show beyond that; the present one is worth nothing if it shows less."""
     monkeypatch.setattr(ascent._reach, "way_is_clear", lambda *way: True)
-    shown = {0.9: 0.1, 0.7: 0.6, 0.5: 1.0}  # of `most`, by Q
-    search = search_of(ascent, joints, 0.5)
-    asking = search.found(0.8, most * present_shows, lambda look: most * shown[look.q])
+    shown = {0.9: 0.1, 0.7: 0.3, 0.5: 1.0}  # by Q
+    asking = search_of(ascent, joints, 0.2).found(0.8, present_shows, lambda look: shown[look.q])
     found = end_of(asking, np.array(list(shown)))
     assert [look.q for look in found.moves] == ([0.7] if moves else [])
 

@@ -259,10 +259,28 @@ class Real2Sim:
     def _fit(
         self, misfit: Misfit, values: np.ndarray, colors: np.ndarray, steps: MinimizeSettings
     ) -> Minimum:
-        scale = np.concatenate([self._scale, np.full(colors.size, self._settings.color_scale)])
-        lower = np.concatenate([self._lower, np.zeros(colors.size)])
-        upper = np.concatenate([self._upper, np.ones(colors.size)])
-        return minimize(misfit.fine, np.concatenate([values, colors.ravel()]), scale, lower, upper, steps)
+        """The least of eq. 6 over values (P,) and colours (G, 3); what is not the target keeps its colours.
+
+        A screen before the target shows at the edge of the masks; fitted to these few pixels it would turn
+        black or red, and so would the images that actor and Q are shown.
+        """
+        count, targets = len(values), self._model.target_groups
+        scale = np.concatenate([self._scale, np.full(3 * len(targets), self._settings.color_scale)])
+        lower = np.concatenate([self._lower, np.zeros(3 * len(targets))])
+        upper = np.concatenate([self._upper, np.ones(3 * len(targets))])
+
+        def whole(some: np.ndarray) -> np.ndarray:
+            every = colors.copy()
+            every[targets] = some[count:].reshape(-1, 3)
+            return np.concatenate([some[:count], every.ravel()])
+
+        def objective(some: np.ndarray) -> tuple[float, np.ndarray]:
+            loss, slope = misfit.fine(whole(some))
+            return loss, np.concatenate([slope[:count], slope[count:].reshape(-1, 3)[targets].ravel()])
+
+        start = np.concatenate([values, colors[targets].ravel()])
+        found = minimize(objective, start, scale, lower, upper, steps)
+        return replace(found, parameters=whole(found.parameters))
 
 
 def _estimate(

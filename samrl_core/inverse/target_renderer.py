@@ -138,11 +138,16 @@ class TargetRenderer:
         return np.concatenate(shares, axis=-1), rest
 
     def group_pixels(self, values: np.ndarray, colors: np.ndarray) -> np.ndarray:
-        """How many pixels of the target show each colour group (G,): the slope of the summed image."""
+        """How many pixels of the target show each of its colour groups: the slope of the summed image.
+
+        (G,), zero for what is not the target's, though pixels that it covers in part show that, too.
+        """
         variable = torch.tensor(colors, requires_grad=True)
         r = self.render(torch.as_tensor(values), variable)
         (slope,) = torch.autograd.grad((r.color[..., 0] * r.target.detach()).sum(), variable)
-        return slope[:, 0].numpy()
+        pixels = np.zeros(len(colors))
+        pixels[self.target_groups] = slope[self.target_groups, 0].numpy()
+        return pixels
 
     def motion(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
         """How points (N, 3) of the target move with the parameters, (N, 3, P), fixed to their part."""

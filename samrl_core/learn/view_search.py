@@ -56,9 +56,7 @@ class ViewAscentSettings:
     finalists: int = 4  # ways to the best views that are checked for collisions
     # Share of the target's surface towards the camera that a view must show, 0..1. Q knows the state of the
     # model as if it were true, and so prefers views that serve the action; an update needs to see the target.
-    # A fifth of the peg's block places it within 0.3 mm. Who asks for more leaves views that show the hole
-    # between two screens for such as show the block's side: at 0.5 the camera did.
-    least_visibility: float = 0.2
+    least_visibility: float = 0.5
 
 
 def place_camera(places: torch.Tensor, target: np.ndarray) -> CameraPose:

@@ -25,7 +25,7 @@ class Estimate:
     names: tuple[str, ...]  # parameters, P of them
     values: np.ndarray  # (P,) in their units
     covariance: np.ndarray  # (P, P)
-    color_names: tuple[str, ...]  # surface groups whose colours are fitted, G of them
+    color_names: tuple[str, ...]  # surface groups, G of them; colours of those of the target are fitted
     colors: np.ndarray  # (G, 3) of the model's surface groups, linear RGB 0..1
     color_variance: np.ndarray  # (G, 3)
     stamp_ns: int  # of the image used last, 0 before the first [ns]

@@ -1,7 +1,7 @@
 """Every test process has a ROS domain of its own, on loopback, without shared-memory leftovers.
 
-Numerical libraries get one thread, as in the cell's own processes (`samrl_ros.threads`): set here, before
-any test module imports torch.
+Numerical libraries get one thread, as in the cell's own processes (`samrl_ros.hosting.threads`): set here,
+before any test module imports torch.
 """
 
 from __future__ import annotations

@@ -9,23 +9,28 @@ from importlib import metadata
 
 import numpy as np
 
-from samrl_core.diagnosis import verdict as rules
-from samrl_core.diagnosis.confidence import estimates, invariance_alarms, probabilities, undone_alarms
-from samrl_core.diagnosis.curves import curve_of
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
-from samrl_core.diagnosis.experiment import next_experiment
-from samrl_core.diagnosis.how_far import HowFar, how_far
-from samrl_core.diagnosis.hypothesis import ONSET, Evidence, Fit, on_bound
-from samrl_core.diagnosis.likelihood import Likelihood
+from samrl_core.diagnosis.recordings import split
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import Curve, Diagnosis, InputFile, NamedEffect
-from samrl_core.diagnosis.selection import Selection, SelectionSettings, select
-from samrl_core.diagnosis.signature import couplings, signatures
-from samrl_core.diagnosis.trial import Trial
-from samrl_core.diagnosis.where import heatmap, onset, timelines
-from samrl_core.dynamics.rigid_arm import RigidArm
-from samrl_core.errors import InputError
-from samrl_core.recordings import split
-from samrl_core.types.arm_recording import ArmRecording
+from samrl_core.diagnosis.selection import verdict as rules
+from samrl_core.diagnosis.selection.confidence import (
+    estimates,
+    invariance_alarms,
+    probabilities,
+    undone_alarms,
+)
+from samrl_core.diagnosis.selection.curves import curve_of
+from samrl_core.diagnosis.selection.how_far import HowFar, how_far
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, on_bound
+from samrl_core.diagnosis.selection.next_experiment import next_experiment
+from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
+from samrl_core.diagnosis.selection.signature import couplings, signatures
+from samrl_core.diagnosis.selection.where import heatmap, onset, timelines
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 Progress = Callable[[str], None]
 RUNNER_UPS = 5

@@ -11,44 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from samrl_core.errors import InputError
-from samrl_core.model.body_motion import BodyMotion
-from samrl_core.model.chain_motion import ChainMotion
-from samrl_core.model.chain_skin import CHAIN
-from samrl_core.model.color_groups import lambert
-from samrl_core.model.renderer import Rendered, Renderer
-from samrl_core.model.scene_mesh import SceneMesh, build_scene_mesh
-from samrl_core.model.target import ALONG, Reach, TargetFrames
-from samrl_core.model.task_physics.border import TaskDynamics, TaskState
-from samrl_core.model.task_physics.choose import dynamics_of
-from samrl_core.model.task_physics.settings import ContactSettings, TaskPhysicsSettings
-from samrl_core.model.window import Window, whole_image, window_around
-from samrl_core.robots.arm_model import ArmModel
-from samrl_core.robots.robot import CellSpec
-from samrl_core.tasks.task import Task
-from samrl_core.types.camera import Camera
-from samrl_core.types.pose import Pose
-from samrl_core.types.scene import Rgb
-
-
-@dataclass(frozen=True)
-class ModelSettings:
-    """Look of the model. Colours and light are ASSUMPTIONS: first guesses that Real2Sim corrects."""
-
-    supersample: int = 2  # samples per pixel and direction
-    device: str = "cpu"  # torch's name
-    threads: int = 2  # that share the images of one call on a CPU
-    near: float = 0.02  # near plane [m]
-    ambient: float = 0.4  # share of light without direction, 0..1
-    towards_light: tuple[float, float, float] = (0.5, 0.5, 1.0)  # in world
-    table_color: Rgb = (0.6, 0.6, 0.6)
-    hand_color: Rgb = (0.7, 0.7, 0.7)
-    arm_color: Rgb = (0.85, 0.85, 0.85)
-    background: Rgb = (1.0, 1.0, 1.0)
-    table_center: tuple[float, float] = (0.5, 0.0)  # in world [m]
-    table_size: tuple[float, float] = (0.8, 1.0)  # along world x and y [m]
-    table_height: float = 0.0  # of its top in world [m]
-
+from samrl_core.cell.robots.arm_model import ArmModel
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.types.camera import Camera
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
+from samrl_core.model.rendering.renderer import Rendered, Renderer
+from samrl_core.model.rendering.window import Window, whole_image, window_around
+from samrl_core.model.scene.body_motion import BodyMotion
+from samrl_core.model.scene.chain_motion import ChainMotion
+from samrl_core.model.scene.chain_skin import CHAIN
+from samrl_core.model.scene.color_groups import lambert
+from samrl_core.model.scene.scene_mesh import SceneMesh, build_scene_mesh
+from samrl_core.model.scene.settings import ModelSettings
+from samrl_core.model.scene.target import ALONG, Reach, TargetFrames
+from samrl_core.model.task_dynamics.choose import dynamics_of
+from samrl_core.model.task_dynamics.settings import ContactSettings, TaskPhysicsSettings
+from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics, TaskState
 
 CameraPose = tuple[torch.Tensor, torch.Tensor]  # rotation (3, 3) and translation (3,), world to camera
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from mcap.records import Schema
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.type_hash import BOUNDED_SEQUENCE, SEQUENCE, SequenceKind, fields, split_type_id
 
 Decoder = Callable[[bytes], Any]

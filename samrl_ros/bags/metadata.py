@@ -9,8 +9,8 @@ from typing import Any
 
 import yaml
 
-from samrl_core.errors import InputError
-from samrl_ros.bags.qos import QoS
+from samrl_core.common.errors import InputError
+from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.bags.schemas import Definition
 
 VERSION = 9

@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from samrl_core.errors import InputError, LimitError
-from samrl_ros.bags.qos import QoS
+from samrl_core.common.errors import InputError, LimitError
+from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.bags.reader import Bag, RawMessage
 
 CLOCK = "/clock"
@@ -42,7 +42,7 @@ def publish(bag: Bag, rate: float = 1.0, topics: Iterable[str] | None = None) ->
     from rich.console import Console
     from rich.progress import Progress
 
-    from samrl_ros.node_kit.host import start_ros, stop_ros, stop_signals
+    from samrl_ros.hosting.host import start_ros, stop_ros, stop_signals
 
     with stop_signals() as stop, Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(f"playing {bag.path} at {rate:g}x", total=None)
@@ -182,7 +182,7 @@ def _offered(qos: tuple[QoS, ...]) -> QoS:
 def _publisher(node: Any, name: str, type_name: str, qos: QoS) -> Any:
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-    from samrl_ros.message_types import message_class
+    from samrl_ros.contract.message_types import message_class
 
     try:
         profile = QoSProfile(

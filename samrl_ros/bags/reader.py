@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.bags import metadata, scan
 from samrl_ros.bags.decode import Decoder, Decoders, decode
-from samrl_ros.bags.qos import QoS, load_profiles
+from samrl_ros.bags.qos_metadata import QoS, load_profiles
 from samrl_ros.bags.schemas import Definition
 from samrl_ros.bags.writer import CUSTOM_DATA
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import struct
 from functools import cache
 
-from samrl_core.errors import LimitError
-from samrl_ros.bags.qos import QoS
+from samrl_core.common.errors import LimitError
+from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.bags.schemas import message_text
 from samrl_ros.bags.type_hash import fields
 from samrl_ros.bags.writer import BagWriter

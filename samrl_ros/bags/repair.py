@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.writer import BagWriter, is_private
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Any
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.schemas import Definition, definition
 
 

@@ -17,9 +17,9 @@ from typing import IO, cast
 import yaml
 from mcap.writer import CompressionType, Writer
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.bags import metadata
-from samrl_ros.bags.qos import QoS, dump_profiles
+from samrl_ros.bags.qos_metadata import QoS, dump_profiles
 from samrl_ros.bags.schemas import Definition, definition
 
 COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}

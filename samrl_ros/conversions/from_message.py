@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.errors import InputError
-from samrl_core.types.camera import Intrinsics
-from samrl_core.types.observation import ArmCommand, ArmReading
-from samrl_core.types.pose import Pose
+from samrl_core.cell.types.camera import Intrinsics
+from samrl_core.cell.types.observation import ArmCommand, ArmReading
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
 
 # Names in sensor_msgs/distortion_models.hpp whose coefficients count from a pinhole; drivers may say nothing.
 UNDISTORTED = ("", "plumb_bob", "rational_polynomial")

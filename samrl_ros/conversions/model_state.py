@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import ModelState
 
-from samrl_core.real2sim import Estimate
-from samrl_core.tasks.task import Task
+from samrl_core.cell.tasks.task import Task
+from samrl_core.model.real2sim.real2sim import Estimate
 from samrl_ros.conversions import from_message
 from samrl_ros.conversions import to_message as convert
 

@@ -14,10 +14,10 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from samrl_core.robots.robot import CellSpec, RobotSpec
-from samrl_core.types.camera import Intrinsics
-from samrl_core.types.observation import ArmCommand, ArmReading
-from samrl_core.types.pose import Pose
+from samrl_core.cell.robots.robot import CellSpec, RobotSpec
+from samrl_core.cell.types.camera import Intrinsics
+from samrl_core.cell.types.observation import ArmCommand, ArmReading
+from samrl_core.cell.types.pose import Pose
 
 
 def time(stamp_ns: int) -> Time:

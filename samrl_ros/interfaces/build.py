@@ -19,7 +19,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from samrl_core.errors import InputError, SamrlError
+from samrl_core.common.errors import InputError, SamrlError
 from samrl_ros.interfaces.compile import build_binaries, require_compilers
 from samrl_ros.interfaces.generate import Generated, generate
 from samrl_ros.interfaces.sources import InterfacePackage, definitions_folder, fingerprint, read_package

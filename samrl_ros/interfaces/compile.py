@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.interfaces.generate import TYPESUPPORTS, Generated
 
 RUNTIME = (

@@ -9,7 +9,7 @@ import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 
 HERE = Path(__file__).resolve().parent
 KINDS = ("msg", "srv")

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.motion.smoother import JointSmoother
-from samrl_core.robots.arm_model import ArmModel, Payload
-from samrl_core.robots.robot import RobotSpec
-from samrl_core.types.observation import ArmCommand, ArmReading
-from samrl_core.types.pose import Pose
+from samrl_core.cell.control.smoother import JointSmoother
+from samrl_core.cell.robots.arm_model import ArmModel, Payload
+from samrl_core.cell.robots.robot import RobotSpec
+from samrl_core.cell.types.observation import ArmCommand, ArmReading
+from samrl_core.cell.types.pose import Pose
 
 PERIOD_NS = 4_000_000  # joint states come at 250 Hz
 _GAP_NS = 100_000_000  # a longer silence means that the driver started anew

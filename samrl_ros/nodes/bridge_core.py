@@ -15,17 +15,17 @@ from samrl_msgs.msg import EpisodeReady
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from samrl_core.errors import InputError, SamrlError
-from samrl_core.robots.arm_model import ArmModel
-from samrl_core.robots.robot import ROLES, CellSpec
-from samrl_core.safety.guard import CommandGuard, GuardState
-from samrl_core.tasks.task import Task
-from samrl_core.world.evaluation import TruthLog
-from samrl_core.world.world import SimulatedWorld
-from samrl_ros.behaviour import Outbox
+from samrl_core.cell.control.guard import CommandGuard, GuardState
+from samrl_core.cell.robots.arm_model import ArmModel
+from samrl_core.cell.robots.robot import ROLES, CellSpec
+from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.world.evaluation import TruthLog
+from samrl_core.cell.world.world import SimulatedWorld
+from samrl_core.common.errors import InputError, SamrlError
+from samrl_ros.contract.behaviour import Outbox
+from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.transforms import dynamic_transforms, static_transforms
-from samrl_ros.topics import arm_topic, camera_topic, cell_topic
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] in world
 OPTICAL_FRAME = "camera_color_optical_frame"

@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import MotionStatus, ToolAction
 
-from samrl_core.errors import InputError, LimitError, ReachError
-from samrl_core.motion.cartesian import straight_line
-from samrl_core.motion.trajectory_rules import TrajectoryPoint, check_trajectory
-from samrl_core.robots.arm_model import Payload
-from samrl_core.robots.cell import default_cell
-from samrl_core.robots.inverse_kinematics import solve_ik
-from samrl_core.robots.robot import ROLES
-from samrl_core.safety.guard import CommandGuard
-from samrl_core.tasks import task_named
-from samrl_core.types.pose import Pose
-from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_core.cell.control.cartesian import straight_line
+from samrl_core.cell.control.guard import CommandGuard
+from samrl_core.cell.control.trajectory_rules import TrajectoryPoint, check_trajectory
+from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.inverse_kinematics import solve_ik
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError, LimitError, ReachError
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.arm_motion import ArmMotion, MotionEnd, MotionSettings
-from samrl_ros.settings import setting
-from samrl_ros.topics import arm_topic, cell_topic
 
 TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
 EXECUTED = cell_topic("manipulator/executed_action")

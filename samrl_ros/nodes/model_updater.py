@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import torch
 
-from samrl_core.agent.updating import Updating
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
-from samrl_core.types.observation import Observation
-from samrl_ros import assembly
-from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_core.policy.agent.updating import Updating
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.conversions import model_state as model_state_message
-from samrl_ros.settings import setting
-from samrl_ros.topics import cell_topic
+from samrl_ros.nodes import assembly
 
 READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
 STATE, IMAGE = cell_topic("model_updater/state"), cell_topic("model_updater/image")

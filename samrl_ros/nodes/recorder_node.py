@@ -17,17 +17,17 @@ from typing import Any, final
 
 from std_srvs.srv import Trigger
 
-from samrl_core.errors import InputError
-from samrl_ros.bags.qos import topic_qos
+from samrl_core.common.errors import InputError
+from samrl_ros.bags.qos_metadata import topic_qos
 from samrl_ros.bags.recorder import Recorder, clock_ns, header_stamp_ns
 from samrl_ros.bags.writer import COMPRESSIONS, BagWriter
-from samrl_ros.message_types import message_class
-from samrl_ros.node_kit.cell_node import ACTIVE, CellNode
-from samrl_ros.node_kit.diagnostics import TopicCounter
-from samrl_ros.node_kit.host import run_one
-from samrl_ros.qos import qos_named
-from samrl_ros.settings import setting
-from samrl_ros.topics import CLOCK, TOPICS, Topic
+from samrl_ros.contract.message_types import message_class
+from samrl_ros.contract.qos import qos_named
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import CLOCK, TOPICS, Topic
+from samrl_ros.hosting.cell_node import ACTIVE, CellNode
+from samrl_ros.hosting.diagnostics import TopicCounter
+from samrl_ros.hosting.host import run_one
 
 NAME = "recorder"
 
@@ -38,7 +38,9 @@ class RecorderSettings:
 
     out: str = setting("bag", "bag folder; must not exist. Later bags of the same run get _1, _2, ...")
     compression: str = setting("zstd", "of the bag's chunks", choices=tuple(COMPRESSIONS))
-    topics: tuple[str, ...] = setting(("",), "topics to record; empty for all that samrl_ros.topics marks")
+    topics: tuple[str, ...] = setting(
+        ("",), "topics to record; empty for all that samrl_ros.contract.topics marks"
+    )
     task: str = setting("", "name of the task, kept in the bag")
     record_on_start: bool = setting(True, "open a bag when the node becomes active")
 
@@ -174,7 +176,9 @@ def _chosen(names: tuple[str, ...]) -> list[Topic]:
     names = tuple(name for name in names if name)
     unknown = [name for name in names if name not in TOPICS]
     if unknown:
-        raise InputError(f"no topics {', '.join(unknown)} in the cell; samrl_ros/topics.py lists them all")
+        raise InputError(
+            f"no topics {', '.join(unknown)} in the cell; samrl_ros/contract/topics.py lists them all"
+        )
     chosen = [TOPICS[name] for name in names] if names else [t for t in TOPICS.values() if t.recorded]
     if not any(topic.qos == CLOCK for topic in chosen):
         chosen.append(TOPICS["/clock"])  # gives the log time

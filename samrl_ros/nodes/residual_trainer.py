@@ -14,27 +14,27 @@ from typing import Any
 import numpy as np
 from std_msgs.msg import String
 
-from samrl_core.errors import InputError
-from samrl_core.learn.replay import End, Replay, Step
-from samrl_core.learn.residual import ResidualSettings
-from samrl_core.learn.residual_training import (
+from samrl_core.cell.robots.arm_model import ArmModel
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.observation import Observation
+from samrl_core.common.errors import InputError
+from samrl_core.learning.residual.replay import End, Replay, Step
+from samrl_core.learning.residual.residual import ResidualSettings
+from samrl_core.learning.residual.residual_training import (
     Announcement,
     TrainingSettings,
     announced,
     announcement_of,
     replay_of,
 )
-from samrl_core.learn.residual_worker import write_settings
-from samrl_core.robots.arm_model import ArmModel
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
-from samrl_core.types.observation import Observation
-from samrl_ros import assembly
-from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_core.learning.residual.residual_worker import write_settings
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message
+from samrl_ros.nodes import assembly
 from samrl_ros.nodes.training_process import TrainingProcess
-from samrl_ros.settings import setting
-from samrl_ros.topics import cell_topic
 
 EXECUTED, OUTCOME = cell_topic("manipulator/executed_action"), cell_topic("supervisor/outcome")
 REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("view_planner/nominal_action")

@@ -13,18 +13,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any, final
 
-from samrl_core.errors import SamrlError
-from samrl_core.robots.cell import default_cell
-from samrl_core.robots.robot import ROLES
-from samrl_core.tasks import task_named
-from samrl_core.world import make_world
-from samrl_core.world.evaluation import TruthLog
-from samrl_ros.message_types import message_class
-from samrl_ros.node_kit import CellNode
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.world import make_world
+from samrl_core.cell.world.evaluation import TruthLog
+from samrl_core.common.errors import SamrlError
+from samrl_ros.contract.message_types import message_class
+from samrl_ros.contract.qos import qos_named
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import SERVICES, TOPICS, arm_topic, cell_topic
+from samrl_ros.hosting import CellNode
 from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
-from samrl_ros.qos import qos_named
-from samrl_ros.settings import setting
-from samrl_ros.topics import SERVICES, TOPICS, arm_topic, cell_topic
 
 OUTCOME = cell_topic("supervisor/outcome")
 

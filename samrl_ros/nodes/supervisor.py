@@ -10,16 +10,16 @@ from samrl_msgs.msg import MotionStatus, Outcome, StepRequest
 from samrl_msgs.srv import StartEpisode
 from std_msgs.msg import String
 
-from samrl_core.agent.loop import LoopSettings, LoopState, stage_after_update
-from samrl_core.errors import InputError
-from samrl_core.robots.arm_model import ArmModel
-from samrl_core.robots.cell import default_cell
-from samrl_core.robots.robot import ROLES
-from samrl_core.tasks import task_named
-from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_core.cell.robots.arm_model import ArmModel
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.tasks import task_named
+from samrl_core.common.errors import InputError
+from samrl_core.policy.agent.loop import LoopSettings, LoopState, stage_after_update
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
-from samrl_ros.settings import setting
-from samrl_ros.topics import arm_topic, cell_topic
 
 READY, PHASE = cell_topic("sim_bridge/ready"), cell_topic("phase")
 REQUEST, OUTCOME = cell_topic("supervisor/request"), cell_topic("supervisor/outcome")

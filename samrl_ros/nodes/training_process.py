@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from samrl_core.errors import SolveError
+from samrl_core.common.errors import SolveError
 
 STOP_S = 6.0  # to finish an update and save; less than a node may take to stop
 
@@ -19,7 +19,14 @@ class TrainingProcess:
     def __init__(self, folder: Path, task: str, weights: str = "") -> None:
         """`weights`: folder of the task's trained networks, empty for those of the package."""
         self._log = folder / "trainer.log"
-        command = [sys.executable, "-m", "samrl_core.learn.residual_worker", str(folder), "--task", task]
+        command = [
+            sys.executable,
+            "-m",
+            "samrl_core.learning.residual.residual_worker",
+            str(folder),
+            "--task",
+            task,
+        ]
         command += ["--weights", weights] if weights else []
         with self._log.open("ab") as log:
             self._child = subprocess.Popen(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 
-from samrl_core.robots.arm_model import ArmModel
-from samrl_core.robots.robot import ROLES, CellSpec
-from samrl_core.types.pose import Pose
+from samrl_core.cell.robots.arm_model import ArmModel
+from samrl_core.cell.robots.robot import ROLES, CellSpec
+from samrl_core.cell.types.pose import Pose
 from samrl_ros.conversions import to_message
 
 # REP-103: body axes x forward, y left, z up, seen from the optical frame (z forward, x right, y down).

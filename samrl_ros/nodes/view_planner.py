@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import ToolAction, ViewTarget
 
-from samrl_core.agent.acting import Acting
-from samrl_core.agent.looking import Looking
-from samrl_core.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
-from samrl_core.agent.settings import AgentSettings, announced_residual, trained_networks
-from samrl_core.errors import InputError
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.observation import Observation
+from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
-from samrl_core.trajectory import TrajectorySettings
-from samrl_core.types.observation import Observation
-from samrl_ros import assembly
-from samrl_ros.behaviour import Behaviour, Outbox
+from samrl_core.policy.agent.acting import Acting
+from samrl_core.policy.agent.looking import Looking
+from samrl_core.policy.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
+from samrl_core.policy.planning.trajectory import TrajectorySettings
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.conversions.model_state import from_state
-from samrl_ros.settings import setting
-from samrl_ros.topics import cell_topic
+from samrl_ros.nodes import assembly
 
 READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
 STATE, WEIGHTS = cell_topic("model_updater/state"), cell_topic("residual_trainer/weights")

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from samrl_core.errors import InputError
-from samrl_core.types.arm_description import (
+from samrl_core.cell.types.arm_description import (
     STANDARD_GRAVITY,
     ArmController,
     ArmDescription,
     Tolerances,
     Tool,
 )
+from samrl_core.common.errors import InputError
 
 LAW = "joint_impedance"
 UNDESCRIBED = "unknown"  # `type` of a text that only carries joints and tolerances, of a log without a law

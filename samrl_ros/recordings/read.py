@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.errors import InputError
-from samrl_core.types.arm_description import ArmDescription, Tolerances
-from samrl_core.types.arm_recording import ArmRecording
+from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import Bag, RawMessage, open_bag
 from samrl_ros.recordings.joint_messages import (
     JOINT_STATE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.errors import InputError
-from samrl_core.types.arm_recording import JointSignal
+from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.common.errors import InputError
 from samrl_ros.recordings.joint_messages import JointMessages
 
 _ORDER = ("position", "velocity", "acceleration", "effort")

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.errors import InputError
-from samrl_core.types.arm_description import Tolerances
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
-from samrl_ros import topics
-from samrl_ros.bags.qos import PROFILES
+from samrl_core.cell.types.arm_description import Tolerances
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.common.errors import InputError
+from samrl_ros.bags.qos_metadata import PROFILES
 from samrl_ros.bags.writer import BagWriter
+from samrl_ros.contract import topics
 from samrl_ros.recordings.joint_messages import (
     JOINT_STATE,
     JOINT_TRAJECTORY,

@@ -9,27 +9,31 @@ from pathlib import Path
 
 # Distribution roots that only the named places may import. Paths are relative to the repository.
 ALLOWED: dict[str, tuple[str, ...]] = {
-    "pybullet": ("samrl_core/world/", "samrl_core/forge/", "samrl_core/benchmarks/peers/"),
+    "pybullet": (
+        "samrl_core/cell/world/",
+        "samrl_core/blind_test/engines/",
+        "samrl_core/studies/speed/peers/",
+    ),
     "pybullet_data": (),
     "warp": (
-        "samrl_core/model/",
-        "samrl_core/dynamics/",
-        "samrl_core/warp_runtime.py",
+        "samrl_core/model/rendering/",
+        "samrl_core/model/physics/",
+        "samrl_core/diagnosis/simulation/",
+        "samrl_core/common/warp_runtime.py",
         "samrl_core/diagnosis/effects/age_chain.py",  # a recursion over samples, too slow in Python
-        "samrl_core/benchmarks/",  # Newton is used through it; limits of a device are measured with it
+        "samrl_core/studies/speed/",  # Newton is used through it; limits of a device are measured with it
     ),
     "mujoco": (
-        "samrl_core/forge/",  # second engine of sealed worlds
-        "samrl_core/scoring/",  # a baseline
-        "samrl_core/benchmarks/peers/",
+        "samrl_core/blind_test/engines/",  # second engine of sealed worlds
+        "samrl_core/blind_test/baselines/",
+        "samrl_core/studies/speed/peers/",
     ),
-    "gymnasium": ("samrl_core/baselines/",),
-    "stable_baselines3": ("samrl_core/baselines/",),
-    "mitsuba": ("samrl_core/benchmarks/peers/",),
-    "newton": ("samrl_core/benchmarks/peers/",),
-    "pinocchio": ("samrl_core/robots/", "samrl_core/dynamics/"),
-    "plotly": ("samrl_core/report/",),
-    "skimage": ("samrl_core/fusion/",),
+    "gymnasium": ("samrl_core/studies/baselines/",),
+    "mitsuba": ("samrl_core/studies/speed/peers/",),
+    "newton": ("samrl_core/studies/speed/peers/",),
+    "pinocchio": ("samrl_core/cell/robots/", "samrl_core/diagnosis/simulation/", "samrl_core/studies/speed/"),
+    "plotly": ("samrl_core/diagnosis/report/",),
+    "skimage": ("samrl_core/model/fusion/",),
     "rclpy": ("samrl_ros/",),
     "rcl_interfaces": ("samrl_ros/",),
     "lifecycle_msgs": ("samrl_ros/",),
@@ -52,21 +56,69 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "rich": ("samrl_ros/",),
 }
 
-# Layers of samrl_core, lowest first: a module imports from its own part of the code and from lower layers.
-LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "folder_lock", "same_settings", "whole_file"}),
-    frozenset({"types", "warp_runtime"}),
-    frozenset({"robots", "tasks", "motion", "safety"}),
-    frozenset({"excitation"}),
-    frozenset({"model", "world", "dynamics", "recordings"}),
-    frozenset({"inverse", "forge"}),  # forge makes sealed worlds: below the diagnosis, so it cannot know it
-    frozenset({"real2sim", "prediction", "attributes", "fusion", "view_planning", "view_reach", "trajectory"})
-    | frozenset({"rl", "diagnosis", "residual"}),
-    frozenset({"learn"}),
-    frozenset({"agent"}),
-    frozenset({"report"}),
-    frozenset({"scoring", "experiments", "benchmarks", "baselines"}),
-)
+# What each wing may import besides itself. A wing that is not listed is an error.
+WINGS: dict[str, dict[str, frozenset[str]]] = {
+    "samrl_core": {
+        "common": frozenset(),
+        "cell": frozenset({"common"}),
+        "diagnosis": frozenset({"cell", "common"}),
+        "model": frozenset({"cell", "common"}),
+        "blind_test": frozenset({"diagnosis", "cell", "common"}),
+        "policy": frozenset({"model", "cell", "common"}),
+        "learning": frozenset({"policy", "model", "cell", "common"}),
+        "studies": frozenset({"learning", "policy", "model", "diagnosis", "cell", "common"}),
+    },
+    "samrl_ros": {
+        "contract": frozenset(),
+        "interfaces": frozenset(),
+        "conversions": frozenset(),
+        "hosting": frozenset({"contract"}),
+        "bags": frozenset({"contract", "hosting"}),
+        "recordings": frozenset({"bags", "contract"}),
+        "log_import": frozenset({"recordings"}),
+        "blind_test": frozenset({"recordings"}),
+        "nodes": frozenset({"bags", "contract", "conversions", "hosting"}),
+        "cell": frozenset({"nodes", "bags", "contract", "conversions", "hosting"}),
+        "cli": frozenset(
+            {
+                "cell",
+                "blind_test",
+                "log_import",
+                "recordings",
+                "nodes",
+                "bags",
+                "hosting",
+                "interfaces",
+                "contract",
+            }
+        ),
+        "docs": frozenset({"nodes", "contract"}),
+        "ros2_run": frozenset({"cli", "nodes", "hosting", "contract"}),
+    },
+}
+
+# Rooms with a stricter rule than their wing: they may import these prefixes of the project alone. Who makes
+# sealed worlds cannot know the diagnosis, and effects do not know how they are selected.
+ROOMS: dict[str, tuple[str, ...]] = {
+    "samrl_core.blind_test.engines": ("samrl_core.cell", "samrl_core.common"),
+    "samrl_core.blind_test.disturbances": (
+        "samrl_core.blind_test.engines",
+        "samrl_core.cell",
+        "samrl_core.common",
+    ),
+    "samrl_core.blind_test.worlds": (
+        "samrl_core.blind_test.disturbances",
+        "samrl_core.blind_test.engines",
+        "samrl_core.cell",
+        "samrl_core.common",
+    ),
+    "samrl_core.diagnosis.effects": (
+        "samrl_core.diagnosis.residuals",
+        "samrl_core.diagnosis.simulation",
+        "samrl_core.cell",
+        "samrl_core.common",
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -120,46 +172,108 @@ def foreign_violations(found: list[Import]) -> list[str]:
     ]
 
 
-def part_of(path_or_module: str) -> str:
-    """The part of samrl_core a file or module belongs to; empty outside of it or for the package itself."""
-    pieces = path_or_module.removesuffix(".py").replace("/", ".").split(".")
-    return pieces[1] if pieces[0] == "samrl_core" and len(pieces) > 1 and pieces[1] != "__init__" else ""
+def wing_of(module: str) -> str:
+    """The wing of a dotted module, such as `model`; empty for a package itself."""
+    pieces = module.split(".")
+    return pieces[1] if pieces[0] in WINGS and len(pieces) > 1 else ""
 
 
-def layer_violations(found: list[Import]) -> list[str]:
-    """Imports within samrl_core that point upwards, sideways into another part, or into an unlisted part."""
-    level = {part: number for number, parts in enumerate(LAYERS) for part in parts}
+def room_of(module: str) -> str:
+    """Package, wing and room of a dotted module, such as `samrl_core.model.physics`."""
+    return ".".join(module.split(".")[:3])
+
+
+def module_of(file: str) -> str:
+    """Dotted name of a file; a package's is that of its folder."""
+    return file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+def wing_violations(found: list[Import]) -> list[str]:
+    """Imports of a wing that the table does not allow, and wings that it does not list."""
     problems = []
     for item in found:
-        source, target = part_of(item.file), part_of(item.module)
-        if not source or not target or source == target:
+        source, target = module_of(item.file), item.module
+        package = source.split(".")[0]
+        here, there = wing_of(source), wing_of(target)
+        if not here or not there or package != target.split(".")[0] or here == there:
             continue
-        for part in (source, target):
-            if part not in level:
+        table = WINGS[package]
+        for wing in (here, there):
+            if wing not in table:
                 problems.append(
-                    f"{item.file}:{item.line}: samrl_core/{part} has no layer in {Path(__file__).name}"
+                    f"{item.file}:{item.line}: {package}/{wing} has no line in {Path(__file__).name}"
                 )
-        if level.get(target, 0) > level.get(source, 99):
-            problems.append(f"{item.file}:{item.line}: {source} imports {target}, a higher layer")
+        if here in table and there in table and there not in table[here]:
+            problems.append(f"{item.file}:{item.line}: {here} may not import {there}")
     return problems
 
 
-def cycles(found: list[Import]) -> list[str]:
-    """Parts of samrl_core that import each other in a circle, sideways imports within a layer included."""
+def room_violations(found: list[Import]) -> list[str]:
+    """Imports of the project by a room that has a rule of its own."""
+    problems = []
+    for item in found:
+        source = module_of(item.file)
+        room = next((r for r in ROOMS if source == r or source.startswith(r + ".")), None)
+        if room is None or not item.module.startswith(("samrl_core.", "samrl_ros.")):
+            continue
+        if not any(item.module == p or item.module.startswith(p + ".") for p in (room, *ROOMS[room])):
+            problems.append(f"{item.file}:{item.line}: {room} may not import {item.module}")
+    return problems
+
+
+def graph_of(found: list[Import]) -> dict[str, set[str]]:
+    """Files that each file imports, by dotted module name; for an imported name, the file that has it."""
+    known = {module_of(item.file) for item in found}
     graph: dict[str, set[str]] = {}
     for item in found:
-        source, target = part_of(item.file), part_of(item.module)
-        if source and target and source != target:
-            graph.setdefault(source, set()).add(target)
-    problems = []
+        source, target = module_of(item.file), item.module
+        while target and target not in known:
+            target = target.rpartition(".")[0]
+        graph.setdefault(source, set())
+        if target and target != source:
+            graph[source].add(target)
+    return graph
 
-    def visit(part: str, trail: tuple[str, ...]) -> None:
-        if part in trail:
-            problems.append(" -> ".join((*trail[trail.index(part) :], part)))
-            return
-        for target in sorted(graph.get(part, ())):
-            visit(target, (*trail, part))
 
-    for part in sorted(graph):
-        visit(part, ())
-    return sorted({cycle for cycle in problems if cycle.split(" -> ")[0] == min(cycle.split(" -> "))})
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Groups of nodes that reach one another (strongly connected components of more than one, sorted)."""
+    order: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found = []
+
+    def visit(node: str) -> None:
+        order[node] = low[node] = len(order)
+        stack.append(node)
+        for target in sorted(graph.get(node, ())):
+            if target not in order:
+                visit(target)
+                low[node] = min(low[node], low[target])
+            elif target in stack:
+                low[node] = min(low[node], order[target])
+        if low[node] == order[node]:
+            group = [stack.pop()]
+            while group[-1] != node:
+                group.append(stack.pop())
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for node in sorted(graph):
+        if node not in order:
+            visit(node)
+    return sorted(found)
+
+
+def file_circles(found: list[Import]) -> list[list[str]]:
+    """Files that import one another in a circle, lazy and typing-only imports included."""
+    return circles(graph_of(found))
+
+
+def room_circles(found: list[Import]) -> list[list[str]]:
+    """Rooms that import one another in a circle."""
+    graph: dict[str, set[str]] = {}
+    for source, targets in graph_of(found).items():
+        graph.setdefault(room_of(source), set()).update(room_of(t) for t in targets)
+    for room, targets in graph.items():
+        targets.discard(room)
+    return circles(graph)

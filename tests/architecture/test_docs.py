@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from samrl_core.errors import SamrlError
-from samrl_ros.topics import SERVICES, TOPICS
+from samrl_core.common.errors import SamrlError
+from samrl_ros.contract.topics import SERVICES, TOPICS
 
 FOLDER = Path(__file__).resolve().parents[2] / "msgs_docs"
 # Speakers that are no nodes of ours: people's tools, and what every node does on its own.
@@ -16,13 +16,13 @@ HOSTS = {"sim_bridge", "recorder"}
 
 
 def behaviours() -> set[str]:
-    from samrl_ros.require_ros import require_ros
+    from samrl_ros.hosting.ros_check import require_ros
 
     try:
         require_ros()
     except SamrlError as error:
         pytest.skip(f"needs ROS: {str(error).splitlines()[0]}")
-    from samrl_ros.node_registry import behaviour_nodes
+    from samrl_ros.nodes.registry import behaviour_nodes
 
     return set(behaviour_nodes())
 

@@ -11,39 +11,39 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # Who may call SimulatedWorld.truth(): the log that evaluation reads, and evaluations themselves.
 MAY_CALL_TRUTH = {
-    "samrl_core/world/evaluation.py",
-    "samrl_core/experiments/model_updating.py",
-    "samrl_core/experiments/view_score.py",
-    "samrl_core/world/pose_sensor.py",
+    "samrl_core/cell/world/evaluation.py",
+    "samrl_core/studies/model/model_updating.py",
+    "samrl_core/studies/model/view_score.py",
+    "samrl_core/cell/world/pose_sensor.py",
 }
 # Who may read what the log wrote.
-MAY_READ_TRUTH = {"samrl_core/world/evaluation.py", "samrl_ros/summary.py"}
+MAY_READ_TRUTH = {"samrl_core/cell/world/evaluation.py", "samrl_ros/cell/summary.py"}
 # Who may turn truth into what a task judges or estimates; the second is for tests too, which stand beside
 # the world.
 MAY_END = {
-    "ending_of": {"samrl_ros/summary.py"},
-    "ending_now": {"samrl_core/world/evaluation.py"},
-    "true_values": {"samrl_core/experiments/model_updating.py"},
+    "ending_of": {"samrl_ros/cell/summary.py"},
+    "ending_now": {"samrl_core/cell/world/evaluation.py"},
+    "true_values": {"samrl_core/studies/model/model_updating.py"},
 }
 # Who may ask for success and reward: the environment of the compared learners while an episode runs, whose
 # observations have no part in it, and an experiment when an episode has ended.
 MAY_BE_REWARDED = {
-    "samrl_core/baselines/gym_env.py",
-    "samrl_core/experiments/residual_episodes.py",
-    "samrl_core/experiments/world_episodes.py",
+    "samrl_core/studies/baselines/gym_env.py",
+    "samrl_core/studies/episodes/residual_episodes.py",
+    "samrl_core/studies/episodes/world_episodes.py",
 }
 # Who may draw or judge with truth through the task border.
 MAY_JUDGE = {
-    "draw": {"samrl_core/world/pybullet_world.py", "samrl_core/world/mock_world.py"},
-    "succeeded": {"samrl_ros/summary.py", "samrl_core/world/evaluation.py"},
+    "draw": {"samrl_core/cell/world/pybullet/world.py", "samrl_core/cell/world/mock_world.py"},
+    "succeeded": {"samrl_ros/cell/summary.py", "samrl_core/cell/world/evaluation.py"},
     # The second and third of these make a reward of it, which the fourth hands on.
     "final_error": {
-        "samrl_ros/summary.py",
-        "samrl_core/tasks/peg_insertion/task.py",
-        "samrl_core/tasks/needle_threading/task.py",
-        "samrl_core/world/evaluation.py",
+        "samrl_ros/cell/summary.py",
+        "samrl_core/cell/tasks/peg_insertion/task.py",
+        "samrl_core/cell/tasks/needle_threading/task.py",
+        "samrl_core/cell/world/evaluation.py",
     },
-    "shaped_reward": {"samrl_core/world/evaluation.py"},
+    "shaped_reward": {"samrl_core/cell/world/evaluation.py"},
 }
 
 
@@ -71,12 +71,12 @@ def callers(name: str) -> set[str]:
 
 def test_only_evaluation_asks_for_truth() -> None:
     assert callers("truth") <= MAY_CALL_TRUTH
-    assert "samrl_core/world/evaluation.py" in callers("truth"), "the search must find the door itself"
+    assert "samrl_core/cell/world/evaluation.py" in callers("truth"), "the search must find the door itself"
 
 
 def test_only_evaluation_reads_truth() -> None:
     assert callers("read_truth") <= MAY_READ_TRUTH
-    assert "samrl_ros/summary.py" in callers("read_truth")
+    assert "samrl_ros/cell/summary.py" in callers("read_truth")
 
 
 @pytest.mark.parametrize("name", sorted(MAY_END))
@@ -98,6 +98,6 @@ def test_the_search_catches_a_breach() -> None:
 
 
 def test_no_topic_carries_truth() -> None:
-    from samrl_ros.topics import TOPICS
+    from samrl_ros.contract.topics import TOPICS
 
     assert not [name for name in TOPICS if "truth" in name or "seed" in name]

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.diagnosis.confidence import estimates
 from samrl_core.diagnosis.effects import EFFECTS, Effect
-from samrl_core.diagnosis.hypothesis import Evidence, Hypothesis, hypothesis
-from samrl_core.diagnosis.likelihood import Likelihood
-from samrl_core.dynamics.plant_parameters import PlantParameters
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.selection.confidence import estimates
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Hypothesis, hypothesis
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import CASES, Case
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis, Estimate
-from samrl_core.errors import InputError
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
 from tests.diagnosis.worlds import BEND, LIFT, TURN

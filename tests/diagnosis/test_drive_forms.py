@@ -8,10 +8,10 @@ import pytest
 from samrl_core.diagnosis.diagnose import library
 from samrl_core.diagnosis.effects import Effect
 from samrl_core.diagnosis.effects.effect import Form, Shape
-from samrl_core.diagnosis.effects.shapes import bristle, travel
-from samrl_core.diagnosis.hypothesis import Evidence, hypothesis
-from samrl_core.diagnosis.likelihood import Likelihood
-from samrl_core.diagnosis.trial import Trial
+from samrl_core.diagnosis.residuals.basis_functions import bristle, travel
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
 from tests.diagnosis import worlds
 
 

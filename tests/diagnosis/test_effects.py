@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import library
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
-from samrl_core.diagnosis.hypothesis import Evidence, hypothesis
-from samrl_core.diagnosis.likelihood import Likelihood
-from samrl_core.dynamics.plant_parameters import PlantParameters
-from samrl_core.errors import InputError
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import CASES, Case
 from tests.diagnosis.test_agreement import likelihood_of, true_hypothesis

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose, library
 from samrl_core.diagnosis.effects import EFFECTS
-from samrl_core.diagnosis.hypothesis import Evidence, Fit, hypothesis, on_bound
-from samrl_core.diagnosis.likelihood import Likelihood
-from samrl_core.diagnosis.trial import Trial
-from samrl_core.dynamics.rigid_arm import RigidArm
-from samrl_core.types.arm_recording import JointSignal
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis, on_bound
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
 from tests.diagnosis.test_diagnose import LOADS, assert_covers, diagnosed

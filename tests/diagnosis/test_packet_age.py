@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from samrl_core.diagnosis.effects.age_chain import Chain, forward_backward
-from samrl_core.diagnosis.effects.shapes import resonant
+from samrl_core.diagnosis.residuals.basis_functions import resonant
 
 
 def step(chain: Chain, a: int, b: int) -> float:

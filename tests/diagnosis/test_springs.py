@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.diagnose import library
-from samrl_core.diagnosis.effects.cable import Cable
-from samrl_core.diagnosis.effects.joint_elasticity import hardened
-from samrl_core.diagnosis.effects.shapes import rubbing_spring
-from samrl_core.diagnosis.hypothesis import Evidence, Fit, hypothesis
-from samrl_core.diagnosis.likelihood import Likelihood
-from samrl_core.diagnosis.trial import Trial
-from samrl_core.dynamics.rigid_arm import RigidArm
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.effects.load.cable import Cable
+from samrl_core.diagnosis.effects.transmission.joint_elasticity import hardened
+from samrl_core.diagnosis.residuals.basis_functions import rubbing_spring
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
 from tests.diagnosis.worlds import BEND, LIFT
 

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.diagnosis.trial import Trial
-from samrl_core.dynamics.closed_loop import ClosedLoop, Rollouts
-from samrl_core.dynamics.plant_parameters import PlantParameters
-from samrl_core.dynamics.rigid_arm import RigidArm
-from samrl_core.types.arm_description import ArmController, ArmDescription
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 JOINTS = ("turn", "lift", "bend")
 TURN, LIFT, BEND = range(3)

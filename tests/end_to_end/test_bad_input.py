@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 import yaml
 
-from samrl_core.errors import InputError
-from samrl_core.learn.networks import ResidualActor
-from samrl_core.learn.weights import WeightsInfo, save_weights, shipped
-from samrl_core.robots.cell import default_cell
-from samrl_ros.cli import run
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.common.errors import InputError
+from samrl_core.policy.networks.networks import ResidualActor
+from samrl_core.policy.networks.weights import WeightsInfo, save_weights, shipped
+from samrl_ros.cli.main import run
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
@@ -62,7 +62,7 @@ def test_a_ros_domain_with_a_cell_in_it(tmp_path: Path, capfd: Any) -> None:
     script = tmp_path / "other.py"
     script.write_text(
         "import rclpy, time\nfrom sensor_msgs.msg import JointState\n"
-        "from samrl_ros.node_kit.host import start_ros\nstart_ros(['other'])\n"
+        "from samrl_ros.hosting.host import start_ros\nstart_ros(['other'])\n"
         "node = rclpy.create_node('other')\n"
         "publisher = node.create_publisher(JointState, '/cell/tool_arm/joint_states', 1)\n"
         "print('there', flush=True)\ntime.sleep(60)\n"
@@ -106,7 +106,7 @@ def test_a_parameter_file_that_does_not_fit(
 
 
 def test_all_defaults_as_a_parameter_file_change_nothing(tmp_path: Path) -> None:
-    from samrl_ros.cell_options import CellOptions, prepare
+    from samrl_ros.cell.options import CellOptions, prepare
     from samrl_ros.docs import default_parameters
 
     file = tmp_path / "params.yaml"
@@ -123,7 +123,7 @@ def test_all_defaults_as_a_parameter_file_change_nothing(tmp_path: Path) -> None
 
 
 def test_a_policy_brings_its_strategy(tmp_path: Path) -> None:
-    from samrl_ros.cell_options import CellOptions, prepare
+    from samrl_ros.cell.options import CellOptions, prepare
 
     def options(**given: str) -> CellOptions:
         return CellOptions(task="peg_insertion", episodes=1, seed=0, out=tmp_path / "out", **given)
@@ -136,7 +136,7 @@ def test_a_policy_brings_its_strategy(tmp_path: Path) -> None:
 
 
 def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
-    from samrl_ros.cell_options import CellOptions, prepare
+    from samrl_ros.cell.options import CellOptions, prepare
 
     options = CellOptions(task="peg_insertion", episodes=1, seed=0, out=tmp_path / "plain")
     plain = yaml.safe_load(prepare(options).read_text())
@@ -158,8 +158,8 @@ def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
 
 
 def test_a_replay_of_an_older_run_ends_as_that_did(tmp_path: Path) -> None:
-    from samrl_ros.cell_options import CellOptions, prepare
-    from samrl_ros.replay_command import recorded_settings
+    from samrl_ros.cell.options import CellOptions, prepare
+    from samrl_ros.cli.replay import recorded_settings
 
     out = tmp_path / "run"
     file = prepare(CellOptions(task="peg_insertion", episodes=1, seed=0, out=out))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from samrl_ros.bags.reader import open_bag
-from samrl_ros.topics import cell_topic
+from samrl_ros.contract.topics import cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
@@ -48,7 +48,7 @@ def test_the_cell_succeeds_at_once(tmp_path: Path) -> None:
     assert "no network in this test" in refused.stderr and asked.read_text() == "192.0.2.1\n"
     asked.unlink()
 
-    command = [sys.executable, "-m", "samrl_ros.cli", "cell", "--out", str(out)]
+    command = [sys.executable, "-m", "samrl_ros.cli.main", "cell", "--out", str(out)]
     done = subprocess.run(command, env=surroundings, capture_output=True, text=True)
     said = done.stdout + done.stderr
     assert done.returncode == 0, said

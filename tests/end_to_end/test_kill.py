@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import repair
-from samrl_ros.topics import arm_topic, cell_topic
+from samrl_ros.contract.topics import arm_topic, cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.timeout(420)]
@@ -38,7 +38,7 @@ class Cell:
         params = out.parent / "params.yaml"
         params.write_text("sim_bridge: {ros__parameters: {command_timeout: 0.3}}\n")  # two cores, other load
         options = ["--layout", layout, "--out", str(out), "--params", str(params), "--episodes", "3"]
-        command = [sys.executable, "-m", "samrl_ros.cli", "cell", *options]
+        command = [sys.executable, "-m", "samrl_ros.cli.main", "cell", *options]
         with (out.parent / "output.txt").open("wb") as output:
             self.process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
 
@@ -50,8 +50,8 @@ class Cell:
         """Process ids by node."""
         found = {}
         for pid, arguments in _command_lines():
-            if "samrl_ros.run" in arguments and str(self.out / "params.yaml") in arguments:
-                found[arguments[arguments.index("samrl_ros.run") + 1]] = pid
+            if "samrl_ros.ros2_run" in arguments and str(self.out / "params.yaml") in arguments:
+                found[arguments[arguments.index("samrl_ros.ros2_run") + 1]] = pid
         return found
 
     def wait_until_it_acts(self) -> None:

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.errors import InputError
-from samrl_core.model.model import Model, ModelSettings, world_to_camera
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks.peg_insertion.task import BODY, PegInsertion
-from samrl_core.types.camera import Camera, Intrinsics
-from samrl_core.types.pose import look_at
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks.peg_insertion.task import BODY, PegInsertion
+from samrl_core.cell.types.camera import Camera, Intrinsics
+from samrl_core.cell.types.pose import look_at
+from samrl_core.common.errors import InputError
+from samrl_core.model.model import Model, world_to_camera
+from samrl_core.model.scene.settings import ModelSettings
 
 CELL = default_cell()
 TASK = PegInsertion()

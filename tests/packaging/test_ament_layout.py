@@ -52,7 +52,7 @@ def test_every_executable_of_the_contract_is_shipped() -> None:
 def test_a_launcher_is_executable_and_starts_its_own_node(name: str) -> None:
     path = ROOT / "samrl_ros" / "ament" / name
     assert path.stat().st_mode & stat.S_IXOTH
-    assert f"-m samrl_ros.run {name} " in path.read_text()
+    assert f"-m samrl_ros.ros2_run {name} " in path.read_text()
 
 
 def test_package_xml_and_pyproject_agree() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.interfaces import build as build_module
 from samrl_ros.interfaces import compile as compile_module
 from samrl_ros.interfaces.build import Target, build, is_current, remove, this_environment
@@ -38,7 +38,7 @@ def test_the_environment_is_current_and_nothing_is_built_again() -> None:
 
 @pytest.mark.ros
 def test_every_definition_is_importable_and_in_the_index() -> None:
-    from samrl_ros.message_types import message_class
+    from samrl_ros.contract.message_types import message_class
 
     package = read_package("samrl_msgs", definitions_folder())
     index = this_environment().share / "ament_index/resource_index/rosidl_interfaces/samrl_msgs"

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError
-from samrl_core.recordings import check_recording, no_motion, still_joints
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.recordings import check_recording, no_motion, still_joints
 
 DEGREES = 180 / np.pi
 Change = Callable[..., ArmRecording]
@@ -163,7 +163,7 @@ def test_a_urdf_of_other_masses_is_suspected(motion: ArmRecording) -> None:
 
 
 def test_millimetres_of_a_slide(motion: ArmRecording) -> None:
-    from samrl_core.types.arm_description import ArmDescription
+    from samrl_core.cell.types.arm_description import ArmDescription
 
     urdf = (
         '<robot name="s"><link name="a"/><link name="b"><inertial><mass value="1"/>'

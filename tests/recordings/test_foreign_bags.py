@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from samrl_core.errors import InputError
-from samrl_core.types.arm_recording import ArmRecording
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.writer import BagWriter
 from samrl_ros.recordings import load_recordings, write_recording

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError
-from samrl_ros.recordings.logs.formulas import evaluate, names_in
-from samrl_ros.recordings.logs.units import factor
+from samrl_core.common.errors import InputError
+from samrl_ros.log_import.formulas import evaluate, names_in
+from samrl_ros.log_import.units import factor
 
 X = np.array([1.0, 2.0, 3.0, 5.0])
 VALUES: dict[str, Any] = {

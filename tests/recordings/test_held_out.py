@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError
-from samrl_core.recordings import block, check_held_out, split
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.recordings import block, check_held_out, split
 
 
 def other(motion: ArmRecording, seed: int = 1) -> ArmRecording:

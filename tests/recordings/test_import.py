@@ -14,11 +14,11 @@ import yaml
 from scipy.io import savemat
 from typer.testing import CliRunner
 
-from samrl_core.errors import InputError
-from samrl_ros.bags.commands import bag_app
+from samrl_core.common.errors import InputError
+from samrl_ros.cli.bag import bag_app
+from samrl_ros.log_import.importer import ImportedRecording, import_logs
+from samrl_ros.log_import.mapping import read_mapping
 from samrl_ros.recordings import load_recordings
-from samrl_ros.recordings.logs.importer import ImportedRecording, import_logs
-from samrl_ros.recordings.logs.mapping import read_mapping
 
 N = 400
 TIME = np.arange(N) * 0.01

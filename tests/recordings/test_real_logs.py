@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.recordings import check_held_out
-from samrl_core.types.arm_recording import ArmRecording
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.diagnosis.recordings import check_held_out
+from samrl_ros.log_import.importer import import_logs
+from samrl_ros.log_import.mapping import read_mapping
 from samrl_ros.recordings import read_recordings
-from samrl_ros.recordings.logs.importer import import_logs
-from samrl_ros.recordings.logs.mapping import read_mapping
 
 MAPPINGS = Path(__file__).resolve().parents[2] / "bags" / "mappings"
 
@@ -51,7 +51,7 @@ def test_emps_obeys_the_law_that_the_mapping_describes(shared_data: Path) -> Non
 
 
 def test_tx40_follows_gravity_and_couples_the_wrist(shared_data: Path, tmp_path: Path) -> None:
-    from samrl_core.dynamics.rigid_arm import RigidArm
+    from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
     found = imported("tx40", shared_data, tmp_path)
     assert set(found) == {"tx40_first_half", "tx40_second_half"}

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError
-from samrl_core.types.arm_description import ArmDescription, Tolerances
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.common.errors import InputError
 from samrl_ros.recordings import load_recordings, read_recordings, write_recording
 
 CHANNELS = ("states", "command", "commanded_effort")

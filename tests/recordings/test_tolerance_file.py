@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from samrl_core.errors import InputError
-from samrl_core.types.arm_description import Tolerances
+from samrl_core.cell.types.arm_description import Tolerances
+from samrl_core.common.errors import InputError
 from samrl_ros.recordings import TOLERANCE_FILE, read_tolerances
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.recordings import longest_whole
-from samrl_core.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.recordings import longest_whole
 from tests.diagnosis import worlds
 
 

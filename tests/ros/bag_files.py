@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from samrl_ros.bags.qos import topic_qos
+from samrl_ros.bags.qos_metadata import topic_qos
 from samrl_ros.bags.writer import BagWriter
-from samrl_ros.topics import TOPICS
+from samrl_ros.contract.topics import TOPICS
 
 
 def record(folder: Path, messages: list[tuple[int, str, Any]]) -> Path:

@@ -31,7 +31,7 @@ def run_local_graph(
     folder: Path, supervisor: dict[str, Any], view_planner: dict[str, Any] | None = None
 ) -> LocalRun:
     """One episode of peg insertion on a `LocalGraph`, by default with the networks of the package."""
-    from samrl_ros.local_graph import LocalGraph
+    from samrl_ros.cell.local_graph import LocalGraph
 
     messages: list[tuple[int, str, Any]] = []
     truth_file = folder / "evaluation" / "truth.jsonl"

@@ -7,9 +7,9 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from samrl_ros.behaviour import Behaviour, Outbox
-from samrl_ros.settings import setting
-from samrl_ros.topics import NAMESPACE, cell_topic
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import NAMESPACE, cell_topic
 
 PHASE, WEIGHTS = cell_topic("phase"), cell_topic("residual_trainer/weights")
 ESTOP = f"{NAMESPACE}/estop"
@@ -62,6 +62,6 @@ class Echo(Behaviour):
 
 
 if __name__ == "__main__":
-    from samrl_ros.node_kit import run_node
+    from samrl_ros.hosting import run_node
 
     sys.exit(run_node(Echo, EchoSettings, "echo", sys.argv[1:]))

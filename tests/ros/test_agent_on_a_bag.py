@@ -12,23 +12,23 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.agent.acting import Acting
-from samrl_core.agent.agent import Agent, run_episode
-from samrl_core.agent.looking import Looking
-from samrl_core.agent.loop import LoopSettings
-from samrl_core.agent.settings import AgentSettings, trained_networks
-from samrl_core.errors import InputError
-from samrl_core.learn.networks import ResidualActor, SensingQ, SimActor
-from samrl_core.learn.weights import WeightsInfo, save_weights, sha256_of
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.observation import Observation
+from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
-from samrl_core.types.observation import Observation
-from samrl_ros import assembly
+from samrl_core.policy.agent.acting import Acting
+from samrl_core.policy.agent.agent import Agent, run_episode
+from samrl_core.policy.agent.looking import Looking
+from samrl_core.policy.agent.loop import LoopSettings
+from samrl_core.policy.agent.settings import AgentSettings, trained_networks
+from samrl_core.policy.networks.networks import ResidualActor, SensingQ, SimActor
+from samrl_core.policy.networks.weights import WeightsInfo, save_weights, sha256_of
 from samrl_ros.bags.reader import open_bag
+from samrl_ros.cell.visited_states import visited_in_bag
+from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message
-from samrl_ros.topics import cell_topic
-from samrl_ros.visited_states import visited_in_bag
+from samrl_ros.nodes import assembly
 from tests.ros.bag_files import record
 
 pytest.importorskip("rclpy")
@@ -43,7 +43,7 @@ def messages_of(bag: Path) -> Iterator[tuple[str, Any]]:
     """Topics and messages in recorded order."""
     from rclpy.serialization import deserialize_message
 
-    from samrl_ros.message_types import message_class
+    from samrl_ros.contract.message_types import message_class
 
     opened = open_bag(bag)
     classes = {t.name: message_class(t.type) for t in opened.topics}
@@ -189,8 +189,8 @@ def announcement(folder: Path, **changes: Any) -> Any:
 
 def learned_node(folder: Path) -> tuple[Any, Any]:
     """The view planner as a cell with trained weights runs it."""
+    from samrl_ros.cell.replay import RecordingOutbox
     from samrl_ros.nodes.view_planner import ViewPlannerNode, ViewPlannerSettings
-    from samrl_ros.replay import RecordingOutbox
 
     outbox = RecordingOutbox(keep=frozenset((TARGET, ACTION)))
     settings = ViewPlannerSettings(policy="learned", strategy="q", weights=str(folder))
@@ -253,7 +253,7 @@ def test_a_residual_that_is_not_as_announced_is_refused(weights: Path, tmp_path:
 
 def test_a_lost_image_is_replaced_by_the_next(recorded: list[tuple[str, Any]], weights: Path) -> None:
     """Images are sent without acknowledgement; an action waits for one rather than act blindly."""
-    from samrl_ros.topics import camera_topic
+    from samrl_ros.contract.topics import camera_topic
 
     node, outbox = learned_node(weights)
     first = next(m for topic, m in recorded if topic == STATE)

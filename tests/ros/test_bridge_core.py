@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
-from samrl_core.types.observation import ArmCommand
-from samrl_core.world import make_world
-from samrl_ros.topics import cell_topic
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.observation import ArmCommand
+from samrl_core.cell.world import make_world
+from samrl_core.common.errors import InputError
+from samrl_ros.contract.topics import cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

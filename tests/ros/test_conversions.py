@@ -8,10 +8,10 @@ import pytest
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 
-from samrl_core.errors import InputError  # noqa: E402
-from samrl_core.types.camera import Intrinsics  # noqa: E402
-from samrl_core.types.observation import ArmCommand, ArmReading  # noqa: E402
-from samrl_core.types.pose import Pose  # noqa: E402
+from samrl_core.cell.types.camera import Intrinsics  # noqa: E402
+from samrl_core.cell.types.observation import ArmCommand, ArmReading  # noqa: E402
+from samrl_core.cell.types.pose import Pose  # noqa: E402
+from samrl_core.common.errors import InputError  # noqa: E402
 from samrl_ros.conversions import from_message, to_message  # noqa: E402
 
 NAMES = tuple(f"joint{i}" for i in range(7))

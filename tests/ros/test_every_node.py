@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError, SamrlError
-from samrl_core.robots.cell import default_cell
-from samrl_core.robots.robot import ROLES
-from samrl_core.tasks import task_named
-from samrl_ros.topics import TOPICS, arm_topic, cell_topic
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.tasks import task_named
+from samrl_core.common.errors import InputError, SamrlError
+from samrl_ros.contract.topics import TOPICS, arm_topic, cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
@@ -41,20 +41,20 @@ class Ears:
 
 
 def entry(name: str) -> Any:
-    from samrl_ros.node_registry import behaviour_nodes
+    from samrl_ros.nodes.registry import behaviour_nodes
 
     return behaviour_nodes()[name]
 
 
 def message(topic: str) -> Any:
     """A new message of the topic's type, as its constructor leaves it."""
-    from samrl_ros.message_types import message_class
+    from samrl_ros.contract.message_types import message_class
 
     return message_class(TOPICS[topic].type)()
 
 
 def joint_state(role: str, stamp_ns: int) -> Any:
-    from samrl_core.types.observation import ArmReading
+    from samrl_core.cell.types.observation import ArmReading
     from samrl_ros.conversions import to_message
 
     position = task_named("peg_insertion").start_joints(default_cell())[role]
@@ -128,11 +128,11 @@ def pairs() -> list[tuple[str, str]]:
 
 
 def test_the_list_of_nodes_is_complete() -> None:
-    from samrl_ros.node_registry import behaviour_nodes
+    from samrl_ros.nodes.registry import behaviour_nodes
 
     assert set(behaviour_nodes()) == set(NODES)
     with pytest.raises(InputError, match="no node 'cook'"):
-        __import__("samrl_ros.node_registry", fromlist=["entry"]).entry("cook")
+        __import__("samrl_ros.nodes.registry", fromlist=["entry"]).entry("cook")
 
 
 @pytest.mark.parametrize("name", NODES)
@@ -168,7 +168,7 @@ def test_a_bad_message_is_refused_in_words_or_ignored(name: str, topic: str) -> 
 
 @pytest.mark.parametrize("name", NODES)
 def test_settings_out_of_range_are_refused(name: str) -> None:
-    from samrl_ros.node_kit.parameters import why_refused
+    from samrl_ros.hosting.parameters import why_refused
 
     for field in dataclasses.fields(entry(name).settings):
         assert field.metadata["description"]

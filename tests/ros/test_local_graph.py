@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.tasks import task_named
-from samrl_core.world.evaluation import ending_of, read_truth
-from samrl_ros.topics import TOPICS, cell_topic
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.world.evaluation import ending_of, read_truth
+from samrl_ros.contract.topics import TOPICS, cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from samrl_ros.replay import RecordingOutbox
+from samrl_ros.cell.replay import RecordingOutbox
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

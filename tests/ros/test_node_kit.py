@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,7 +43,7 @@ class Probe:
         from rclpy.executors import SingleThreadedExecutor
         from std_msgs.msg import String
 
-        from samrl_ros.qos import PROFILES
+        from samrl_ros.contract.qos import PROFILES
 
         self.node = rclpy.create_node("probe")
         self.answers: list[str] = []
@@ -87,7 +87,7 @@ class Probe:
 
 @pytest.fixture(scope="module")
 def graph() -> Iterator[None]:
-    from samrl_ros.node_kit import start_ros, stop_ros
+    from samrl_ros.hosting import start_ros, stop_ros
 
     start_ros([])
     yield
@@ -105,7 +105,7 @@ def probe(graph: None) -> Iterator[Probe]:
 def make(graph: None) -> Iterator[Callable[..., Any]]:
     from rclpy.parameter import Parameter
 
-    from samrl_ros.node_kit import BehaviourNode, NodeThread
+    from samrl_ros.hosting import BehaviourNode, NodeThread
 
     threads = []
 
@@ -255,7 +255,7 @@ def test_a_service_is_called_when_its_server_comes_up(make: Any, probe: Probe) -
 
 
 def test_a_missing_server_becomes_a_failure(make: Any, probe: Probe, monkeypatch: Any) -> None:
-    from samrl_ros.node_kit import behaviour_node
+    from samrl_ros.hosting import behaviour_node
 
     monkeypatch.setattr(behaviour_node, "SERVICE_WAIT_S", 0.3)
     thread = make()
@@ -264,7 +264,7 @@ def test_a_missing_server_becomes_a_failure(make: Any, probe: Probe, monkeypatch
 
 
 def test_a_hanging_callback_does_not_hang_the_owner(make: Any, probe: Probe, monkeypatch: Any) -> None:
-    from samrl_ros.node_kit import host
+    from samrl_ros.hosting import host
 
     monkeypatch.setattr(host, "JOIN_S", 0.3)
     thread = make()
@@ -276,8 +276,8 @@ def test_a_hanging_callback_does_not_hang_the_owner(make: Any, probe: Probe, mon
 
 
 def test_qos_names_all_exist() -> None:
-    from samrl_ros.qos import qos_named
-    from samrl_ros.topics import TOPICS
+    from samrl_ros.contract.qos import qos_named
+    from samrl_ros.contract.topics import TOPICS
 
     for topic in TOPICS.values():
         qos_named(topic.qos)
@@ -350,13 +350,13 @@ def test_a_process_refuses_bad_parameters_with_three(spawn: Any) -> None:
 def test_own_messages_travel_between_processes(spawn: Any, probe: Probe, tmp_path: Path) -> None:
     from samrl_msgs.msg import ModelState
 
-    from samrl_ros.qos import PROFILES
+    from samrl_ros.contract.qos import PROFILES
 
     script = tmp_path / "sender.py"
     script.write_text(
         "import rclpy, time\n"
         "from samrl_msgs.msg import ModelState\n"
-        "from samrl_ros.qos import PROFILES\n"
+        "from samrl_ros.contract.qos import PROFILES\n"
         "rclpy.init()\n"
         "node = rclpy.create_node('sender')\n"
         "publisher = node.create_publisher(ModelState, '/cell/model_updater/state', PROFILES['latched'])\n"

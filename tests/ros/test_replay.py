@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
-from samrl_ros.topics import cell_topic
+from samrl_ros.contract.topics import cell_topic
 from tests.ros.bag_files import record
 from tests.ros.conftest import PLANNED, THREE_ACTIONS
 
@@ -20,7 +20,7 @@ STATE, ACTION = cell_topic("model_updater/state"), cell_topic("view_planner/nomi
 
 def makers(*names: str) -> dict[str, Any]:
     """Factories of the nodes, with the settings of the run."""
-    from samrl_ros.node_registry import entry
+    from samrl_ros.nodes.registry import entry
 
     def factory(name: str) -> Any:
         node = entry(name)
@@ -37,8 +37,8 @@ def bag(three_actions: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def report(bag: Path) -> Any:
-    from samrl_ros.replay import replay
-    from samrl_ros.replay_command import COMPARED, DEFAULT_NODES
+    from samrl_ros.cell.replay import replay
+    from samrl_ros.cli.replay import COMPARED, DEFAULT_NODES
 
     return replay(bag, makers(*DEFAULT_NODES), COMPARED)
 
@@ -61,8 +61,8 @@ def test_numbers_are_those_of_the_recording(report: Any) -> None:
 
 
 def test_twice_gives_the_same_digests(bag: Path, report: Any) -> None:
-    from samrl_ros.replay import replay
-    from samrl_ros.replay_command import COMPARED, DEFAULT_NODES
+    from samrl_ros.cell.replay import replay
+    from samrl_ros.cli.replay import COMPARED, DEFAULT_NODES
 
     again = replay(bag, makers(*DEFAULT_NODES), COMPARED)
     assert again.outputs == report.outputs
@@ -74,7 +74,7 @@ def test_another_image_gives_another_digest(three_actions: Any, tmp_path: Path) 
     """The digest covers content: brighter images move the colours that are fitted."""
     from copy import copy
 
-    from samrl_ros.replay import replay
+    from samrl_ros.cell.replay import replay
 
     def brighter(topic: str, message: Any) -> Any:
         if topic != "/cell/camera/color/image_raw":
@@ -93,7 +93,7 @@ def test_another_image_gives_another_digest(three_actions: Any, tmp_path: Path) 
 
 
 def test_a_bag_without_the_needed_topics_is_refused(three_actions: Any, tmp_path: Path) -> None:
-    from samrl_ros.replay import replay
+    from samrl_ros.cell.replay import replay
 
     clock_only = [entry for entry in three_actions.messages[:500] if entry[1] in ("/clock", "/tf")]
     assert clock_only

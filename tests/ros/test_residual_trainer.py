@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.errors import InputError, SolveError
-from samrl_core.learn.network_image import observed_image
-from samrl_core.learn.packed_images import network_images
-from samrl_core.learn.replay import End, Replay
-from samrl_core.learn.residual_training import Announcement, replay_of
-from samrl_core.learn.weights import sha256_of
-from samrl_core.robots.cell import default_cell
-from samrl_core.robots.robot import ROLES
-from samrl_core.tasks import task_named
-from samrl_core.types.camera import Intrinsics
-from samrl_core.types.observation import ArmReading
-from samrl_ros.topics import arm_topic, camera_topic, cell_topic
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.camera import Intrinsics
+from samrl_core.cell.types.observation import ArmReading
+from samrl_core.common.errors import InputError, SolveError
+from samrl_core.learning.images.packed_images import network_images
+from samrl_core.learning.residual.replay import End, Replay
+from samrl_core.learning.residual.residual_training import Announcement, replay_of
+from samrl_core.policy.networks.network_image import observed_image
+from samrl_core.policy.networks.weights import sha256_of
+from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.model.model import Model
-from samrl_core.real2sim import initial_estimate
-from samrl_core.robots.cell import default_cell
-from samrl_core.tasks import task_named
-from samrl_core.tasks.peg_insertion.task import PegInsertion
+from samrl_core.model.real2sim.real2sim import initial_estimate
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from samrl_core.warp_runtime import start as start_warp
+from samrl_core.common.warp_runtime import start as start_warp
 
 PSEUDO = 1.0  # transitions that are believed before any were seen, as the first guess has them
 

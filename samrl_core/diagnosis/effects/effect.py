@@ -14,8 +14,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from samrl_core.diagnosis.equations import Columns
-from samrl_core.diagnosis.trial import Trial
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.trial import Trial
 
 Shape = dict[str, float]
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect, Form, Shape
 from samrl_core.diagnosis.effects.packet_age import detail_support
-from samrl_core.diagnosis.effects.shapes import low_passed, resonant
-from samrl_core.diagnosis.equations import Columns
-from samrl_core.diagnosis.trial import Trial, add
+from samrl_core.diagnosis.residuals.basis_functions import low_passed, resonant
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.trial import Trial, add
 
 WIDEST = 0.2  # of the fastest motion: a wider turn of the sign is viscous friction under another name
 COMMON = 2.0 / 3.0  # of the joints that must show what is said of all

@@ -15,8 +15,8 @@ import numpy as np
 from scipy import signal
 
 from samrl_core.diagnosis.effects.age_chain import Chain, forward_backward
-from samrl_core.diagnosis.motion import BAND_HZ
-from samrl_core.diagnosis.trial import Trial
+from samrl_core.diagnosis.residuals.motion import BAND_HZ
+from samrl_core.diagnosis.residuals.trial import Trial
 
 DETAIL_HZ = 1.6 * BAND_HZ  # what is slower is taken out
 OLDEST_S = 0.025  # the catalogue knows of holds up to 20 ms and of delays up to 25 ms

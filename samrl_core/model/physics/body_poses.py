@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_core.model.physics.layout import Layout
 from samrl_core.model.physics.scene import WORLD, JointKind
 

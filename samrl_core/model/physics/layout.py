@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_core.model.physics.scene import WORLD, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import SHAPE_FLOATS
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import torch
 
-from samrl_core.errors import InputError, SolveError
+from samrl_core.common.errors import InputError, SolveError
+from samrl_core.common.warp_runtime import numbered_device, start
 from samrl_core.model.physics.layout import lay_out
 from samrl_core.model.physics.scene import PhysicsScene
 from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState, nominal_parameters
 from samrl_core.model.physics.workspace import MOTION, PARAMETERS, Constants, Workspace
-from samrl_core.warp_runtime import numbered_device, start
 
 RESIDUAL_LIMIT = 1.0e-3  # of all impulses added without sign; above it a step is not solved
 KEPT_WORKSPACES = 4  # lengths and batches whose arrays are kept

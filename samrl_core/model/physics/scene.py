@@ -7,9 +7,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from samrl_core.errors import InputError
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
 from samrl_core.model.physics.shapes import Shape
-from samrl_core.types.pose import Pose
 
 WORLD = -1
 

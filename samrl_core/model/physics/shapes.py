@@ -11,8 +11,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from samrl_core.errors import InputError
-from samrl_core.types.pose import Pose
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
 
 PROFILE_CORNERS = 6  # kernels unroll over that many corners
 SHAPE_FLOATS = 4 + 2 * PROFILE_CORNERS

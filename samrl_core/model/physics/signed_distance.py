@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
+from samrl_core.common.warp_runtime import start
 from samrl_core.model.physics.distance_kernels import distance_functions
 from samrl_core.model.physics.shapes import Shape
-from samrl_core.warp_runtime import start
 
 
 @cache

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_core.model.physics.layout import Layout
 from samrl_core.model.physics.scene import PhysicsScene
 

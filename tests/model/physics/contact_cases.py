@@ -7,9 +7,9 @@ import physics_scenes as scenes
 import torch
 from gradient_check import Case
 
-from samrl_core.benchmarks import physics_scenes as common
 from samrl_core.model.physics.layout import lay_out
 from samrl_core.model.physics.scene import PhysicsScene
+from samrl_core.studies.speed import physics_scenes as common
 
 SAG = 0.1 * 9.81 / (8 * 5e3)  # how far the disc of 0.1 kg sinks in on eight points [m]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.benchmarks.physics_scenes import at, chain, circle, cylinder_inertia
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import block_with_hole, box, cylinder, plane, ring
+from samrl_core.studies.speed.physics_scenes import at, chain, circle, cylinder_inertia
 
 FREE = Joint(JointKind.FREE)
 HAND = Joint(JointKind.FREE, driven=True)

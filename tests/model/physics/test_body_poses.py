@@ -8,7 +8,7 @@ import torch
 import warp as wp
 from gradient_check import inputs
 
-from samrl_core.errors import InputError
+from samrl_core.common.errors import InputError
 from samrl_core.model.physics.body_poses import body_poses
 from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.state import PhysicsAction, PhysicsState

@@ -8,7 +8,7 @@ import pytest
 import torch
 from gradient_check import Case, difference_errors, precision_errors
 
-from samrl_core.benchmarks import physics_scenes as common
+from samrl_core.studies.speed import physics_scenes as common
 
 SMOOTH = 5e-4
 CONTACT = 1e-2

@@ -11,7 +11,7 @@ import pytest
 import torch
 from gradient_check import Case, inputs
 
-from samrl_core.errors import InputError, SolveError
+from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import plane

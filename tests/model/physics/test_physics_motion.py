@@ -9,11 +9,11 @@ import pytest
 import torch
 from gradient_check import Case, inputs
 
-from samrl_core.benchmarks import physics_scenes as common
 from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
 from samrl_core.model.physics.shapes import plane
 from samrl_core.model.physics.state import PhysicsAction, PhysicsState
+from samrl_core.studies.speed import physics_scenes as common
 
 
 def run(case: Case, dtype: torch.dtype = torch.float64) -> PhysicsState:

@@ -1,0 +1,28 @@
+"""2. Viscous friction. T0: Fv v. T1: grease that thins with speed, Fv vr asinh(v / vr)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
+from samrl_core.blind_test.engines.hooks import Hooks
+
+
+def _make(site: Site, form: str, severity: float) -> Effect:
+    drag = quantile(severity, 0.1, 2.0) * site.size**2
+    knee = float(site.rng.uniform(0.5, 1.0))
+
+    def attach(hooks: Hooks, rng: np.random.Generator) -> None:
+        if form == "T0":
+            hooks.add_friction(site.joint, Curve(lambda t, q, v, load: drag * v))
+        else:
+            hooks.add_friction(site.joint, Curve(lambda t, q, v, load: drag * knee * math.asinh(v / knee)))
+
+    extra = {} if form == "T0" else {"knee": Quantity(knee, "rad/s")}
+    return Effect({"Fv": Quantity(drag, "N m s/rad"), **extra}, attach)
+
+
+FAMILY = Family("viscous_friction", "joint", _make, onset=True)

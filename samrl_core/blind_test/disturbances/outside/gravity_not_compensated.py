@@ -1,0 +1,25 @@
+"""The controller leaves out part of one joint's gravity torque; the weight itself is as described."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.engines.hooks import Hooks, Law
+
+
+def _make(site: Site, form: str, severity: float) -> Effect:
+    share = quantile(severity, 0.1, 1.0)
+    i = site.joint
+
+    def leave_out(law: Law, t: float) -> None:
+        law.gravity = law.gravity.copy()
+        law.gravity[i] *= 1.0 - share
+
+    def attach(hooks: Hooks, rng: np.random.Generator) -> None:
+        hooks.law.append(leave_out)
+
+    return Effect({"left_out": Quantity(share, "1")}, attach)
+
+
+FAMILY = Family("gravity_not_compensated", "joint", _make, first_joint=1, outside=True)

@@ -1,0 +1,34 @@
+"""8. Torque ripple of the gear. T0: A sin(N q + phi). T1: two lines whose height grows with load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.engines.hooks import Hooks
+
+
+def _make(site: Site, form: str, severity: float) -> Effect:
+    height = quantile(severity, 0.1, 1.0) * site.size
+    lines = float(site.rng.choice([60.0, 100.0, 160.0, 200.0]))  # twice a harmonic drive's ratio of 30..100
+    phase = float(site.rng.uniform(-np.pi, np.pi))
+    i = site.joint
+
+    def ripple(t: float, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
+        row = np.zeros_like(q)
+        angle = lines * q[i] + phase
+        row[i] = height * np.sin(angle)
+        if form == "T1":
+            load = 0.6 + 0.8 * min(abs(u[i]) / max(site.peak_torque[i], 1e-6), 1.0)
+            row[i] = height * load * (0.8 * np.sin(angle) + 0.4 * np.sin(2.0 * angle + 0.7))
+        return row
+
+    def attach(hooks: Hooks, rng: np.random.Generator) -> None:
+        hooks.rotor_torque.append(ripple)
+
+    return Effect(
+        {"A": Quantity(height, "N m"), "N": Quantity(lines, "1/rad"), "phi": Quantity(phase, "rad")}, attach
+    )
+
+
+FAMILY = Family("gear_ripple", "joint", _make)

@@ -1,0 +1,125 @@
+"""Calibrates when an effect is believed: gains of the whole library on simulated worlds without any effect.
+
+    python -m samrl_core.blind_test.scores.calibrate --worlds 24 --out calibration.json
+
+Worlds are the diagnosis' own closed-loop simulations of the cell's recording programmes, never those of the
+forge: judged worlds must not have tuned what judges them. Figures are quoted in msgs_docs/gap_results.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.excitation.excitation_trajectory import programme
+from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.effects import EFFECTS
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.null_simulations import (
+    QUANTILE,
+    best_gain,
+    draw_plant,
+    null_recordings,
+    threshold,
+)
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+KINDS = ("slow", "multisine")
+NOISE = {"position": 3e-5, "velocity": 1e-3, "effort": 0.04}  # [rad, rad/s, N m] as forged and real sensors
+TOOL = Tool(0.78, np.array([0.0, 0.0, 0.06]), np.diag([0.003, 0.003, 0.001]))
+ARMATURE = 0.1  # [kg m2]
+WIDE = 1.0 / 3.0  # of the worlds have backgrounds of up to twice the stated tolerances
+
+
+def trials_of(role: str, number: int, duration_s: float) -> list[Trial]:
+    """Nominal recordings of an arm's programmes with the noise of the cell's sensors."""
+    spec = default_cell().arm(role)
+    payload = Payload(TOOL.mass, TOOL.center_of_mass, TOOL.inertia)
+    controller = ArmController(
+        spec.joint_names,
+        spec.controller.stiffness,
+        spec.controller.damping,
+        spec.controller.period_s,
+        effort_limit=spec.limits.effort,
+        armature=np.full(len(spec.joint_names), ARMATURE),
+    )
+    arm = ArmDescription(role, spec.joint_names, spec.urdf.read_text(), controller, TOOL)
+    rigid, out = RigidArm(arm), []
+    rng = np.random.default_rng([number, 7])
+    for kind in KINDS:
+        command = programme(spec, payload, kind, number, duration_s)
+        assert command.position is not None and command.velocity is not None
+        torque = rigid.gravity(command.position)
+
+        def noisy(values: np.ndarray, level: float, rng: np.random.Generator = rng) -> np.ndarray:
+            return values + level * rng.standard_normal(values.shape)
+
+        states = JointSignal(
+            command.time,
+            noisy(command.position, NOISE["position"]),
+            noisy(command.velocity, NOISE["velocity"]),
+            None,
+            noisy(torque, NOISE["effort"]),
+        )
+        sent = JointSignal(command.time, effort=torque)
+        out.append(Trial(ArmRecording(kind, "", "", arm, states, command, sent), rigid))
+    return out
+
+
+def main() -> None:
+    """Simulate, print the gains and the threshold, and keep them as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--worlds", type=int, default=24)
+    parser.add_argument("--duration", type=float, default=12.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    gains: list[float] = []
+    for world in range(options.worlds):
+        began = time.monotonic()
+        trials = trials_of(ROLES[world % 2], options.seed * 1000 + world // 2 % 3, options.duration)
+        scale = float(rng.uniform(1.0, 2.0)) if rng.uniform() < WIDE else 1.0
+        recordings = null_recordings(trials, draw_plant(_wider(trials[0], scale), rng), rng)
+        if recordings is None:
+            raise SystemExit(f"world {world} diverged; its tolerances are no arm's")
+        gains.append(best_gain(recordings, trials, EFFECTS))
+        took = time.monotonic() - began
+        print(f"{world + 1}/{options.worlds} scale {scale:.2f} gain {gains[-1]:.1f} nat {took:.0f} s")
+    result = {
+        "worlds": options.worlds,
+        "seed": options.seed,
+        "duration_s": options.duration,
+        "noise": NOISE,
+        "gains_nat": gains,
+        "quantile": QUANTILE,
+        "threshold_nat": threshold(np.array(gains), 0.0),
+    }
+    options.out.write_text(json.dumps(result, indent=1) + "\n")
+    print(json.dumps({k: v for k, v in result.items() if k != "gains_nat"}))
+
+
+def _wider(trial: Trial, scale: float) -> Trial:
+    """The trial with wider tolerances, for drawing only."""
+    known = trial.recording.arm.tolerances
+    wider: dict[str, Any] = {
+        name: tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value
+        for name, value in vars(known).items()
+    }
+    wide = Tolerances(**wider)
+    arm = replace(trial.recording.arm, tolerances=wide)
+    return Trial(replace(trial.recording, arm=arm), trial.rigid)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,190 @@
+"""Which worlds a forge makes: decided by one seed, shuffled, each item enough to make its world alone."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from samrl_core.blind_test.disturbances.registry import CATALOGUE, OUTSIDE, family
+from samrl_core.blind_test.engines.engines import ENGINES
+from samrl_core.blind_test.worlds.nominal import PROGRAMMES, REVERSING, nominal_arm
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.common.errors import InputError
+
+SEVERITIES = (0.5, 0.95, 0.25, 0.75, 0.1)  # in the order in which rounds over the families take them
+_STRONG = (0.5, 0.75, 0.95)
+# Pairs that look alike or hide each other; the first third of the two-effect worlds is drawn from them.
+CONFOUNDED = (
+    ("coulomb_friction", "viscous_friction"),
+    ("payload", "actuator_gain"),
+    ("joint_elasticity", "command_delay"),
+    ("encoder_offset", "base_tilt"),
+    ("coulomb_friction", "cable"),
+    ("torque_sensor_error", "payload"),
+    ("viscous_friction", "controller_gain"),
+    ("backlash", "presliding"),
+)
+_TWISTING = {"backlash", "joint_elasticity", "transmission_hysteresis"}  # one transmission per joint
+
+
+@dataclass(frozen=True)
+class ForgeSettings:
+    """How many worlds of each kind."""
+
+    seed: int = 0
+    single: int = 168  # 28 families, six rounds
+    none: int = 60
+    outside: int = 40
+    double: int = 30
+    mujoco: int = 40  # of all, spread evenly over the kinds
+    duration_s: float = 12.0  # of each recording
+    wide_share: float = 1 / 3  # of worlds whose background leaves the tolerances, up to twice
+
+    def __post_init__(self) -> None:
+        counts = (self.single, self.none, self.outside, self.double)
+        if min(counts) < 0 or sum(counts) == 0:
+            raise InputError(f"numbers of worlds {counts} must not be negative, and not all zero")
+        if not 0 <= self.mujoco <= sum(counts):
+            raise InputError(f"{self.mujoco} worlds by MuJoCo of {sum(counts)}; give at most all")
+        if not 5.0 <= self.duration_s <= 35.0:
+            raise InputError(f"recordings of {self.duration_s} s; give 5..35 s")
+
+
+@dataclass(frozen=True)
+class PlannedEffect:
+    """One disturbance to be made."""
+
+    family: str
+    place: str  # contract's name of a place
+    form: str  # T0, T1, T2
+    severity: float
+    onset: float | None  # [s]
+
+
+@dataclass(frozen=True)
+class PlanItem:
+    """One world to be made. Nothing else is needed to make it."""
+
+    id: str
+    set: str
+    engine: str
+    arm: str
+    programme: int
+    effects: tuple[PlannedEffect, ...]
+    scale: float  # of the background against its tolerances
+    seed: int
+    duration_s: float
+
+    def as_dict(self) -> dict:
+        """For JSON."""
+        return asdict(self)
+
+
+def seed_from_commit(commit: str) -> int:
+    """The forge's seed of a git commit hash, so that nobody chooses it.
+
+    Raises:
+        InputError: not a hash of at least seven hexadecimal digits.
+    """
+    text = commit.strip().lower()
+    if len(text) < 7 or set(text) - set("0123456789abcdef"):
+        raise InputError(f"'{commit}' is no commit hash; give at least seven hexadecimal digits")
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:6], "big")
+
+
+def plan_worlds(settings: ForgeSettings) -> list[PlanItem]:
+    """All worlds of a forge in shuffled order; the same for the same settings."""
+    rng = np.random.default_rng(settings.seed)
+    arms = [ROLES[int(rng.integers(2))] for _ in range(_total(settings))]
+    kinds: list[tuple[str, tuple[PlannedEffect, ...]]] = []
+
+    def arm() -> str:
+        return arms[len(kinds)]
+
+    for i in range(settings.single):
+        number, turn = i % len(CATALOGUE), i // len(CATALOGUE)
+        form = "T1" if (number + turn) % 2 else "T0"
+        severity = SEVERITIES[turn % len(SEVERITIES)]
+        kinds.append(("single", (_effect(CATALOGUE[number], form, severity, arm(), settings, rng),)))
+    for _ in range(settings.none):
+        kinds.append(("none", ()))
+    for i in range(settings.outside):
+        severity = _STRONG[(i // len(OUTSIDE)) % 3]
+        kinds.append(("outside", (_effect(OUTSIDE[i % len(OUTSIDE)], "T2", severity, arm(), settings, rng),)))
+    for i in range(settings.double):
+        kinds.append(("double", _pair(i, 3 * i < settings.double, arm(), settings, rng)))
+
+    total = len(kinds)
+    by_mujoco = np.zeros(total, dtype=bool)
+    if settings.mujoco:
+        offset = float(rng.uniform(0, total / settings.mujoco))
+        by_mujoco[(offset + np.arange(settings.mujoco) * total / settings.mujoco).astype(int)] = True
+    wide = np.zeros(total, dtype=bool)
+    wide[rng.permutation(total)[: round(settings.wide_share * total)]] = True
+    order = rng.permutation(total)
+    items = []
+    for place, k in enumerate(order.tolist()):
+        kind, effects = kinds[k]
+        items.append(
+            PlanItem(
+                id=f"w{place:03d}",
+                set=kind,
+                engine=ENGINES[int(by_mujoco[k])],
+                arm=arms[k],
+                programme=int(rng.integers(PROGRAMMES)),
+                effects=effects,
+                scale=float(rng.uniform(1.2, 2.0)) if wide[k] else 1.0,
+                seed=int(rng.integers(2**62)),
+                duration_s=settings.duration_s,
+            )
+        )
+    return items
+
+
+def _total(settings: ForgeSettings) -> int:
+    return settings.single + settings.none + settings.outside + settings.double
+
+
+def place_of(name: str, arm: str, joint: int) -> str:
+    """Contract's name of the place of a family's effect."""
+    kind = family(name).place
+    if kind == "arm":
+        return f"arm:{arm}"
+    body = nominal_arm(arm).bare
+    return f"joint:{body.links[joint].joint}" if kind == "joint" else f"link:{body.links[joint].name}"
+
+
+def _effect(
+    name: str, form: str, severity: float, arm: str, settings: ForgeSettings, rng: np.random.Generator
+) -> PlannedEffect:
+    known = family(name)
+    joint = int(rng.integers(known.first_joint, len(nominal_arm(arm).bare.links)))
+    if known.needs_reversal:
+        joint = int(rng.choice(REVERSING[arm]))
+    place = place_of(name, arm, joint)
+    if known.also_arm and rng.random() < 0.4:
+        place = f"arm:{arm}"
+    onset = None
+    if known.onset and rng.random() < 0.3:
+        onset = round(float(rng.uniform(0.3, 0.6)) * settings.duration_s, 3)
+    return PlannedEffect(name, place, form, severity, onset)
+
+
+def _pair(
+    i: int, confounded: bool, arm: str, settings: ForgeSettings, rng: np.random.Generator
+) -> tuple[PlannedEffect, ...]:
+    while True:
+        if confounded:
+            names = CONFOUNDED[i % len(CONFOUNDED)]
+        else:
+            first, second = rng.choice(len(CATALOGUE), size=2, replace=False)
+            names = (CATALOGUE[first], CATALOGUE[second])
+        pair = tuple(
+            _effect(n, "T1" if rng.random() < 0.5 else "T0", float(rng.choice(_STRONG)), arm, settings, rng)
+            for n in names
+        )
+        twisting = [e.place for e in pair if e.family in _TWISTING]
+        if len(set(twisting)) == len(twisting):
+            return pair

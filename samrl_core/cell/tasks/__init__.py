@@ -1,0 +1,30 @@
+"""Tasks by name. A task is a folder with its scene and rules; it never sees a simulator."""
+
+from __future__ import annotations
+
+from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
+from samrl_core.cell.tasks.occluded import OCCLUDED, occluded
+from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
+from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
+from samrl_core.cell.tasks.task import Task
+from samrl_core.common.errors import InputError
+
+TASKS: dict[str, Task] = {task.name: task for task in (PegInsertion(), SpatulaFlipping(), NeedleThreading())}
+OCCLUDED_TASKS: dict[str, Task] = {task.name: task for task in occluded()}  # variants with a screen
+
+
+def task_named(name: str) -> Task:
+    """The task of that name, with its default settings.
+
+    Raises:
+        InputError: there is no such task.
+    """
+    found = TASKS | OCCLUDED_TASKS
+    if name not in found:
+        raise InputError(f"no task is named {name!r}; there are: {', '.join(sorted(found))}")
+    return found[name]
+
+
+def plain_name(name: str) -> str:
+    """The task that this one is a variant of, which networks may have been trained on; its own if of none."""
+    return name.removesuffix(OCCLUDED)

@@ -1,0 +1,284 @@
+"""Needle threading after the paper: a thread of 10 links, gripped at its upper end, goes through an eye.
+
+The eye stands where it is known to stand; what is unknown is how the thread hangs, 20 joint angles.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.chain import link_frames
+from samrl_core.cell.tasks.needle_threading.eye import needle_body
+from samrl_core.cell.tasks.needle_threading.thread import crossing_distance, length_below, points_at
+from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
+from samrl_core.cell.tasks.screen import Screen, bodies_of
+from samrl_core.cell.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
+from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.scene import ChainLink, Rgb, Scene, Tool
+from samrl_core.common.errors import InputError
+
+NEEDLE = "needle"
+
+
+@dataclass(frozen=True)
+class NeedleThreading(Task):
+    """Settings of the task. The paper gives 10 links, two joints between neighbours, +-10 deg each and 100
+    actions; 20 angles need the first link to be hinged at the gripper too. The rest is ASSUMPTION, chosen so
+    that a scripted expert succeeds.
+
+    Raises:
+        InputError: a length is not positive, or the thread does not fit through the eye.
+    """
+
+    name: str = "needle_threading"
+    max_actions: int = 100
+    links: int = 10
+    link_length: float = 0.010  # [m]
+    thread_radius: float = 0.002  # [m]
+    link_mass: float = 0.0005  # [kg]
+    stiffness: float = 0.02  # of a joint; the thread's own weight bends it by 3 deg at most [N m/rad]
+    damping: float = 0.0012  # of a joint; a swing dies away within one turn [N m s/rad]
+    thread_friction: float = 0.2  # [-]
+    link_colors: tuple[Rgb, ...] = (THREAD_COLOR,)  # of the links in turn, over and over
+    half_range: float = math.radians(10.0)  # joints hang within +- this at the start [rad]
+    bend_limit: float = math.radians(45.0)  # what an estimate may say of a joint that touches the eye [rad]
+    eye_x: float = 0.5  # centre of the eye, in the tool arm's base frame [m]
+    eye_y: float = 0.0  # [m]
+    eye_z: float = 0.12  # [m]
+    eye_radius: float = 0.007  # [m]
+    eye_outer_radius: float = 0.012  # [m]
+    eye_thickness: float = 0.004  # [m]
+    post_width: float = 0.006  # [m]
+    eye_friction: float = 0.2  # [-]
+    start_above: float = 0.05  # end of a straight thread above the eye's centre at the start [m]
+    hover: float = 0.012  # end of the thread above the eye's centre before it goes down [m]
+    success_depth: float = 0.020  # end of the thread below the eye's centre [m]
+    done_margin: float = 0.002  # deeper than this beyond `success_depth` before the model says done [m]
+    thread_step: float = 0.004  # length of thread between two sub-goals [m]
+    free_step: float = 0.006  # largest displacement per action in free space [m]
+    fine_step: float = 0.004  # the same in the eye [m]
+    thread_label: int = 1
+    tool_label: int = 2
+    needle_label: int = 5
+    view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
+    screens: tuple[Screen, ...] = ()  # that stand in the way of some views
+
+    def __post_init__(self) -> None:
+        lengths = ("link_length", "thread_radius", "link_mass", "stiffness", "damping", "half_range")
+        lengths += ("eye_thickness", "post_width", "thread_step", "free_step", "fine_step")
+        for field in lengths:
+            if not getattr(self, field) > 0:
+                raise InputError(f"{field} is {getattr(self, field)}, must be positive")
+        if not self.link_colors:
+            raise InputError("link_colors is empty; give the thread one colour at least")
+        if self.links < 1:
+            raise InputError(f"a thread of {self.links} links hangs nowhere; give it one at least")
+        if not self.thread_radius < self.eye_radius < self.eye_outer_radius:
+            raise InputError(
+                f"thread of radius {self.thread_radius} m, eye of {self.eye_radius} m in a ring of "
+                f"{self.eye_outer_radius} m: each must be larger than the one before"
+            )
+        if not self.links * self.link_length > self.success_depth + self.done_margin + self.thread_step:
+            raise InputError(
+                f"thread of {self.links * self.link_length} m is too short to hang {self.success_depth} m "
+                f"below the eye"
+            )
+
+    @property
+    def eye(self) -> np.ndarray:
+        """Centre of the eye (3,) in the tool arm's base frame and in world [m]."""
+        return np.array([self.eye_x, self.eye_y, self.eye_z])
+
+    @property
+    def action_limit(self) -> float:
+        """See `Task`."""
+        return max(self.free_step, self.fine_step)
+
+    def scene(self, cell: CellSpec) -> Scene:
+        """Needle, and hand with thread.
+
+        Raises:
+            InputError: the tool arm's base is not at the world's origin.
+        """
+        require_origin(cell, self.name)
+        needle = needle_body(
+            NEEDLE,
+            self.eye_radius,
+            self.eye_outer_radius,
+            self.eye_thickness,
+            self.post_width,
+            Pose(self.eye, np.array([0.0, 0.0, 0.0, 1.0])),
+            self.needle_label,
+            self.eye_friction,
+        )
+        return Scene((needle, *bodies_of(self.screens)), self._tool())
+
+    def parameters(self) -> tuple[ParameterSpec, ...]:
+        """Angles of all joints about x and y, from the gripper down; uniform at the start."""
+        scale = self.half_range / math.sqrt(3.0)
+        return tuple(
+            ParameterSpec(f"thread_{i}_{axis}", "rad", 0.0, scale, -self.bend_limit, self.bend_limit)
+            for i in range(self.links)
+            for axis in "xy"
+        )
+
+    def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
+        """None: the needle is known."""
+        self.chain_angles(values)
+        return {}
+
+    def chain_angles(self, values: np.ndarray) -> np.ndarray:
+        """The values themselves."""
+        v = np.asarray(values, dtype=np.float64)
+        if v.shape != (2 * self.links,) or not np.isfinite(v).all():
+            raise InputError(f"needle threading estimates {2 * self.links} joint angles [rad], got {values}")
+        return v
+
+    def values_of(self, points: np.ndarray) -> np.ndarray:
+        """The parameters of a thread whose joints and end lie at `points` (links + 1, 3) [m]."""
+        turn = DOWN
+        values = []
+        for step in np.diff(points, axis=0):
+            # Direction of the link in the frame of the one before: Rx(a) Ry(b) z.
+            d = turn.T @ (step / np.linalg.norm(step))
+            about_y = math.asin(float(np.clip(d[0], -1.0, 1.0)))
+            about_x = math.atan2(-d[1], d[2])
+            values += [about_x, about_y]
+            turn = turn @ _about_x(about_x) @ _about_y(about_y)
+        return np.array(values)
+
+    def thread_points(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
+        """Joints and end of the thread (links + 1, 3) [m], hanging from a tip that points down."""
+        tip = Pose.from_rotation(checked_tip(tip_position), DOWN)
+        return link_frames([self.link_length] * self.links, tip, self.chain_angles(values))[1]
+
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """The angles themselves."""
+        return self.chain_angles(chain_angles)
+
+    def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
+        """A straight thread would end above the eye; camera in the middle of its region."""
+        gripped = self.eye + [0.0, 0.0, self.start_above + self.links * self.link_length]
+        return start_joints(cell, self._tool(), gripped, self.start_camera())
+
+    def start_camera(self) -> Pose:
+        """Camera pose in world at the start of an episode."""
+        return middle_view(self.view_region(), np.pi / 3)
+
+    def view_region(self) -> ViewRegion:
+        """Shell about the eye and the thread above it."""
+        return ViewRegion(
+            target=self.eye + [0.0, 0.0, 0.05],
+            distance=(0.30, 0.45),
+            azimuth=(-np.deg2rad(150.0), np.deg2rad(150.0)),
+            elevation=self.view_elevation,
+        )
+
+    def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
+        """`above`: the thread's end over the eye; then `thread_1`, `thread_2`, ...: ever higher points of the
+        thread, as it hangs, lie in the eye's centre. Empty when done.
+
+        An end that is below the eye but not through it first goes up (`clear`).
+        """
+        tip = checked_tip(tip_position)
+        if self.is_done(values, tip):
+            return ()
+        points = self.thread_points(values, tip)
+        end = points[-1]
+        below = length_below(points, self.eye_z)
+        numbers = np.arange(1, math.ceil(self._goal_length(points) / self.thread_step) + 1)
+        ahead = numbers[numbers * self.thread_step > below + 0.5 * self.thread_step]
+        places = tip + self.eye - points_at(points, ahead * self.thread_step)
+        goals = [
+            SubGoal(f"thread_{k}", place, 0.0015, self.fine_step)
+            for k, place in zip(ahead, places, strict=True)
+        ]
+        if below > 0.0:
+            if crossing_distance(points, self.eye) < self.eye_radius:
+                return tuple(goals)
+            up = tip + [0.0, 0.0, self.eye_z + self.hover - end[2]]
+            clear = (SubGoal("clear", up, 0.002, self.free_step),)
+        else:
+            clear = ()
+        over = np.array([self.eye_x, self.eye_y, self.eye_z + self.hover]) - end
+        lateral = float(np.hypot(over[0], over[1]))
+        clearance = self.eye_radius - self.thread_radius
+        # On the way down more is allowed, or a swing of the thread would send it up again and again.
+        allowed = 0.8 * clearance if over[2] > 0.002 else 0.4 * clearance
+        if not clear and lateral < allowed and over[2] > -0.002:
+            return tuple(goals)
+        return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *goals)
+
+    def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """By the estimate, the thread is in the eye and its end far enough below."""
+        points = self.thread_points(values, tip_position)
+        return self._threaded(points, self.success_depth + self.done_margin)
+
+    def start_values(self, rng: np.random.Generator) -> np.ndarray:
+        """All joints uniform within their range."""
+        return rng.uniform(-self.half_range, self.half_range, 2 * self.links)
+
+    @property
+    def start_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Task`."""
+        bound = np.full(2 * self.links, self.half_range)
+        return -bound, bound
+
+    def succeeded(self, ending: Ending) -> bool:
+        """The thread's centre line crosses the eye's plane inside the eye, and its end is deep enough."""
+        return self._threaded(ending.chain_points, self.success_depth)
+
+    def final_error(self, ending: Ending) -> float:
+        """Distance of the thread from hanging in the eye at the depth of success [m]."""
+        missing = max(0.0, float(ending.chain_points[-1, 2]) - (self.eye_z - self.success_depth))
+        return math.hypot(crossing_distance(ending.chain_points, self.eye), missing)
+
+    def shaped_reward(self, ending: Ending) -> float:
+        """Less the distance between the thread and where it hangs in the eye [m]."""
+        return -self.final_error(ending)
+
+    def _threaded(self, points: np.ndarray, depth: float) -> bool:
+        deep = points[-1, 2] <= self.eye_z - depth
+        return bool(deep and crossing_distance(points, self.eye) < self.eye_radius)
+
+    def _goal_length(self, points: np.ndarray) -> float:
+        """Length of thread below the eye at which its end hangs deep enough, by its present shape [m]."""
+        whole = self.links * self.link_length
+        depth = self.success_depth + 2 * self.done_margin
+        lengths = np.arange(self.thread_step, whole, self.thread_step)
+        deep = points_at(points, lengths)[:, 2] - points[-1, 2] >= depth
+        return float(lengths[deep][0]) if deep.any() else whole
+
+    def _tool(self) -> Tool:
+        return hand_with_thread(self._chain(), self.thread_radius, self.thread_friction, self.tool_label)
+
+    def _chain(self) -> tuple[ChainLink, ...]:
+        return tuple(
+            thread_link(
+                f"thread_{i}",
+                self.link_length,
+                self.thread_radius,
+                self.link_mass,
+                self.stiffness,
+                self.damping,
+                self.thread_friction,
+                self.thread_label,
+                self.link_colors[i % len(self.link_colors)],
+            )
+            for i in range(self.links)
+        )
+
+
+def _about_x(angle: float) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def _about_y(angle: float) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

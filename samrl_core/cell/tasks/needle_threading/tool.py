@@ -1,0 +1,68 @@
+"""The tool of needle threading: Franka Hand with a thread between its fingers, a chain of capsules."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.cell.tasks.hand import HAND_COLOR, HAND_TCP_Z, hand_lump, hand_parts
+from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.scene import Capsule, ChainLink, Rgb, Tool
+
+THREAD_COLOR: Rgb = (0.85, 0.10, 0.10)
+
+
+def thread_link(
+    name: str,
+    length: float,
+    radius: float,
+    mass: float,
+    stiffness: float,
+    damping: float,
+    friction: float,
+    label: int,
+    color: Rgb = THREAD_COLOR,
+) -> ChainLink:
+    """One link, a solid capsule from this pair of joints to the next. SI units."""
+    middle = np.array([0.0, 0.0, 0.5 * length])
+    capsule = Capsule(radius, length, Pose(middle, np.array([0.0, 0.0, 0.0, 1.0])))
+    return ChainLink(
+        name,
+        (capsule,),
+        color,
+        label,
+        length,
+        mass,
+        middle,
+        capsule_inertia(radius, length, mass),
+        stiffness,
+        damping,
+        friction,
+    )
+
+
+def capsule_inertia(radius: float, length: float, mass: float) -> np.ndarray:
+    """Inertia (3, 3) [kg m2] of a solid capsule about its centre; `length` is between its ends' centres."""
+    cylinder, ball = np.array([length, 4 / 3 * radius]) * mass / (length + 4 / 3 * radius)
+    along = cylinder * radius**2 / 2 + ball * radius**2 * 2 / 5
+    # A half ball's centre lies 3/8 of its radius from its flat face.
+    away = ball * (2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * length * radius)
+    across = cylinder * (3 * radius**2 + length**2) / 12 + away
+    return np.diag([across, across, along])
+
+
+def hand_with_thread(chain: tuple[ChainLink, ...], radius: float, friction: float, label: int) -> Tool:
+    """Hand and thread; the tip is the gripped end, at the fingertip centre."""
+    hand = hand_lump()
+    tip = Pose(np.array([0.0, 0.0, HAND_TCP_Z]), np.array([0.0, 0.0, 0.0, 1.0]))
+    return Tool(
+        "hand_with_thread",
+        hand_parts(radius),
+        HAND_COLOR,
+        label,
+        hand.mass,
+        hand.center,
+        hand.inertia,
+        tip,
+        friction,
+        chain,
+    )

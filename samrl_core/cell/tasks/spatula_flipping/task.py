@@ -1,0 +1,298 @@
+"""Spatula flipping after the paper: get under a pancake, lift it and turn it over, by translation alone.
+
+How a spatula that cannot turn flips anything the paper leaves open. Here a low lip stops the pancake: the
+blade goes under it, then its edge travels on an arc about the lip, until the pancake stands past upright and
+falls over.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.screen import Screen, bodies_of
+from samrl_core.cell.tasks.spatula_flipping.pancake import lip_body, pancake_body
+from samrl_core.cell.tasks.spatula_flipping.tool import hand_with_spatula
+from samrl_core.cell.tasks.start import checked_tip, middle_view, require_origin, start_joints
+from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.scene import Scene, Tool
+from samrl_core.common.errors import InputError
+
+PANCAKE = "pancake"
+LIP = "lip"
+_ACROSS = 0.15  # its centre is believed within +- this of the middle, in y [m]
+_TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
+
+
+@dataclass(frozen=True)
+class SpatulaFlipping(Task):
+    """Settings of the task. The paper gives the 2 cm x 2 cm range and 200 actions; the rest is ASSUMPTION,
+    chosen so that a scripted expert succeeds.
+
+    Raises:
+        InputError: a length is not positive, or the pancake may lie in the lip or beyond its ends.
+    """
+
+    name: str = "spatula_flipping"
+    max_actions: int = 200
+    pancake_radius: float = 0.050  # [m]
+    pancake_thickness: float = 0.012  # [m]
+    pancake_rounding: float = 0.004  # radius of its edges; a sharp rim would jam against the blade [m]
+    pancake_mass: float = 0.080  # [kg]
+    pancake_friction: float = 0.45  # [-]
+    blade_length: float = 0.090  # [m]
+    blade_width: float = 0.080  # [m]
+    blade_thickness: float = 0.002  # [m]
+    blade_tilt: float = math.radians(20.0)  # [rad]
+    blade_friction: float = 0.05  # coated, PTFE has 0.05 to 0.10 [-]
+    edge_ahead: float = 0.050  # leading edge ahead of the flange's axis [m]
+    edge_below: float = 0.100  # and below the fingertip centre [m]
+    lip_x: float = 0.580  # its near face, in the tool arm's base frame [m]
+    lip_size: tuple[float, float, float] = (0.006, 0.240, 0.012)  # [m]
+    lip_friction: float = 0.30  # [-]
+    center_x: float = 0.510  # middle of the pancake's range, in the tool arm's base frame [m]
+    center_y: float = 0.0  # [m]
+    half_range: tuple[float, float] = (0.010, 0.010)  # it lies within +- these of the middle, in x and y [m]
+    start_behind: float = 0.110  # edge behind the middle of the range at the start [m]
+    start_height: float = 0.020  # of the edge [m]
+    low: float = 0.0012  # height of the edge on its way under: its lower corner just above the table [m]
+    clear_height: float = 0.080  # of the edge where it passes over a lying pancake [m]
+    gap: float = 0.030  # between the edge and the rim where it comes down [m]
+    under: float = 0.055  # the edge stops so far before the lip [m]
+    arc_radius: float = 0.055  # of the edge's way about the foot of the lip [m]
+    arc_end: float = 1.9  # angle above the table at which the arc ends [rad]
+    arc_step: float = 0.10  # angle between two sub-goals [rad]
+    success_axis: float = -0.9  # z of the pancake's axis at most [-]
+    success_height: float = 0.030  # its centre was higher than this [m]
+    success_speed: float = 0.020  # at the end [m/s]
+    done_height: float = 0.022  # of the estimated centre at most; it may lie half on the lip [m]
+    free_step: float = 0.010  # largest displacement per action in free space [m]
+    push_step: float = 0.006  # the same under the pancake and while turning it [m]
+    pancake_label: int = 1
+    tool_label: int = 2
+    lip_label: int = 5
+    view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
+    screens: tuple[Screen, ...] = ()  # that stand in the way of some views
+
+    def __post_init__(self) -> None:
+        lengths = ("pancake_radius", "pancake_thickness", "pancake_mass", "blade_length", "blade_width")
+        lengths += ("blade_thickness", "free_step", "push_step", "arc_radius", "arc_step")
+        for field in lengths:
+            if not getattr(self, field) > 0:
+                raise InputError(f"{field} is {getattr(self, field)}, must be positive")
+        if len(self.half_range) != 2 or not all(0 < half < math.inf for half in self.half_range):
+            raise InputError(f"half_range is {self.half_range} m, must be two positive lengths, in x and y")
+        if not 0 < self.pancake_rounding < 0.5 * self.pancake_thickness:
+            raise InputError(
+                f"pancake_rounding is {self.pancake_rounding} m, must lie between 0 and half the thickness, "
+                f"{0.5 * self.pancake_thickness} m"
+            )
+        room = self.lip_x - (self.center_x + self.half_range[0] + self.pancake_radius)
+        if room < 0:
+            raise InputError(
+                f"the farthest pancake would reach {-room} m into the lip; move lip_x or shrink the pancake"
+            )
+        aside, end = self.half_range[1] + self.pancake_radius, min(0.5 * self.lip_size[1], _ACROSS)
+        if aside > end:
+            raise InputError(
+                f"half_range in y is {self.half_range[1]} m: the pancake would reach {aside} m aside, but "
+                f"lip and estimates end at {end} m; shorten it or lengthen the lip"
+            )
+
+    @property
+    def action_limit(self) -> float:
+        """See `Task`."""
+        return max(self.free_step, self.push_step)
+
+    def scene(self, cell: CellSpec) -> Scene:
+        """Pancake in the middle of its range, lip, and hand with spatula.
+
+        Raises:
+            InputError: the tool arm's base is not at the world's origin.
+        """
+        require_origin(cell, self.name)
+        nominal = np.array([p.nominal for p in self.parameters()])
+        pancake = pancake_body(
+            PANCAKE,
+            self.pancake_radius,
+            self.pancake_thickness,
+            self.pancake_rounding,
+            self.pancake_mass,
+            self.body_poses(nominal)[PANCAKE],
+            self.pancake_label,
+            self.pancake_friction,
+        )
+        depth, _, height = self.lip_size
+        place = np.array([self.lip_x + 0.5 * depth, self.center_y, 0.5 * height])
+        lip_in_world = Pose(place, np.array([0.0, 0.0, 0.0, 1.0]))
+        lip = lip_body(LIP, self.lip_size, lip_in_world, self.lip_label, self.lip_friction)
+        return Scene((pancake, lip, *bodies_of(self.screens)), self._tool())
+
+    def parameters(self) -> tuple[ParameterSpec, ...]:
+        """Pose of the pancake but for the spin about its own axis, which does not show: its centre, and the
+        rotation vector, which lies in the table's plane, from lying as at the start to its pose. Bounds hold
+        over a whole episode, scales are those of a start and of a pancake that lies flat.
+        """
+        along, across = (half / math.sqrt(3.0) for half in self.half_range)
+        x, y, z = self.center_x, self.center_y, 0.5 * self.pancake_thickness
+        return (
+            ParameterSpec("pancake_x", "m", x, along, x - 0.10, x + 0.30),
+            ParameterSpec("pancake_y", "m", y, across, y - _ACROSS, y + _ACROSS),
+            ParameterSpec("pancake_z", "m", z, 0.002, 0.0, 0.15),
+            ParameterSpec("pancake_tilt_x", "rad", 0.0, 0.05, -math.pi, math.pi),
+            ParameterSpec("pancake_tilt_y", "rad", 0.0, 0.05, -math.pi, math.pi),
+        )
+
+    def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
+        """The pancake, turned about an axis in the table's plane."""
+        v = self._values(values)
+        angle = math.hypot(v[3], v[4])
+        # sin(angle / 2) / angle, which is 1/2 at 0 (np.sinc has a factor of pi).
+        share = 0.5 * float(np.sinc(0.5 * angle / math.pi))
+        quat = np.array([share * v[3], share * v[4], 0.0, math.cos(0.5 * angle)])
+        return {PANCAKE: Pose(v[:3], quat)}
+
+    def values_of(self, pancake_in_world: Pose) -> np.ndarray:
+        """The parameters (5,) of a pose; its spin about the pancake's own axis is left out."""
+        axis = pancake_in_world.rotation[:, 2]
+        lever = np.array([-axis[1], axis[0]])  # z cross axis, in the plane
+        sine = float(np.linalg.norm(lever))
+        angle = math.atan2(sine, axis[2])
+        direction = lever / sine if sine > 1e-12 else np.array([0.0, 1.0])
+        return np.concatenate([pancake_in_world.position, angle * direction])
+
+    def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The pancake turned over where it is."""
+        return (self.values_of(self.body_poses(values)[PANCAKE] @ _TURNED_OVER),)
+
+    def chain_angles(self, values: np.ndarray) -> np.ndarray:
+        """None: the tool is rigid."""
+        self._values(values)
+        return np.zeros(0)
+
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """See `Task`."""
+        return self.values_of(body_in_world[PANCAKE])
+
+    def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
+        """Edge behind the pancake, low; camera in the middle of its region."""
+        edge = np.array([self.center_x - self.start_behind, self.center_y, self.start_height])
+        return start_joints(cell, self._tool(), edge, self.start_camera())
+
+    def start_camera(self) -> Pose:
+        """Camera pose in world at the start of an episode."""
+        return middle_view(self.view_region(), np.pi / 3)
+
+    def view_region(self) -> ViewRegion:
+        """Shell about the place where the pancake turns."""
+        return ViewRegion(
+            target=np.array([0.53, 0.0, 0.04]),
+            distance=(0.30, 0.45),
+            azimuth=(-np.deg2rad(150.0), np.deg2rad(150.0)),
+            elevation=self.view_elevation,
+        )
+
+    def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
+        """`behind` the pancake, `under` it, and along the arc `turn_1`, `turn_2`, ...; empty when done.
+
+        A tip that is neither behind the pancake nor under it nor on the arc first goes up (`clear`) and back
+        over it (`over`).
+        """
+        tip = checked_tip(tip_position)
+        if self.is_done(values, tip):
+            return ()
+        x, y, _, _, _ = self._values(values)
+        behind_x = x - self.pancake_radius - self.gap
+        turns = self._turns(y)
+        angle, radius = self._on_arc(tip)
+        ahead = tip[0] - (self.lip_x - self.under)
+        if abs(radius - self.arc_radius) < 0.012 and ahead > -0.004 and angle < self.arc_end:
+            # The first goal ahead is at least half a step away, or noise would hold the tip where it is.
+            left = tuple(goal for phi, goal in turns if phi > angle + 0.5 * self.arc_step)
+            if left:
+                return left
+        under = SubGoal("under", np.array([self.lip_x - self.under, y, self.low]), 0.003, self.push_step)
+        behind = SubGoal("behind", np.array([behind_x, y, self.low]), 0.002, self.free_step)
+        rest = tuple(goal for _, goal in turns)
+        beside = abs(tip[1] - y)
+        if tip[2] < self.low + 0.004 and beside < 0.004 and tip[0] > behind_x - 0.004 and ahead < 0.0:
+            return (under, *rest)
+        if tip[0] < behind_x + 0.004:
+            return (behind, under, *rest)
+        over = SubGoal("over", np.array([behind_x, y, self.clear_height]), 0.004, self.free_step)
+        if tip[2] > self.clear_height - 0.004:
+            return (over, behind, under, *rest)
+        clear = SubGoal("clear", np.array([tip[0], tip[1], self.clear_height]), 0.004, self.free_step)
+        return (clear, over, behind, under, *rest)
+
+    def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """The pancake's axis points down, and its centre is no higher than that of a lying one."""
+        checked_tip(tip_position)
+        v = self._values(values)
+        return bool(math.cos(math.hypot(v[3], v[4])) < self.success_axis and v[2] < self.done_height)
+
+    def start_values(self, rng: np.random.Generator) -> np.ndarray:
+        """The pancake lies flat, uniform within its range."""
+        half = np.array(self.half_range)
+        offset = rng.uniform(-half, half)
+        nominal = np.array([p.nominal for p in self.parameters()])
+        nominal[:2] += offset
+        return nominal
+
+    @property
+    def start_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Task`: where it lies varies, that it lies flat does not."""
+        nominal = np.array([p.nominal for p in self.parameters()])
+        spread = np.array([*self.half_range, 0.0, 0.0, 0.0])
+        return nominal - spread, nominal + spread
+
+    def succeeded(self, ending: Ending) -> bool:
+        """It lies on its other face, was lifted on the way, and has come to rest."""
+        turned = ending.body_in_world[PANCAKE].rotation[2, 2] < self.success_axis
+        lifted = ending.body_peak_height[PANCAKE] > self.success_height
+        return bool(turned and lifted and ending.body_speed[PANCAKE] < self.success_speed)
+
+    def final_error(self, ending: Ending) -> float:
+        """Way that the rim has still to go about the centre until the other face is up [m]."""
+        cosine = float(np.clip(-ending.body_in_world[PANCAKE].rotation[2, 2], -1.0, 1.0))
+        return self.pancake_radius * math.acos(cosine)
+
+    def shaped_reward(self, ending: Ending) -> float:
+        """Height of the pancake's centre [m]."""
+        return float(ending.body_in_world[PANCAKE].position[2])
+
+    def _tool(self) -> Tool:
+        return hand_with_spatula(
+            (self.blade_length, self.blade_width, self.blade_thickness),
+            self.blade_tilt,
+            self.edge_ahead,
+            self.edge_below,
+            self.blade_friction,
+            self.tool_label,
+        )
+
+    def _turns(self, y: float) -> list[tuple[float, SubGoal]]:
+        """Angles and sub-goals along the arc [rad]."""
+        count = math.ceil(self.arc_end / self.arc_step - 1e-9)
+        goals = []
+        for k in range(1, count + 1):
+            angle = self.arc_end * k / count
+            offset = self.arc_radius * np.array([-math.cos(angle), math.sin(angle)])
+            place = np.array([self.lip_x + offset[0], y, self.low + offset[1]])
+            goals.append((angle, SubGoal(f"turn_{k}", place, 0.002, self.push_step)))
+        return goals
+
+    def _on_arc(self, tip: np.ndarray) -> tuple[float, float]:
+        """Angle [rad] and radius [m] of the edge about the foot of the lip."""
+        along, up = self.lip_x - tip[0], tip[2] - self.low
+        return math.atan2(up, along), math.hypot(along, up)
+
+    def _values(self, values: np.ndarray) -> np.ndarray:
+        v = np.asarray(values, dtype=np.float64)
+        if v.shape != (5,) or not np.isfinite(v).all():
+            raise InputError(f"spatula flipping estimates x, y, z [m] and tilt_x, tilt_y [rad], got {values}")
+        return v

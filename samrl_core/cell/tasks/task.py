@@ -1,0 +1,162 @@
+"""The border that every task fills: scene, what is unknown, sub-goals, and when it is done.
+
+A task never sees the simulator. `is_done` judges by the model's estimate (as the paper's automatic
+termination does); `succeeded` judges by truth and is called by evaluation alone.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.scene import Scene
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """How a number that Real2Sim fits is declared."""
+
+    name: str
+    unit: str
+    nominal: float
+    scale: float  # prior standard deviation
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class SubGoal:
+    """A state of the tool tip to reach (eq. 22's G(T)_i), in the tool arm's base frame."""
+
+    name: str
+    tip_position: np.ndarray  # (3,) [m]
+    tolerance: float  # reached when the tip is this near [m]
+    max_step: float  # largest displacement per action on the way there [m]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewRegion:
+    """Where the camera may look from: a spherical shell about a target."""
+
+    target: np.ndarray  # (3,) in world [m]
+    distance: tuple[float, float]  # [m]
+    azimuth: tuple[float, float]  # about world z, 0 along +x [rad]
+    elevation: tuple[float, float]  # above the horizon [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """How an episode begins, drawn at random."""
+
+    body_in_world: dict[str, Pose]  # of the bodies that do not stand at their nominal pose
+    chain_angles: np.ndarray  # (2 K,) of the tool's chain, hanging at rest; x and y joint of each link [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Ending:
+    """How an episode truly ended, in world. Made by evaluation alone, from `evaluation/truth.jsonl`."""
+
+    body_in_world: dict[str, Pose]
+    body_speed: dict[str, float]  # of the bodies' origins [m/s]
+    body_peak_height: dict[str, float]  # highest z of the bodies' origins in this episode [m]
+    tip_position: np.ndarray  # (3,) tool tip [m]
+    chain_points: np.ndarray  # (K + 1, 3) joints of the tool's chain, then its end; (0, 3) without one [m]
+
+
+class Task(ABC):
+    """One manipulation task. Implementations are final and hold settings only.
+
+    Parameters may move bodies (`body_poses`), bend the chain that hangs from the tool (`chain_angles`), or
+    both. `tip_position` is the origin of the tool frame, which an action displaces; the end of a chain
+    follows from it and the angles.
+    """
+
+    name: str
+    max_actions: int
+
+    @property
+    @abstractmethod
+    def action_limit(self) -> float:
+        """Longest action [m]: no sub-goal has a larger `max_step`."""
+
+    @abstractmethod
+    def scene(self, cell: CellSpec) -> Scene:
+        """Bodies at their nominal poses, and the tool."""
+
+    @abstractmethod
+    def parameters(self) -> tuple[ParameterSpec, ...]:
+        """What Real2Sim estimates, in order."""
+
+    @abstractmethod
+    def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
+        """Poses in world of the bodies that the parameters move."""
+
+    @abstractmethod
+    def chain_angles(self, values: np.ndarray) -> np.ndarray:
+        """Angles (2 K,) [rad] of the tool's chain of K links; (0,) for a rigid tool."""
+
+    @abstractmethod
+    def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
+        """The parameters (P,) of such poses and angles: the inverse of `body_poses` and `chain_angles`.
+
+        What no parameter shows, as a disc's spin about its own axis, is left out.
+        """
+
+    def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Other parameters (P,) that give the target the same shape in the same place, as a disc turned over.
+
+        No outline and no depth tells them apart, only colours do.
+        """
+        return ()
+
+    @abstractmethod
+    def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
+        """Joint positions at the start of an episode, per role (J,) [rad]."""
+
+    @abstractmethod
+    def start_camera(self) -> Pose:
+        """Camera pose in world at the start of an episode."""
+
+    @abstractmethod
+    def view_region(self) -> ViewRegion:
+        """Allowed camera positions."""
+
+    @abstractmethod
+    def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
+        """Goals still ahead, given the estimate and the tip (3,) [m] in the tool arm's base frame."""
+
+    @abstractmethod
+    def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """Whether the model believes that the task is done."""
+
+    @abstractmethod
+    def start_values(self, rng: np.random.Generator) -> np.ndarray:
+        """Parameters (P,) of a random start, as the task declares them: what a learner may practise from."""
+
+    @property
+    @abstractmethod
+    def start_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds (P,) between which `start_values` is uniform; equal where a parameter starts as it is."""
+
+    def draw(self, rng: np.random.Generator) -> Draw:
+        """A random start; the simulated world calls it on reset."""
+        values = self.start_values(rng)
+        return Draw(self.body_poses(values), self.chain_angles(values))
+
+    @abstractmethod
+    def succeeded(self, ending: Ending) -> bool:
+        """Judged from truth. Evaluation alone calls it."""
+
+    @abstractmethod
+    def final_error(self, ending: Ending) -> float:
+        """Distance to the goal from truth [m], for the summary. Evaluation alone calls it."""
+
+    @abstractmethod
+    def shaped_reward(self, ending: Ending) -> float:
+        """The paper's reward of a state for the learners that it compares with, were it the last one [m].
+        Judged from truth: evaluation alone calls it, and nothing of SAM-RL itself sees it.
+        """

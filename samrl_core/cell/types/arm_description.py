@@ -1,0 +1,97 @@
+"""What a recording says of its arm: nominal URDF, controller, tool and how well each is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from samrl_core.common.errors import InputError
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # in the arm's base frame [m/s2]
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How far the real arm may be from its nominal model and still count as nominal; each a half width.
+
+    Per-joint values are one number for all joints, or one per joint. The diagnosis takes a tolerance as the
+    standard deviation of a Gaussian: a uniform draw within it has a smaller one, one within twice it a
+    slightly larger one.
+    """
+
+    mass: float = 0.02  # of each link, as a fraction
+    center_of_mass: float = 0.002  # of each link, per axis [m]
+    inertia: float = 0.03  # of each link's moments, as a fraction
+    tool_mass: float = 0.02  # of the payload at the flange, as a fraction
+    torque_offset: float | tuple[float, ...] = 0.004  # fraction of the joint's effort limit, drive and sensor
+    coulomb_friction: float | tuple[float, ...] = 0.001  # fraction of the joint's effort limit
+    viscous_friction: float | tuple[float, ...] = 0.001  # fraction of effort limit over velocity limit
+    base_tilt: float = 0.0005  # per horizontal axis [rad]
+    armature: float = 0.02  # fraction of the nominal value
+    stamp: float = 0.0002  # of a channel against another, constant in a recording [s]
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = np.asarray(getattr(self, f.name), dtype=float)
+            if not (np.isfinite(value).all() and (value >= 0).all()):
+                raise InputError(f"tolerance {f.name} is {getattr(self, f.name)}, must be finite and >= 0")
+
+    @classmethod
+    def from_mapping(cls, values: dict) -> Tolerances:
+        """From JSON or YAML; names as here, all optional.
+
+        Raises:
+            InputError: an unknown name (all known ones are listed) or a value that is no number.
+        """
+        known = {f.name for f in fields(cls)}
+        if unknown := sorted(set(values) - known):
+            raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
+        try:
+            read: dict[str, Any] = {
+                k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in values.items()
+            }
+            return cls(**read)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"tolerances must be numbers or lists of numbers: {error}") from error
+
+
+@dataclass(frozen=True, eq=False)
+class ArmController:
+    """The described controller: effort = clip(K (q_d - q) + D (dq_d - dq) + g(q) + feed-forward)."""
+
+    joints: tuple[str, ...]
+    stiffness: np.ndarray  # (J,) [N m/rad]
+    damping: np.ndarray  # (J,) [N m s/rad]
+    period_s: float = 0.001  # [s]
+    gravity_compensation: bool = True
+    gravity: tuple[float, float, float] = STANDARD_GRAVITY  # in the arm's base frame [m/s2]
+    effort_limit: np.ndarray | None = None  # (J,) [N m]; None: the URDF's
+    armature: np.ndarray | None = None  # (J,) rotor inertia seen at the joint [kg m2]; None: zero
+    tolerances: Tolerances = field(default_factory=Tolerances)
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """Nominal payload at the flange; inertia about its centre of mass in flange axes."""
+
+    mass: float  # [kg]
+    center_of_mass: np.ndarray  # (3,) [m]
+    inertia: np.ndarray  # (3, 3) [kg m2]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmDescription:
+    """Everything nominal about one arm. `controller` is None for logs that carry none.
+
+    `urdf` is None where no model exists at all (then the command itself is the nominal answer).
+    The flange, to which the tool is fixed, is the last link of the URDF's only chain that holds the joints.
+    """
+
+    role: str  # `tool_arm` or `camera_arm`
+    joints: tuple[str, ...]
+    urdf: str | None  # XML text
+    controller: ArmController | None
+    tool: Tool | None = None
+    tolerances: Tolerances = field(default_factory=Tolerances)

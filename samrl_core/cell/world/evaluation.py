@@ -1,0 +1,116 @@
+"""The only door to ground truth: it leads into a file that evaluation alone opens.
+
+`tests/architecture/test_truth.py` lists the callers of `SimulatedWorld.truth` and searches bags and
+topics for what it returns.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
+from samrl_core.cell.tasks.task import Ending, Task
+from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.world.world import SimulatedWorld, Truth
+from samrl_core.common.errors import InputError
+
+
+class TruthLog:
+    """Appends one JSON line per event; flushed at once, so that a killed process loses nothing."""
+
+    def __init__(self, path: Path, world: SimulatedWorld) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._path = path
+        self._world = world
+
+    def record(self, episode: int, seed: int, event: str) -> None:
+        """Write the truth of this instant. `event` is "start" or "end"."""
+        truth = self._world.truth()
+        line = {
+            "episode": episode,
+            "seed": seed,
+            "event": event,
+            "stamp_ns": truth.stamp_ns,
+            "body_position": {k: v.tolist() for k, v in truth.body_position.items()},
+            "body_quat_xyzw": {k: v.tolist() for k, v in truth.body_quat_xyzw.items()},
+            "body_speed": truth.body_speed,
+            "body_peak_height": truth.body_peak_height,
+            "tip_position": truth.tip_position.tolist(),
+            "chain_points": truth.chain_points.tolist(),
+            "first_contact_ns": truth.first_contact_ns,
+            "peak_contact_force": truth.peak_contact_force,
+        }
+        with self._path.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+
+
+def read_truth(path: Path) -> dict[int, dict[str, dict[str, Any]]]:
+    """Truth per episode and event.
+
+    Raises:
+        InputError: the file is missing.
+    """
+    if not path.is_file():
+        raise InputError(f"no evaluation file at {path}; it is written by the simulated world's bridge alone")
+    episodes: dict[int, dict[str, dict[str, Any]]] = {}
+    for line in path.read_text().splitlines():
+        if line.strip():
+            entry = json.loads(line)
+            episodes.setdefault(entry["episode"], {})[entry["event"]] = entry
+    return episodes
+
+
+def ending_of(entry: dict[str, Any]) -> Ending:
+    """What `Task.succeeded` judges, from an entry of `read_truth`."""
+    return Ending(
+        {
+            k: Pose(np.array(v), np.array(entry["body_quat_xyzw"][k]))
+            for k, v in entry["body_position"].items()
+        },
+        dict(entry["body_speed"]),
+        dict(entry["body_peak_height"]),
+        np.array(entry["tip_position"]),
+        np.array(entry["chain_points"], dtype=np.float64).reshape(-1, 3),
+    )
+
+
+def ending_now(truth: Truth) -> Ending:
+    """What `Task.succeeded` judges, were the episode to end at this instant."""
+    return Ending(
+        _bodies(truth),
+        dict(truth.body_speed),
+        dict(truth.body_peak_height),
+        truth.tip_position,
+        truth.chain_points,
+    )
+
+
+def true_values(task: Task, truth: Truth) -> np.ndarray:
+    """The task's parameters (P,) as they really are at this instant."""
+    if isinstance(task, NeedleThreading):
+        return task.values_of(truth.chain_points)
+    return task.values_at(_bodies(truth), np.zeros(0))
+
+
+def _bodies(truth: Truth) -> dict[str, Pose]:
+    return {k: Pose(v, truth.body_quat_xyzw[k]) for k, v in truth.body_position.items()}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the truth of an instant is worth, and nothing of the truth itself."""
+
+    success: bool
+    final_error: float  # [m]
+    reward: float  # of the paper, for the learners that it compares with [m]
+
+
+def judged_now(world: SimulatedWorld, task: Task) -> Judgement:
+    """The episode judged as if it ended at this instant: for what compared learners are rewarded with."""
+    ending = ending_now(world.truth())
+    return Judgement(task.succeeded(ending), task.final_error(ending), task.shaped_reward(ending))

@@ -1,0 +1,68 @@
+"""4: load-dependent friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.residuals.basis_functions import SIGN_SPEEDS, smooth_sign
+from samrl_core.diagnosis.residuals.trial import Trial
+
+DIRECTIONAL = "directional"  # gears lose more, or less, while the load drives them
+
+
+class LoadDependentFriction(DriveTorque):
+    """Friction that grows with the transmitted torque, and is another when the load drives the motor."""
+
+    family, number, title = "load_dependent_friction", 4, "load-dependent friction"
+    formula = "tau_f = Kl |tau| tanh(dq / v), or Kb |tau| tanh(dq / v) while tau dq < 0"
+    source = "Duclos 2025, BAM: extended friction models for servo actuators (Kl 0-0.5; also directional)"
+    excitation = "the same sweep at several loads"
+    confounded_with = ("coulomb_friction", "payload", "actuator_gain")
+    parameters = (
+        Parameter("Kl", "1", 0.02, 0.5, "friction per transmitted torque, where the motor drives"),
+        Parameter("Kb", "1", 0.0, 0.5, "the same where the load drives, if it is another"),
+    )
+
+    def unobservable(self, trial: Trial) -> str | None:
+        if trial.motion.tau is None and trial.motion.u is None:
+            return "needs a torque"
+        return super().unobservable(trial)
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        grid, limits = tuple({"v": v} for v in SIGN_SPEEDS), {"v": (5e-4, 0.05)}
+        return Form("", ("Kl",), grid, limits), Form(DIRECTIONAL, ("Kl", "Kb"), grid[:2], limits)
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        motion = trial.motion
+        # The model's load: a reading has an offset, which would make plain Coulomb friction of it, and the
+        # commanded effort holds the friction itself.
+        load = np.interp(motion.time, motion.t, trial.model_torque[:, joint])
+        speed = motion.full_velocity[:, joint]
+        lost = np.abs(load) * smooth_sign(speed, shape["v"])
+        if form != DIRECTIONAL:
+            return lost[None]
+        driving = load * speed > 0
+        return np.stack([lost * driving, lost * ~driving])
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.full(2 if form == DIRECTIONAL else 1, 0.2)
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(np.all(amplitudes > 0))
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        return dict(zip(("Kl", "Kb"), amplitudes.tolist(), strict=False))
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        # The simulator knows one share: that of both directions together.
+        return {
+            "load_friction": at_joint(trial, joints, float(np.mean(amplitudes))),
+            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
+        }

@@ -1,0 +1,79 @@
+"""3: Stribeck friction."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import gamma
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque, fastest_motion, widest_turn
+from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
+from samrl_core.diagnosis.residuals.trial import Trial
+
+RATIONAL = "rational"
+
+
+class StribeckFriction(DriveTorque):
+    """Dry friction that drops as the film builds up: stick-slip at crawling speed."""
+
+    family, number, title = "stribeck_friction", 3, "Stribeck friction"
+    formula = "tau_f = (Fc + (Fs - Fc) s(|dq| / vs)) tanh(dq / v), s(x) = exp(-x^d) or 1 / (1 + x^2)"
+    source = (
+        "Armstrong-Helouvry et al. 1994 (d 1 to 2); Hess and Soom 1990 (rational); "
+        "a Panda joint 7 drops from 0.52 to 0.30 N m by 0.15 rad/s"
+    )
+    excitation = "crawl at 0.01-0.2 rad/s"
+    confounded_with = ("coulomb_friction", "presliding")
+    parameters = (
+        Parameter("Fc", "N m", 0.0, 1.5, "level at speed"),
+        Parameter("drop", "N m", 0.05, 0.6, "Fs - Fc, rise towards rest"),
+        Parameter("vs", "rad/s", 0.02, 0.3, "Stribeck velocity"),
+        Parameter("d", "1", 0.8, 2.5, "exponent of the exponential drop"),
+    )
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        # A drop that is not over at the fastest motion cannot be told from the level.
+        fastest = fastest_motion(trial, self.joints_at(trial, place))
+        speeds = [vs for vs in (0.03, 0.08, 0.2) if vs < fastest] or [0.03]
+        widest = min(0.03, widest_turn(trial, self.joints_at(trial, place), 0.1))
+        limits = {"v": (5e-4, max(widest, 0.011)), "vs": (0.01, max(min(0.6, fastest), 0.04))}
+        grid = tuple({"v": 0.004, "vs": vs} for vs in speeds)
+        exponents = tuple({**shape, "d": d} for d in (2.0, 1.0) for shape in grid)
+        return (
+            Form("exponential", ("Fc", "drop"), exponents, {**limits, "d": (0.7, 2.6)}),
+            Form(RATIONAL, ("Fc", "drop"), grid, limits),
+        )
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        speed = trial.motion.full_velocity[:, joint]
+        sign = smooth_sign(speed, shape["v"])
+        x = np.abs(speed) / shape["vs"]
+        return np.stack(
+            [sign, sign * (1.0 / (1.0 + x**2) if form == RATIONAL else np.exp(-(x ** shape["d"])))]
+        )
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.full(2, 0.1 * trial.scale[joint])
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(amplitudes[1] > 0 and amplitudes[0] > -0.1 * amplitudes[1])
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        found = {"Fc": float(amplitudes[0]), "drop": float(amplitudes[1]), "vs": shape["vs"]}
+        return found if form == RATIONAL else {**found, "d": shape["d"]}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        # The simulator's drop is exp(-x^2); the others are given its width by their area.
+        area = np.pi / 2.0 if form == RATIONAL else gamma(1.0 + 1.0 / shape["d"])
+        wide = float(area / gamma(1.5))
+        return {
+            "coulomb": at_joint(trial, joints, amplitudes[0]),
+            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
+            "stribeck_drop": at_joint(trial, joints, amplitudes[1]),
+            "stribeck_velocity": at_joint(trial, joints, shape["vs"] * wide, 0.1),
+        }

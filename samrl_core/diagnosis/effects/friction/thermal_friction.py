@@ -1,0 +1,106 @@
+"""9: thermal friction drift."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.residuals.basis_functions import low_passed, smooth_sign
+from samrl_core.diagnosis.residuals.motion import Motion
+from samrl_core.diagnosis.residuals.trial import Trial
+
+WORKED = "by its work"
+
+
+class ThermalFriction(DriveTorque):
+    """Dry friction that changes as the joint warms up, with time or by its own motion."""
+
+    family, number, title = "thermal_friction", 9, "thermal friction drift"
+    formula = "tau_f = (Finf + (F0 - Finf) exp(-x)) tanh(dq / v), x = t / T or T dx/dt = |dq| / vw - x"
+    source = (
+        "Bittencourt et al. 2010: friction of a robot joint over load and temperature; heat from the "
+        "friction's own work: Simoni et al. 2015, friction modeling with temperature effects for robots"
+    )
+    excitation = "the same move, cold and warm"
+    confounded_with = ("coulomb_friction", "payload")
+    parameters = (
+        Parameter("Finf", "N m", 0.0, 1.5, "level when warm"),
+        Parameter("F0", "N m", 0.1, 2.0, "level when cold"),
+        Parameter("T", "s", 2.0, 3600.0, "time constant"),
+        Parameter("vw", "rad/s", 0.01, 1.0, "mean speed that warms the joint by one e-folding"),
+    )
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        grid = tuple({"T": t} for t in (3.0, 10.0, 40.0, 300.0))
+        limits = {"T": (0.3, 3600.0)}
+        # Cold at the start of each recording, or once before the first.
+        return (
+            Form("each recording", ("Finf", "rise"), grid, limits),
+            Form("session", ("Finf", "rise"), grid[2:], limits),
+            Form(
+                WORKED,
+                ("Finf", "rise"),
+                tuple({"T": t, "vw": vw} for t in (3.0, 10.0) for vw in (0.05, 0.2)),
+                {"T": (0.3, 600.0), "vw": (0.01, 2.0)},
+            ),
+        )
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        sign = smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
+        if form == WORKED:
+            return np.stack([sign, sign * np.exp(-_warmth(trial.motion, joint, shape["T"]) / shape["vw"])])
+        start = trial.motion.start_s if form == "session" else 0.0
+        time = start + trial.motion.time - trial.motion.time[0]
+        return np.stack([sign, sign * np.exp(-time / shape["T"])])
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.full(2, 0.1 * trial.scale[joint])
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        warm, rise = amplitudes
+        # Warm grease is thinner: friction that grows as the drive warms is something else, switched on late.
+        return bool(rise > 0 and warm > -0.1 * rise and rise > 0.2 * abs(warm))
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        found = {"Finf": float(amplitudes[0]), "F0": float(amplitudes[0] + amplitudes[1]), "T": shape["T"]}
+        return {**found, "vw": shape["vw"]} if form == WORKED else found
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        warm, rise, time = float(amplitudes[0]), float(amplitudes[1]), shape["T"]
+        if form == WORKED:
+            level = warm + rise * np.exp(-_warmth(trial.motion, joints[0], shape["T"]) / shape["vw"])
+            warm, rise, time = _with_time(trial.motion.time - trial.motion.time[0], level)
+        warm = max(warm, 1e-6)
+        return {
+            "coulomb": at_joint(trial, joints, warm),
+            "thermal_ratio": at_joint(trial, joints, rise / warm),
+            "thermal_time": at_joint(trial, joints, time, 60.0),
+        }
+
+
+def _warmth(motion: Motion, joint: int, time_constant: float) -> np.ndarray:
+    """Speed (F,) [rad/s] as a temperature of first order feels it, cold when the recording starts.
+
+    The friction's own work per time is its torque times the speed; its torque changes less than the speed.
+    """
+    speed = np.abs(motion.full_velocity[:, joint])
+    # The filter starts settled on its first sample: a zero ahead of the recording makes that cold.
+    return low_passed(np.append(0.0, speed), 1.0 / (2.0 * np.pi * time_constant), motion.rate)[1:]
+
+
+def _with_time(time: np.ndarray, level: np.ndarray) -> tuple[float, float, float]:
+    """Warm level, rise and time constant of the simulator, which warms with time alone, that come closest."""
+    best: tuple[float, float, float, float] = (np.inf, 0.0, 0.0, 1.0)
+    for constant in np.geomspace(0.3, 60.0, 16):
+        terms = np.stack([np.ones_like(time), np.exp(-time / constant)], axis=1)
+        (warm, rise), *_ = np.linalg.lstsq(terms, level, rcond=None)
+        error = float(np.mean((terms @ [warm, rise] - level) ** 2))
+        if error < best[0] and warm > 0:
+            best = error, float(warm), float(rise), float(constant)
+    return best[1:]

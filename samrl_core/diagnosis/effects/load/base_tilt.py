@@ -1,0 +1,52 @@
+"""26: base tilt."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.trial import Trial
+
+
+class BaseTilt(Effect):
+    """The base does not stand upright: gravity pulls from elsewhere."""
+
+    family, number, title = "base_tilt", 26, "base tilt"
+    formula = "gravity rotated by (ax, ay) about the base's x and y"
+    source = "mounting plates: 0-2 degrees"
+    acts_on = "dynamics"
+    place_kind = "arm"
+    excitation = "turn the first joint fully, hold"
+    confounded_with = ("encoder_offset", "torque_sensor_error", "payload")
+    parameters = (
+        Parameter("ax", "rad", -0.035, 0.035, "about the base's x"),
+        Parameter("ay", "rad", -0.035, 0.035, "about the base's y"),
+    )
+
+    def unobservable(self, trial: Trial) -> str | None:
+        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
+            return "needs a torque and a dynamic model"
+        return None
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        return (Form("", ("ax", "ay")),)
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        return trial.link(trial.tilt)
+
+    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(2), np.full(2, 0.02)
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        return {"ax": float(amplitudes[0]), "ay": float(amplitudes[1])}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        assert trial.rigid is not None
+        g = trial.rigid.gravity_vector
+        axis = np.array([amplitudes[0], amplitudes[1], 0.0])
+        return {"gravity": g - np.cross(axis, g)}

@@ -1,0 +1,79 @@
+"""22: encoder eccentricity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.trial import Trial, add
+
+HARMONICS = (1, 2, 4, 8, 16, 32)  # of a ring at the link
+RATIOS = (50, 80, 100, 120, 160)  # of harmonic drives (maker's catalogues): once per turn of the motor
+LEAST_WAVE = (
+    0.1  # of the root mean square that must vary: an offset explains 99 % of an error that varies less
+)
+
+
+class EncoderEccentricity(Effect):
+    """The reading errs once per turn of the link or of its motor, or a few times."""
+
+    family, number, title = "encoder_eccentricity", 22, "encoder eccentricity"
+    formula = "q_read = q + a sin(n q + phi)"
+    source = "ring off centre by micrometres; up to 0.2 mrad on good encoders"
+    acts_on = "reading"
+    excitation = "slow rotation over the whole range"
+    confounded_with = ("encoder_offset", "gear_ripple")
+    parameters = (
+        Parameter("a", "rad", 0.0001, 0.01, "amplitude"),
+        Parameter("harmonic", "1/rad", 1.0, 160.0, "n, periods per 2 pi"),
+        Parameter("phi", "rad", -3.1416, 3.1416, "phase"),
+    )
+
+    def unobservable(self, trial: Trial) -> str | None:
+        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
+            return "needs a torque and a dynamic model"
+        return None
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        grid = tuple({"k": float(k)} for k in (*HARMONICS, *RATIOS))
+        return (Form("", ("sine", "cosine"), grid, {"k": (0.8, 250.0)}, step=0.01),)
+
+    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+        (joint,) = self.joints_at(trial, place)
+        motion = trial.motion
+        q = shape["k"] * motion.full_position[:, joint]
+        error = motion.reduce(np.stack([np.sin(q), np.cos(q)], axis=1)).T
+        # The rotor's share of the torque is reckoned from the same reading as the arm's.
+        rotor = -trial.rotor[joint] * np.stack([motion.second_derivative(e) for e in error])
+        channel = "drive" if "drive" in trial.channels else "dynamics"
+        lost: Columns = {(channel, joint): rotor} if channel in trial.channels else {}
+        return add(trial.link(trial.deflection(joint, error)), lost)
+
+    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(2), np.full(2, 0.005)
+
+    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+        # Over a short travel a long wave is constant: an encoder's offset under another name.
+        (joint,) = self.joints_at(trial, place)
+        angle = shape["k"] * trial.motion.q[:: max(1, len(trial) // 200), joint]
+        wave = amplitudes[0] * np.sin(angle) + amplitudes[1] * np.cos(angle)
+        return bool(np.std(wave) > LEAST_WAVE * np.sqrt(np.mean(wave**2)))
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        a, b = amplitudes
+        return {"a": float(np.hypot(a, b)), "harmonic": shape["k"], "phi": float(np.arctan2(b, a))}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        if abs(shape["k"] - 1.0) > 0.05:
+            return None  # the simulator's reading errs once per turn
+        joints = self.joints_at(trial, place)
+        a, b = amplitudes
+        return {
+            "encoder_amplitude": at_joint(trial, joints, np.hypot(a, b)),
+            "encoder_phase": at_joint(trial, joints, np.arctan2(b, a)),
+        }

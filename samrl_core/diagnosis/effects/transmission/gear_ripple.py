@@ -1,0 +1,88 @@
+"""8: gear torque ripple."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.residuals.trial import Trial
+
+LINES = "two lines"  # per turn of a wave generator, and twice
+
+
+class GearRipple(DriveTorque):
+    """Torque that repeats many times per turn: teeth, poles, flexspline."""
+
+    family, number, title = "gear_ripple", 8, "gear torque ripple"
+    formula = "tau_f = A sin(N q + phi) (+ A2 sin(2 N q + phi2)), lost between command and sensor"
+    source = "harmonic drives ripple at 2 and 4 per wave-generator turn; ratio about 100"
+    excitation = "constant slow speed, two or three levels"
+    confounded_with = ("position_dependent_friction", "encoder_eccentricity")
+    parameters = (
+        Parameter("amplitude", "N m", 0.02, 0.5, "of the ripple's first line"),
+        Parameter("order", "1/rad", 15.0, 420.0, "periods per 2 pi"),
+        Parameter("phase", "rad", -3.1416, 3.1416, "of the torque that is lost; pi more if added"),
+    )
+
+    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+        (joint,) = self.joints_at(trial, place)
+        grid = tuple({"N": n} for n in _peaks(trial, joint))
+        limits = {"N": (14.0, 430.0)}
+        return (
+            Form("", ("sine", "cosine"), grid, limits, step=0.003),
+            Form(LINES, ("sine", "cosine", "sine2", "cosine2"), grid[:2], limits, step=0.003),
+        )
+
+    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        angle = shape["N"] * trial.motion.full_position[:, joint]
+        rows = [np.sin(angle), np.cos(angle)]
+        return np.stack(rows + [np.sin(2 * angle), np.cos(2 * angle)] if form == LINES else rows)
+
+    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+        return np.full(4 if form == LINES else 2, 0.03 * trial.scale[joint])
+
+    def physical(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, float]:
+        a, b = amplitudes[:2]
+        return {"amplitude": float(np.hypot(a, b)), "order": shape["N"], "phase": float(np.arctan2(b, a))}
+
+    def plant(
+        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
+    ) -> dict[str, np.ndarray | float] | None:
+        joints = self.joints_at(trial, place)
+        a, b = amplitudes[:2]  # the simulator knows one line
+        return {
+            "harmonic_amplitude": at_joint(trial, joints, np.hypot(a, b)),
+            "harmonic_order": at_joint(trial, joints, shape["N"]),
+            # The simulator adds to the drive what the residual counts as lost.
+            "harmonic_phase": at_joint(trial, joints, np.arctan2(-b, -a)),
+        }
+
+
+def _peaks(trial: Trial, joint: int, count: int = 4) -> list[float]:
+    """Orders at which the drive residual of a joint has most power over position, well inside the band."""
+    channel = "drive" if "drive" in trial.channels else "dynamics"
+    residual = trial.equations.residual[channel][:, joint]
+    q, speed = trial.motion.q[:, joint], np.abs(trial.motion.dq[:, joint])
+    moving = speed > 0.01
+    if np.count_nonzero(moving) < 50:
+        return [100.0]
+    smooth = signal.medfilt(residual, 15)
+    detail, q, speed = (residual - smooth)[moving], q[moving], speed[moving]
+    span = max(float(np.ptp(q)), 0.1)
+    orders = np.arange(15.0, 420.0, np.pi / 2 / span)
+    power = np.zeros(len(orders))
+    for k, n in enumerate(orders):
+        inside = n * speed < 2 * np.pi * 0.8 * trial.motion.band
+        if np.count_nonzero(inside) > 30:
+            power[k] = np.abs(np.exp(1j * n * q[inside]) @ detail[inside]) ** 2 / np.count_nonzero(inside)
+    best: list[float] = []
+    for k in np.argsort(power)[::-1]:
+        if all(abs(orders[k] - other) > 3 * np.pi / span for other in best):
+            best.append(float(orders[k]))
+        if len(best) == count:
+            break
+    return best

@@ -1,0 +1,198 @@
+"""Plotly figures of a diagnosis, thinned so that the page stays small, with every name escaped."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+
+import numpy as np
+import plotly.graph_objects as go
+
+from samrl_core.diagnosis.report import words
+from samrl_core.diagnosis.result import Curve, Overlay, Timeline
+
+# Colours of Okabe and Ito (2008), told apart with every kind of colour blindness; lines differ in dash too.
+INK, GRID = "#1f2933", "#d9dee3"
+MEASURED, NOMINAL, NAMED, RUNNER_UP = "#1f2933", "#d55e00", "#0072b2", "#aa4499"
+ROW_COLORS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#8a6d00", "#56b4e9", "#555555")
+FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Liberation Sans', sans-serif"
+
+CURVE_POINTS = 3000
+OVERLAY_BYTES = 2_000_000  # for all overlays together, before base64 adds a third
+OVERLAY_POINTS = 2400  # at most, for one signal: twice the pixels of a wide screen
+OVERLAY_COUNT = 120  # at most; those with the largest error are kept
+
+
+def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:
+    """Whitened residual energy of one recording; named places thick, others thin."""
+    fig = go.Figure(layout=_layout(250))
+    for i, (name, energy) in enumerate(t.energy.items()):
+        strong = name in highlighted
+        color = ROW_COLORS[i % len(ROW_COLORS)]
+        fig.add_scatter(
+            x=_small(t.time),
+            y=_small(energy),
+            name=_text(name.partition(":")[2] or name),
+            line={"color": color, "width": 2.6 if strong else 1.1, "dash": "solid" if strong else "dot"},
+            hovertemplate="%{y:.2f}",
+        )
+    if math.isfinite(t.threshold):
+        fig.add_hline(
+            y=t.threshold,
+            line={"color": INK, "width": 1, "dash": "dash"},
+            annotation={
+                "text": "significant above",
+                "xanchor": "right",
+                "font": {"size": 11},
+                "bgcolor": "rgba(255,255,255,.8)",
+            },
+        )
+    if t.onset is not None:
+        note = {"text": f"onset {t.onset:.2f} s", "font": {"size": 12}, "bgcolor": "#ffffff"}
+        fig.add_vline(x=t.onset, line={"color": INK, "width": 2}, annotation=note)
+    fig.update_xaxes(title="time [s]", zeroline=False, **_AXIS)
+    fig.update_yaxes(title="standard deviations", rangemode="tozero", **_AXIS)
+    return fig.update_layout(hovermode="x unified")
+
+
+def curve_figure(c: Curve) -> go.Figure:
+    """The effect's curve over the data that it explains."""
+    finite = np.flatnonzero(np.isfinite(c.x) & np.isfinite(c.y))
+    if len(finite) > CURVE_POINTS:
+        # A fixed seed: the picture of a diagnosis is the same each time it is drawn.
+        finite = np.sort(np.random.default_rng(0).choice(finite, CURVE_POINTS, replace=False))
+    fig = go.Figure(layout=_layout(380))
+    fig.add_scatter(
+        x=_small(c.x[finite]),
+        y=_small(c.y[finite]),
+        name="data",
+        mode="markers",
+        marker={"color": "#6b7785", "size": 3.5, "opacity": 0.45},
+        hovertemplate="%{x:.4g}, %{y:.4g}<extra></extra>",
+    )
+    fig.add_scatter(
+        x=_small(c.fit_x),
+        y=_small(c.fit_y),
+        name=_text(words.effect(c.effect)),
+        line={"color": NAMED, "width": 3.2},
+        hovertemplate="%{x:.4g}, %{y:.4g}<extra></extra>",
+    )
+    fig.update_xaxes(title=_text(c.x_label), zeroline=True, zerolinecolor="#9aa5b1", **_AXIS)
+    fig.update_yaxes(title=_text(c.y_label), zeroline=True, zerolinecolor="#9aa5b1", **_AXIS)
+    return fig
+
+
+def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
+    """The signal above, its error below: measured, nominal, with the effect, runner-up."""
+    keep = thinned(o, points)
+    time, measured = _small(o.time[keep]), o.measured[keep]
+    traces = [_line(time, measured, "measured", MEASURED, "solid", 2.4)]
+    for name, signal, color, dash, width in (
+        ("nominal model", o.nominal, NOMINAL, "dash", 1.7),
+        ("runner-up", o.runner_up, RUNNER_UP, "dot", 1.4),
+        (effect_label, o.with_effect, NAMED, "solid", 1.7),
+    ):
+        if signal is not None:
+            traces.append(_line(time, signal[keep], name, color, dash, width))
+            error = _line(
+                time, signal[keep] - measured, name, color, "dot" if dash == "dot" else "solid", 1.3
+            )
+            traces.append(error | {"yaxis": "y2", "showlegend": False})
+    # One figure from plain values: plotly's subplots and updates take ten times as long, for every signal.
+    layout = _layout(470) | {
+        "hovermode": "x unified",
+        "xaxis": {"title": {"text": "time [s]"}, "zeroline": False, "anchor": "y2", **_AXIS},
+        "yaxis": {
+            "title": {"text": f"{_text(words.quantity(o.quantity))} [{_text(o.unit)}]", "standoff": 6},
+            "domain": [0.45, 1],
+            "zeroline": False,
+            **_AXIS,
+        },
+        "yaxis2": {
+            "title": {"text": "minus measured", "standoff": 6},
+            "domain": [0, 0.4],
+            "zerolinecolor": "#9aa5b1",
+            **_AXIS,
+        },
+    }
+    return go.Figure({"data": traces, "layout": layout})
+
+
+def _line(time: np.ndarray, signal: np.ndarray, name: str, color: str, dash: str, width: float) -> dict:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": time,
+        "y": _small(signal),
+        "name": name,
+        "legendgroup": name,
+        "line": {"color": color, "dash": dash, "width": width},
+        "hovertemplate": "%{y:.4g}",
+    }
+
+
+def overlay_points(overlays: tuple[Overlay, ...]) -> int:
+    """How many samples each overlay may keep so that all of them stay within `OVERLAY_BYTES`."""
+    arrays = 8  # time twice, four signals, up to three errors: mean of what is drawn
+    return int(min(OVERLAY_POINTS, OVERLAY_BYTES / (4 * arrays * max(len(overlays), 1))))
+
+
+def thinned(o: Overlay, points: int) -> np.ndarray:
+    """Indices that keep the extremes of the signal and of the nominal model's error in every bucket."""
+    n = len(o.time)
+    if n <= points:
+        return np.arange(n)
+    starts = np.linspace(0, n, max(points // 4, 1) + 1).astype(int)[:-1]
+    sizes = np.diff(np.append(starts, n))
+    bucket = np.repeat(np.arange(len(starts)), sizes)
+    keep = [np.array([0, n - 1])]
+    for signal in (np.nan_to_num(o.measured), np.nan_to_num(o.nominal - o.measured)):
+        order = np.lexsort((signal, bucket))  # by bucket, then by value: first is lowest, last is highest
+        keep += [order[starts], order[starts + sizes - 1]]
+    return np.unique(np.concatenate(keep))
+
+
+def rms(signal: np.ndarray | None, measured: np.ndarray) -> float:
+    """Root mean square of a signal's error over what is finite; NaN where nothing is."""
+    if signal is None:
+        return math.nan
+    error = (signal - measured)[np.isfinite(signal) & np.isfinite(measured)]
+    return float(np.sqrt(np.mean(error**2))) if len(error) else math.nan
+
+
+def figure_json(fig: go.Figure) -> str:
+    """Data and layout as JSON that can stand inside a <script> element."""
+    # Only `<` can end the element or open a comment in it; JSON's escape means the same character.
+    return str(fig.to_json(remove_uids=True)).replace("<", "\\u003c")
+
+
+def script_json(value: object) -> str:
+    """Any plain value as JSON that can stand inside a <script> element."""
+    return json.dumps(value, allow_nan=False, ensure_ascii=False).replace("<", "\\u003c")
+
+
+_AXIS = {"gridcolor": GRID, "linecolor": "#9aa5b1", "automargin": True}
+
+
+def _layout(height: int) -> dict:
+    return {
+        "template": "none",
+        "height": height,
+        "margin": {"l": 56, "r": 12, "t": 12, "b": 40},
+        "font": {"family": FONT, "size": 12.5, "color": INK},
+        "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "font": {"size": 12}},
+        "paper_bgcolor": "#ffffff",
+        "plot_bgcolor": "#ffffff",
+        "dragmode": "zoom",
+    }
+
+
+def _small(values: np.ndarray) -> np.ndarray:
+    """Half the bytes; a screen shows three digits."""
+    return np.asarray(values, dtype=np.float32)
+
+
+def _text(text: str) -> str:
+    """Plotly reads a few tags in its texts, so names are escaped there as well."""
+    return html.escape(text, quote=False)

@@ -1,0 +1,117 @@
+"""The ten lines that the terminal shows: verdict first, then where, which, how far, and what is left open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+
+from samrl_core.diagnosis.report import words
+from samrl_core.diagnosis.report.gap_report import FAMILIES
+from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
+
+LINES = 10
+WIDTH = 110
+INDENT = 15
+
+
+def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
+    """At most ten plain lines of at most 110 characters; `files` are the names of what was written."""
+    d = diagnosis
+    lines = [f"{words.VERDICT_LABEL[d.verdict].upper()}: {words.headline(d)}."]
+    lines += _where(d)
+    if d.verdict == "effect":
+        lines += _which(d)
+    elif d.reasons:
+        lines.append(_line("why", d.reasons[0]))
+    if d.gap is not None:
+        lines.append(_line("how far", _how_far(d.gap)))
+    if d.verdict in ("effect", "none_of_mine", "ambiguous"):
+        left = words.percent(d.unexplained_fraction)
+        best = {"effect": "the named", "ambiguous": "the candidate", "none_of_mine": "the best-fitting"}[
+            d.verdict
+        ]
+        noun = "effects" if len(d.effects) > 1 else "effect"
+        lines.append(_line("unexplained", f"{left} of the excess energy remains with {best} {noun}"))
+    if d.nearest is not None:
+        lines.append(_line("nearest", f"{words.effect(d.nearest.name)}, but it would be wrong"))
+    if d.verdict == "none_of_mine" and d.signatures and d.signatures[0].hints:
+        s = d.signatures[0]
+        hint, correlation = max(s.hints, key=lambda item: abs(item[1]))
+        lines.append(
+            _line("looks like", f"{hint} ({correlation:+.2f}) at {words.place(s.place)}, {s.channel}")
+        )
+    if d.ambiguity_set:
+        lines.append(_line("could be", " or ".join(words.effect(n) for n in d.ambiguity_set[0])))
+    if d.next_experiment is not None:
+        n = d.next_experiment
+        lines.append(
+            _line("next", f"samrl excite {n.file} ({words.percent(n.separates)} sure to split them): {n.why}")
+        )
+    if d.alarms:
+        lines.append(_line("alarm", _first_of(d.alarms)))
+    if d.not_testable:
+        names = ", ".join(FAMILIES[f].title if f in FAMILIES else f for f in d.not_testable)
+        lines.append(_line("not testable", f"{len(d.not_testable)}: {names}"))
+    tail = [_line("files", "  ".join(files))] if files else []
+    return _fit(lines[: LINES - len(tail)] + tail)
+
+
+def _where(d: Diagnosis) -> list[str]:
+    if not d.where:
+        return []
+    w = d.where[0]
+    onset = f", since {w.onset:.2f} s" if w.onset is not None else ""
+    more = f"; {words.count(len(d.where) - 1, 'weaker place')} in the report" if len(d.where) > 1 else ""
+    share = f"{words.percent(w.share)} of the excess"
+    text = f"{words.place(w.place)}, {w.channel} at {w.phase}: {share}{onset}{more}"
+    return [_line("where", text)]
+
+
+def _which(d: Diagnosis) -> list[str]:
+    lines = []
+    for e in d.effects[:3]:
+        values = words.parameters(e) or "no parameters"
+        lines.append(_line("which", f"{e.name}, probability {e.probability:.2f}: {values}"))
+    return lines
+
+
+def _how_far(gap: HeldOutGap) -> str:
+    unit = words.symbol(gap.unit)
+    before = words.number(gap.nominal)
+    if gap.shrink is None:
+        return f"{before} {unit} {gap.metric} on held-out recordings".replace("  ", " ")
+    interval = f" ({ci})" if (ci := words.percent_interval(gap.ci95)) else ""
+    margin = f"; {words.points(gap.margin)} on the runner-up" if gap.margin is not None else ""
+    value = f"{before} -> {words.number(gap.with_effect)} {unit}".rstrip()
+    return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({gap.metric} {value})"
+
+
+def _first_of(items: Sequence[str]) -> str:
+    return items[0] + (f" (and {len(items) - 1} more)" if len(items) > 1 else "")
+
+
+def _line(label: str, text: str) -> str:
+    return f"  {label:<{INDENT - 2}}{text}"
+
+
+def _fit(lines: list[str]) -> list[str]:
+    """Long lines are continued while lines are left, first things first, and cut after that."""
+    spare = LINES - len(lines)
+    result = []
+    for line in lines:
+        clean = "".join(c if c.isprintable() else " " for c in line)
+        parts = wrap(
+            clean, WIDTH, subsequent_indent=" " * INDENT, drop_whitespace=True, break_on_hyphens=False
+        )
+        used = min(spare, len(parts) - 1)
+        spare -= used
+        result += parts[:used]
+        rest = parts[used] if used == len(parts) - 1 else _continued(parts[used:])
+        result.append(rest)
+    return result
+
+
+def _continued(parts: list[str]) -> str:
+    """What is left of a line, cut to the width."""
+    text = f"{parts[0]} {' '.join(part.strip() for part in parts[1:])}"
+    return text[: WIDTH - 3].rstrip() + "..."

@@ -1,0 +1,156 @@
+"""Words and numbers shared by all forms of the report, so that they all say the same thing."""
+
+from __future__ import annotations
+
+import math
+
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.report.gap_report import family
+from samrl_core.diagnosis.result import Diagnosis, Estimate, NamedEffect
+
+VERDICT_LABEL = {
+    "no_gap": "No gap",
+    "effect": "Cause found",
+    "ambiguous": "Ambiguous",
+    "none_of_mine": "Unknown cause",
+    "not_testable": "Not testable",
+}
+
+QUANTITY = {"commanded_effort": "commanded effort"}
+
+
+def headline(d: Diagnosis) -> str:
+    """The verdict as one sentence."""
+    match d.verdict:
+        case "no_gap":
+            return "Model and machine agree within the stated tolerances"
+        case "effect":
+            causes = [f"{family(e.family).title} at {place(e.place)}" for e in d.effects]
+            return f"{_join(_lower_tail(causes), 'and')} {'causes' if len(causes) == 1 else 'cause'} the gap"
+        case "ambiguous":
+            names = [name for group in d.ambiguity_set for name in group]
+            return f"There is a gap with {len(names)} possible causes that these recordings cannot tell apart"
+        case "none_of_mine":
+            return "There is a gap, and no effect in the library explains it"
+        case "not_testable":
+            return "These recordings cannot answer the question"
+    raise InputError(f"unknown verdict {d.verdict!r}")
+
+
+def place(name: str) -> str:
+    """`joint:panda_joint4` as it is spoken: joint panda_joint4."""
+    kind, colon, rest = name.partition(":")
+    return f"{kind} {rest}" if colon else f"the {name}"
+
+
+def effect(name: str) -> str:
+    """`backlash@joint:j4` as it is spoken: backlash at joint j4. Unknown families keep their name."""
+    head, at, where = name.partition("@")
+    try:
+        title = family(head).title
+    except InputError:
+        title = head.replace("_", " ")
+    return f"{title} at {place(where)}" if at else title
+
+
+def parameter(estimate: Estimate) -> str:
+    """Value with half its 95 % interval and unit, to the digits that the interval supports."""
+    low, high = estimate.ci95
+    half = (high - low) / 2
+    unit = f" {unit}" if (unit := symbol(estimate.unit)) else ""
+    if not (math.isfinite(half) and half > 0):
+        return f"{number(estimate.value)}{unit}"
+    digits = _decimals(half, 2)
+    if digits > 6 or abs(estimate.value) >= 1e6:
+        return f"{estimate.value:.3g} ± {half:.2g}{unit}"
+    return f"{estimate.value:.{max(digits, 0)}f} ± {half:.{max(digits, 0)}f}{unit}"
+
+
+def value(estimate: Estimate) -> str:
+    """The value alone with its unit, to the digits that the interval supports."""
+    return (
+        parameter(estimate).partition(" ± ")[0].removesuffix(f" {symbol(estimate.unit)}")
+        + f" {symbol(estimate.unit)}".rstrip()
+    )
+
+
+def interval(estimate: Estimate) -> str:
+    """The 95 % interval in brackets."""
+    low, high = estimate.ci95
+    half = (high - low) / 2
+    if not (math.isfinite(half) and half > 0):
+        return f"[{number(low)}, {number(high)}]"
+    digits = max(_decimals(half, 2), 0)
+    if digits > 6:
+        return f"[{low:.4g}, {high:.4g}]"
+    return f"[{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def parameters(e: NamedEffect) -> str:
+    """All parameters of an effect in a row."""
+    return ", ".join(f"{name} = {parameter(value)}" for name, value in e.parameters.items())
+
+
+def percent(fraction: float | None) -> str:
+    """A fraction as per cent; an en dash where there is none. Never rounds to an untrue 0 or 100."""
+    if fraction is None or not math.isfinite(fraction):
+        return "–"
+    if 0.995 <= fraction < 1:
+        return "> 99 %"
+    if 0 < fraction <= 0.005:
+        return "< 1 %"
+    return f"{100 * fraction:.0f} %"
+
+
+def percent_interval(ci: tuple[float, float] | None) -> str:
+    """`79 to 86 %`, or nothing."""
+    if ci is None or not all(map(math.isfinite, ci)):
+        return ""
+    return f"{100 * ci[0]:.0f} to {100 * ci[1]:.0f} %"
+
+
+def points(difference: float | None) -> str:
+    """A difference of two fractions in percentage points, signed."""
+    return "–" if difference is None or not math.isfinite(difference) else f"{100 * difference:+.0f} points"
+
+
+def number(value: float | None) -> str:
+    """Three significant digits; an en dash where there is no finite number."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
+
+
+def symbol(unit: str) -> str:
+    """A unit as it is written behind a number: nothing for pure numbers."""
+    return "" if unit == "1" else unit
+
+
+def effect_label(d: Diagnosis) -> str:
+    """What the simulation with an effect is called: only a verdict of `effect` names one."""
+    named = "with the named effects" if len(d.effects) > 1 else "with the named effect"
+    labels = {"effect": named, "ambiguous": "with the likeliest candidate"}
+    return labels.get(d.verdict, "with the nearest effect")
+
+
+def count(n: int, noun: str) -> str:
+    """`1 recording`, `2 recordings`."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def quantity(name: str) -> str:
+    """The name of a recorded quantity as it is spoken."""
+    return QUANTITY.get(name, name)
+
+
+def _decimals(value: float, significant: int) -> int:
+    """Decimals that show so many significant digits of a positive value."""
+    return significant - 1 - math.floor(math.log10(value))
+
+
+def _lower_tail(names: list[str]) -> list[str]:
+    """Only the first of a row of names starts with a capital, proper names excepted."""
+    proper = ("Coulomb", "Stribeck")
+    return names[:1] + [n if n.startswith(proper) else n[:1].lower() + n[1:] for n in names[1:]]
+
+
+def _join(names: list[str], word: str) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"

@@ -1,0 +1,239 @@
+"""Where torque or motion gets lost between the nominal model and the recording, stage by stage.
+
+    controller  described law at the measured state  -  commanded effort
+    drive       commanded effort  -  nominal rotor inertia * acceleration  -  link-side effort
+    link        link-side effort  -  inverse dynamics of URDF and tool
+    dynamics    drive + link, where only one effort was recorded
+    tracking    command  -  position, where no effort or no model exists
+
+Each is zero for a nominal arm. An unmodelled effect appears in the stage in which it acts, which is what
+tells a payload (link) from a weak drive (drive) or a changed gain (controller).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.diagnosis.residuals.motion import Motion
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
+UNITS = {"controller": "N m", "drive": "N m", "link": "N m", "dynamics": "N m", "tracking": "rad"}
+RELATIVE_FLOOR = 0.02  # of a block's own residual: no formula of friction is right to better than this
+FRICTION_FLOOR = 0.05  # of the tolerated Coulomb friction
+TORQUE_FLOOR = 0.002  # of a joint's torque variation: sampling and filtering
+REST_SPEED = 0.004  # [rad/s] below it friction is whatever holds the arm, between its two bounds
+REST_SHARE = 0.01  # of the effort limit: how far friction at rest may be from any formula
+TIMING_RATE_HZ = 20.0  # below it moves are not followed, only what stays when they are over
+SETTLED = 1e-6  # [rad] travel of a command that rests
+SETTLING_S = 1.0  # ASSUMPTION: until a small servo has settled
+MAX_LAG = 2  # [samples] by which states may lead or trail the commanded effort they caused
+
+Columns = dict[tuple[str, int], np.ndarray]  # (channel, joint) -> (p, N): a few regressors, sparse
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Residuals of one recording; missing channels are absent from the mappings."""
+
+    motion: Motion
+    residual: dict[str, np.ndarray]  # channel -> (N, J) [N m or rad]
+    sigma: dict[str, np.ndarray]  # channel -> (N, J), same unit: noise and floors
+    law: np.ndarray | None  # (F, J) commanded effort by the described law at full rate [N m]
+    lag: int  # [samples] by which states were shifted
+    model: np.ndarray | None = None  # (N, J) link-side torque of the nominal model along the motion [N m]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Available channels in the order of `CHANNELS`."""
+        return tuple(c for c in CHANNELS if c in self.residual)
+
+
+def armature(arm: ArmDescription) -> np.ndarray:
+    """Nominal rotor inertia (J,) [kg m2]."""
+    controller = arm.controller
+    if controller is None or controller.armature is None:
+        return np.zeros(len(arm.joints))
+    return controller.armature
+
+
+def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: Motion) -> np.ndarray:
+    """Effort scale (J,) [N m]: the effort limit, or the largest effort seen where none is stated."""
+    limit = np.full(len(arm.joints), np.inf)
+    if rigid is not None:
+        limit = rigid.effort_limits()
+    if arm.controller is not None and arm.controller.effort_limit is not None:
+        limit = np.minimum(limit, arm.controller.effort_limit)
+    seen = motion.u if motion.u is not None else motion.tau
+    largest = np.ones(len(arm.joints)) if seen is None else np.abs(seen).max(axis=0)
+    return np.where(np.isfinite(limit), limit, largest)
+
+
+def form_equations(motion: Motion) -> Equations:
+    """All residuals that the recording allows."""
+    arm, rigid = motion.recording.arm, motion.arm
+    residual: dict[str, np.ndarray] = {}
+    sigma: dict[str, np.ndarray] = {}
+    law, lag = None, 0
+    u, tau = motion.u, motion.tau
+    dynamic = rigid is not None and motion.dynamic
+    if not dynamic or (u is None and tau is None):
+        if motion.command is not None:
+            command = motion.command.position
+            assert command is not None and motion.raw_position is not None
+            residual["tracking"] = motion.reduce(command - motion.raw_position)
+            noise = np.sqrt(motion.band_share) * motion.noise.position
+            level = np.hypot(noise + 1e-4, _resolution(motion.raw_position))
+            residual["tracking"] *= settled(motion)
+            sigma["tracking"] = _spread(level, residual["tracking"])
+        return Equations(motion, residual, sigma, law, lag)
+    assert rigid is not None
+    scale = scale_limits(arm, rigid, motion)
+    share = np.sqrt(motion.band_share)
+    rotor = armature(arm) * motion.ddq
+    model = rigid.inverse_dynamics(motion.q, motion.dq, motion.ddq)
+    link_noise = _acceleration_noise(motion, rigid)
+    noise = motion.noise
+    torque = u if u is not None else tau
+    assert torque is not None
+    variation = np.std(torque, axis=0)
+    floor = TORQUE_FLOOR * variation
+    # The friction that tolerances allow is of no formula either.
+    friction = FRICTION_FLOOR * np.asarray(arm.tolerances.coulomb_friction) * scale
+    if motion.command is not None and arm.controller is not None and u is not None:
+        law, lag, raw = _controller_residual(motion, rigid)
+        residual["controller"] = motion.reduce(raw)
+        level = np.hypot(share * _high_frequency(raw, motion.rate), floor)
+        if motion.raw_velocity is None:  # the law then damps differences of noisy positions
+            level = np.hypot(level, arm.controller.damping * np.sqrt(motion.velocity_noise()))
+        level = np.hypot(level, _between_commands(motion))
+        sigma["controller"] = _spread(level, residual["controller"])
+    if u is not None and tau is not None:
+        residual["drive"] = u - rotor - tau
+        rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
+        level = np.hypot(share * np.hypot(noise.commanded_effort, noise.effort), np.hypot(rotor_noise, floor))
+        level = np.hypot(level, friction)
+        sigma["drive"] = _rest_wider(_spread(level, residual["drive"]), motion, scale)
+    if tau is not None:
+        residual["link"] = tau - model
+        level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2)
+        sigma["link"] = _spread(level, residual["link"])
+    elif u is not None:
+        residual["dynamics"] = u - rotor - model
+        moved = link_noise + armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
+        level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2)
+        sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
+    return Equations(motion, residual, sigma, law, lag, model)
+
+
+def controller_law(motion: Motion, rigid: RigidArm, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Commanded effort (F, J) of the described controller at measured states, before clipping."""
+    controller, command = motion.recording.arm.controller, motion.command
+    assert controller is not None and command is not None
+    assert command.position is not None and command.velocity is not None and command.effort is not None
+    law = controller.stiffness * (command.position - position)
+    law = law + controller.damping * (command.velocity - velocity) + command.effort
+    return law + rigid.gravity(position) if controller.gravity_compensation else law
+
+
+def clipped(motion: Motion, rigid: RigidArm, law: np.ndarray) -> np.ndarray:
+    """The law within the stated effort limits."""
+    controller = motion.recording.arm.controller
+    assert controller is not None
+    limit = rigid.effort_limits()
+    if controller.effort_limit is not None:
+        limit = np.minimum(limit, controller.effort_limit)
+    return np.clip(law, -limit, limit)
+
+
+def _between_commands(motion: Motion) -> np.ndarray:
+    """Effort (J,) by which a line between sparse commands may miss what the controller tracked."""
+    command, controller = motion.recording.command, motion.recording.arm.controller
+    assert command is not None and controller is not None
+    if float(np.median(np.diff(command.time))) < 1.5 / motion.rate:
+        return np.zeros(motion.joints)
+
+    def missed(values: np.ndarray | None) -> np.ndarray:
+        # A parabola through three samples is off its chord by an eighth of their second difference.
+        return np.zeros(motion.joints) if values is None else np.std(np.diff(values, n=2, axis=0), axis=0) / 8
+
+    return controller.stiffness * missed(command.position) + controller.damping * missed(command.velocity)
+
+
+def _controller_residual(motion: Motion, rigid: RigidArm) -> tuple[np.ndarray, int, np.ndarray]:
+    """Law, the lag of states that fits its finest detail best, and law - commanded effort at full rate."""
+    q, u = motion.raw_position, motion.raw_commanded
+    dq = motion.raw_velocity if motion.raw_velocity is not None else motion.full_velocity
+    assert q is not None and u is not None
+    law0 = controller_law(motion, rigid, q, dq)
+    best: tuple[float, int, np.ndarray] | None = None
+    for lag in range(-MAX_LAG, MAX_LAG + 1):
+        # The command is not shifted: a late command is an effect, a late log of states is not.
+        controller = motion.recording.arm.controller
+        assert controller is not None
+        shift_q, shift_dq = np.roll(q, lag, axis=0) - q, np.roll(dq, lag, axis=0) - dq
+        law = law0 - controller.stiffness * shift_q - controller.damping * shift_dq
+        rough = float(np.sum(_high_frequency(clipped(motion, rigid, law) - u, motion.rate)))
+        rough += 1e-4 * float(np.sum(np.std(u, axis=0)))  # a noise-free log must not be decided by rounding
+        # Another lag must be clearly better than none.
+        if best is None or rough * (1.2 if lag else 1.0) < best[0]:
+            best = (rough * (1.2 if lag else 1.0), lag, law)
+    assert best is not None
+    return best[2], best[1], clipped(motion, rigid, best[2]) - u
+
+
+def _high_frequency(x: np.ndarray, rate: float) -> np.ndarray:
+    """Standard deviation (J,) of sample-to-sample detail, robust against single spikes."""
+    detail = np.diff(x, n=2, axis=0) / np.sqrt(6.0)
+    return 1.4826 * np.median(np.abs(detail), axis=0)
+
+
+def _acceleration_noise(motion: Motion, rigid: RigidArm) -> np.ndarray:
+    """Torque noise (J,) that band-limited noisy accelerations leave in inverse dynamics."""
+    variance = motion.acceleration_noise(0.0, motion.band)
+    some = motion.q[:: max(1, len(motion.q) // 20)]
+    mass = np.mean(rigid.mass_matrix(some) ** 2, axis=0)
+    return np.sqrt(mass @ variance)
+
+
+def _resolution(position: np.ndarray) -> np.ndarray:
+    """Step (J,) of a reading; position servos let an error of one step stand."""
+    steps = np.abs(np.diff(position, axis=0))
+    out = np.zeros(position.shape[1])
+    for j, column in enumerate(steps.T):
+        some = column[column > 1e-9]
+        if len(some):
+            out[j] = np.quantile(some, 0.05)
+    return out
+
+
+def settled(motion: Motion) -> np.ndarray:
+    """(N, J) one, but zero near moves of the command that sampling is too slow to follow.
+
+    Until the joint has settled, the error of such a recording says nothing.
+    """
+    assert motion.command is not None and motion.command.position is not None
+    command = motion.command.position
+    if motion.rate >= TIMING_RATE_HZ:
+        return np.ones_like(motion.reduce(command))
+    reach = int(np.ceil(SETTLING_S * motion.rate))
+    # Nobody knows what was commanded before the recording began.
+    padded = np.concatenate([np.repeat(command[:1] + 1.0, reach, axis=0), command, command[-1:]])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, reach + 2, axis=0)
+    return motion.reduce((np.ptp(windows, axis=-1) < SETTLED).astype(float))
+
+
+def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Noise level (J,) as (N, J), with the relative floor of each block."""
+    typical = np.sqrt(np.mean(residual**2, axis=0))
+    return np.broadcast_to(np.hypot(level, RELATIVE_FLOOR * typical), residual.shape).copy()
+
+
+def _rest_wider(sigma: np.ndarray, motion: Motion, scale: np.ndarray) -> np.ndarray:
+    """Friction at rest is anything between its bounds: such samples say little about the drive."""
+    speed = motion.full_velocity
+    resting = np.exp(-((speed / REST_SPEED) ** 2))
+    return np.hypot(sigma, REST_SHARE * scale * np.clip(motion.reduce(resting), 0.0, 1.0))

@@ -1,0 +1,183 @@
+"""Gaussian likelihood of the stacked residuals: noise on the diagonal, tolerances as a low-rank part.
+
+Sigma = D^2 + U U^T, with D the noise and U the tolerance regressors times their standard deviations. All
+inner products are taken in Sigma^-1, which costs one thin projection per regressor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.nominal import tolerance_columns
+from samrl_core.diagnosis.residuals.trial import Trial
+
+Block = tuple[int, str, int]  # recording, channel, joint
+
+
+@dataclass(frozen=True, eq=False)
+class Regressors:
+    """Columns in units of the noise, by block, and their projection on the tolerances."""
+
+    blocks: dict[Block, np.ndarray]  # (p, n)
+    projected: np.ndarray  # (rank, p)
+
+    @property
+    def empty(self) -> bool:
+        """Nothing is observed of it."""
+        return not self.blocks
+
+
+class Likelihood:
+    """Of one or more recordings of one arm.
+
+    Attributes:
+        y: (N,) residuals in units of their noise.
+        blocks: slices of `y`.
+    """
+
+    def __init__(self, trials: Sequence[Trial]) -> None:
+        """Stack the residuals and factor the tolerances."""
+        self.trials = tuple(trials)
+        self.blocks: dict[Block, slice] = {}
+        parts, start = [], 0
+        for r, trial in enumerate(self.trials):
+            equations = trial.equations
+            for channel in trial.channels:
+                ratio = equations.residual[channel] / equations.sigma[channel]
+                for j in range(trial.joints):
+                    self.blocks[r, channel, j] = slice(start, start + len(trial))
+                    parts.append(ratio[:, j])
+                    start += len(trial)
+        self.y = np.concatenate(parts) if parts else np.zeros(0)
+        self._basis, self._strength = self._factor()
+        self._y_projected = self._basis.T @ self.y
+
+    def _factor(self) -> tuple[np.ndarray, np.ndarray]:
+        """Orthonormal basis (N, k) of U / D and its squared singular values (k,)."""
+        lists = [tolerance_columns(trial) for trial in self.trials]
+        count = len(lists[0]) if lists else 0
+        u = np.zeros((len(self.y), count))
+        for r, (trial, items) in enumerate(zip(self.trials, lists, strict=True)):
+            for k, (columns, std) in enumerate(items):
+                for (channel, j), rows in columns.items():
+                    sigma = trial.equations.sigma[channel][:, j]
+                    u[self.blocks[r, channel, j], k] = std * rows[0] / sigma
+        values, vectors = np.linalg.eigh(u.T @ u)
+        kept = values > 1e-9 * max(values.max(initial=0.0), 1e-300)
+        values, vectors = values[kept], vectors[:, kept]
+        return u @ (vectors / np.sqrt(values)), values
+
+    def regressors(self, columns: Sequence[Columns]) -> Regressors:
+        """Columns of an effect, one mapping per recording, in units of the noise."""
+        blocks: dict[Block, np.ndarray] = {}
+        projected: np.ndarray | None = None
+        for r, (trial, mapping) in enumerate(zip(self.trials, columns, strict=True)):
+            for (channel, j), rows in mapping.items():
+                scaled = rows / trial.equations.sigma[channel][:, j]
+                blocks[r, channel, j] = scaled
+                part = self._basis[self.blocks[r, channel, j]].T @ scaled.T
+                projected = part if projected is None else projected + part
+        return Regressors(blocks, np.zeros((len(self._strength), 0)) if projected is None else projected)
+
+    def shrink(self, correlation: float) -> np.ndarray:
+        """Weight (k,) that tolerances take off a projection, when `correlation` samples count as one."""
+        return self._strength / (correlation + self._strength)
+
+    def plain_gram(self, a: Regressors, b: Regressors) -> np.ndarray:
+        """A^T D^-2 B, (p, q), without tolerances."""
+        out = np.zeros((a.projected.shape[1], b.projected.shape[1]))
+        for block, rows in a.blocks.items():
+            if block in b.blocks:
+                out += rows @ b.blocks[block].T
+        return out
+
+    def plain_moment(self, a: Regressors) -> np.ndarray:
+        """A^T D^-2 y, (p,), without tolerances."""
+        out = np.zeros(a.projected.shape[1])
+        for block, rows in a.blocks.items():
+            out += rows @ self.y[self.blocks[block]]
+        return out
+
+    def combined(self, a: Regressors, amplitudes: np.ndarray) -> Regressors:
+        """The prediction of fitted amplitudes as one regressor."""
+        blocks = {block: (amplitudes @ rows)[None] for block, rows in a.blocks.items()}
+        return Regressors(blocks, (a.projected @ amplitudes)[:, None])
+
+    def prediction(self, a: Regressors, amplitudes: np.ndarray) -> np.ndarray:
+        """The same stacked (N,)."""
+        return -self.minus(a, amplitudes, np.zeros_like(self.y))
+
+    def tempered_gram(self, a: Regressors, b: Regressors, correlation: float) -> np.ndarray:
+        """A^T Sigma^-1 B (p, q), with `correlation` samples counted as one."""
+        shrink = self.shrink(correlation)
+        return (self.plain_gram(a, b) - a.projected.T @ (shrink[:, None] * b.projected)) / correlation
+
+    def tempered_moment(self, a: Regressors, y: np.ndarray, correlation: float) -> np.ndarray:
+        """A^T Sigma^-1 y (p,), likewise."""
+        plain = np.zeros(a.projected.shape[1])
+        for block, rows in a.blocks.items():
+            plain += rows @ y[self.blocks[block]]
+        return (plain - a.projected.T @ (self.shrink(correlation) * (self._basis.T @ y))) / correlation
+
+    @property
+    def y_projected(self) -> np.ndarray:
+        """Residuals on the tolerances' basis (k,)."""
+        return self._y_projected
+
+    def deficit(self, y: np.ndarray, correlation: float, only: Collection[Block] | None = None) -> float:
+        """Log likelihood [nat] that a perfect explanation of residuals (N,) would win back.
+
+        Two parts: energy outside of the tolerances beyond one per sample, block by block so that quiet
+        blocks hide nothing, over the samples' correlation; and energy within them beyond one per tolerance.
+        `only` restricts it to some blocks.
+        """
+        if only is not None:
+            masked = np.zeros_like(y)
+            for block in only:
+                masked[self.blocks[block]] = y[self.blocks[block]]
+            y = masked
+        projected = self._basis.T @ y
+        outside = (y - self._basis @ projected) ** 2
+        parts = self.blocks.values() if only is None else [self.blocks[block] for block in only]
+        noise = sum(max(0.0, float(np.sum(outside[b])) - (b.stop - b.start)) for b in parts)
+        inside = projected**2 / (correlation + self._strength) - 1.0
+        strong = self._strength > correlation  # the others say nothing about tolerances
+        return 0.5 * noise / correlation + 0.5 * max(0.0, float(np.sum(inside[strong])))
+
+    def whitened(self, y: np.ndarray | None = None) -> np.ndarray:
+        """Sigma^-1/2 y (N,): what tolerances do not explain, in standard deviations."""
+        y = self.y if y is None else y
+        root = 1.0 - np.sqrt(1.0 - self.shrink(1.0))
+        return y - self._basis @ (root * (self._basis.T @ y))
+
+    def tolerated(self, y: np.ndarray, correlation: float) -> np.ndarray:
+        """The part (N,) of residuals that tolerances most probably cause."""
+        return self._basis @ (self.shrink(correlation) * (self._basis.T @ y))
+
+    def minus(self, a: Regressors, amplitudes: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
+        """Residuals (N,) after taking an effect out."""
+        out = (self.y if y is None else y).copy()
+        for block, rows in a.blocks.items():
+            out[self.blocks[block]] -= amplitudes @ rows
+        return out
+
+    def correlation_time(self, y: np.ndarray) -> float:
+        """How many samples count as one: integrated autocorrelation of the whitened residual, at least 1."""
+        z = self.whitened(y)
+        total, weight = 0.0, 0.0
+        for part in self.blocks.values():
+            x = z[part] - np.mean(z[part])
+            power = float(x @ x)
+            if power < 1e-12 or len(x) < 20:
+                continue
+            spectrum = np.fft.rfft(x, 2 * len(x))
+            rho = np.fft.irfft(np.abs(spectrum) ** 2)[: len(x) // 4] / power
+            below = np.flatnonzero(rho < 0.05)
+            last = int(below[0]) if len(below) else len(rho)
+            total += power * (1.0 + 2.0 * float(np.sum(rho[1:last])))
+            weight += power
+        return max(1.0, total / weight) if weight else 1.0

@@ -1,0 +1,212 @@
+"""A recording brought to one clock: uniform samples, and the same zero-phase band for every channel.
+
+All channels pass the same low-pass before they are compared, so that filtering adds no misfit
+(parallel filtering of inverse-dynamics identification; Gautier 1997, "Dynamic identification of robots
+with power model", and every later work on the subject).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import interpolate, signal
+
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+BAND_HZ = 25.0  # what is compared; above it sensor noise in accelerations outweighs what arms do
+DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
+SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
+MAX_RATE_HZ = 1000.0
+TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """White noise of the raw channels at full rate, from their content above the moving band; each (J,)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    commanded_effort: np.ndarray
+
+
+class Motion:
+    """Signals of one recording: `full` rate (F, J) and, with a bar in the formulas, band-limited (N, J).
+
+    Attributes that the recording cannot give are None. Times are seconds since its start.
+    """
+
+    def __init__(self, recording: ArmRecording, arm: RigidArm | None, start_s: float = 0.0) -> None:
+        """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
+        self.recording, self.arm, self.start_s = recording, arm, start_s
+        states = recording.states
+        ticks = regular(states.time)
+        period = float(np.median(np.diff(ticks)))
+        stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
+        rate = 1.0 / (period * stride)
+        self.rate = rate
+        self.joints = len(recording.arm.joints)
+        self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
+        # Accelerations that are twice differenced from positions are noise from a lower frequency on.
+        differenced = states.velocity is None
+        self.band = min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0)
+        self.dynamic = rate > TRACKING_RATE_HZ
+        self.step = max(1, round(rate / (4.0 * self.band))) if self.dynamic else 1
+        self._band_filter = signal.butter(3, self.band, fs=rate, output="sos") if self.dynamic else None
+        smooth = min(SMOOTH_HZ, rate / 3.0)
+        self._smooth_filter = signal.butter(3, smooth, fs=rate, output="sos")
+        self.edge = int(np.ceil(1.0 * rate / self.band)) if self.dynamic else 1  # samples lost to the filter
+
+        self.raw_position = self._onto(states.time, states.position, self.time)
+        self.raw_velocity = self._onto(states.time, states.velocity, self.time)
+        self.raw_effort = self._onto(states.time, states.effort, self.time)
+        self.raw_commanded = self._commanded(recording.commanded_effort)
+        position = self.raw_position
+        if position is None:
+            raise ValueError(f"{recording.name} has no positions")
+        self.full_position = self.smooth(position)
+        if self.raw_velocity is not None:
+            self.full_velocity = self.smooth(self.raw_velocity)
+        else:
+            self.full_velocity = np.gradient(self.full_position, 1.0 / rate, axis=0)
+        self.full_acceleration = np.gradient(self.full_velocity, 1.0 / rate, axis=0)
+
+        self.t = self._pick(self.time)  # (N,)
+        self.q = self.reduce(position)
+        velocity = self.raw_velocity if self.raw_velocity is not None else self.full_velocity
+        self.dq = self.reduce(velocity)
+        self.ddq = self._pick(np.gradient(self._filtered(velocity), 1.0 / rate, axis=0))
+        self.tau = None if self.raw_effort is None else self.reduce(self.raw_effort)
+        self.u = None if self.raw_commanded is None else self.reduce(self.raw_commanded)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def dt(self) -> float:
+        """Spacing of the band-limited samples [s]."""
+        return self.step / self.rate
+
+    def smooth(self, x: np.ndarray) -> np.ndarray:
+        """Full-rate signal without the noise above the smoothing band; (F, ...) to (F, ...)."""
+        return np.asarray(signal.sosfiltfilt(self._smooth_filter, x, axis=0)) if self.dynamic else x
+
+    def reduce(self, x: np.ndarray) -> np.ndarray:
+        """Band-limit and decimate a full-rate signal, (F, ...) to (N, ...)."""
+        return self._pick(self._filtered(x))
+
+    def _filtered(self, x: np.ndarray) -> np.ndarray:
+        if self._band_filter is None:
+            return np.asarray(x, dtype=float)
+        return np.asarray(signal.sosfiltfilt(self._band_filter, x, axis=0))
+
+    def _pick(self, x: np.ndarray) -> np.ndarray:
+        return x[self.edge : len(x) - self.edge : self.step]
+
+    def derivative(self, x: np.ndarray) -> np.ndarray:
+        """Time derivative of a band-limited signal (N, ...)."""
+        return np.gradient(x, self.dt, axis=0)
+
+    def second_derivative(self, x: np.ndarray) -> np.ndarray:
+        """Second time derivative of a band-limited signal (N,), good to 2 % up to the edge of the band.
+
+        Differences of four samples a period would lose six tenths of it there, and with it all that tells a
+        link that swings from one that does not. What is not finite (a shape that ran away) stays so.
+        """
+        if not np.isfinite(x).all():
+            return np.full(len(x), np.nan)
+        spline = interpolate.make_interp_spline(np.arange(len(x)), x, k=7)
+        return np.asarray(spline(np.arange(len(x)), nu=2)) / self.dt**2
+
+    def delayed(self, x: np.ndarray, delay: float) -> np.ndarray:
+        """A full-rate signal later by a fraction of samples (linear); the start is held."""
+        source = np.arange(len(x)) - delay * self.rate
+        low = np.clip(np.floor(source).astype(int), 0, len(x) - 1)
+        high = np.minimum(low + 1, len(x) - 1)
+        part = np.clip(source - low, 0.0, 1.0)
+        part = part.reshape((-1,) + (1,) * (x.ndim - 1))
+        return x[low] * (1.0 - part) + x[high] * part
+
+    @cached_property
+    def command(self) -> JointSignal | None:
+        """What the controller tracked, on the full-rate grid; None where no command was recorded."""
+        command = self.recording.command
+        if command is None or command.position is None or len(command) < 2:
+            return None
+        position = self._onto(command.time, command.position, self.time)
+        velocity = self._onto(command.time, command.velocity, self.time)
+        effort = self._onto(command.time, command.effort, self.time)
+        zero = np.zeros_like(self.raw_position)
+        return JointSignal(
+            self.time,
+            position,
+            zero if velocity is None else velocity,
+            None,
+            zero if effort is None else effort,
+        )
+
+    @cached_property
+    def noise(self) -> Noise:
+        """White noise levels of the raw channels."""
+        return Noise(
+            *(
+                np.zeros(self.joints) if x is None else white_noise(x, self.rate)
+                for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
+            )
+        )
+
+    def velocity_noise(self) -> np.ndarray:
+        """Variance (J,) [rad2/s2] that white position noise has in velocities within the band."""
+        return np.asarray(self.noise.position**2 * (2.0 / self.rate) * (2 * np.pi) ** 2 * self.band**3 / 3.0)
+
+    def acceleration_noise(self, low: float, high: float) -> np.ndarray:
+        """Variance (J,) [rad2/s4] of accelerations between two frequencies [Hz] by white sensor noise."""
+        if self.raw_velocity is not None:
+            power = self.noise.velocity**2 * (2.0 / self.rate) * (2 * np.pi) ** 2 * (high**3 - low**3) / 3.0
+        else:
+            power = self.noise.position**2 * (2.0 / self.rate) * (2 * np.pi) ** 4 * (high**5 - low**5) / 5.0
+        return np.asarray(power)
+
+    @property
+    def band_share(self) -> float:
+        """Part of a white noise's variance that passes the band."""
+        return 2.0 * self.band / self.rate if self.dynamic else 1.0
+
+    def _commanded(self, commanded: JointSignal | None) -> np.ndarray | None:
+        if commanded is None or commanded.effort is None:
+            return None
+        return self._onto(commanded.time, commanded.effort, self.time)
+
+    @staticmethod
+    def _onto(time: np.ndarray, values: np.ndarray | None, grid: np.ndarray) -> np.ndarray | None:
+        """Samples on the grid: those of the same ticks as they are, slower ones interpolated."""
+        if values is None:
+            return None
+        ticks = regular(time)
+        period, step = float(np.median(np.diff(ticks))), float(grid[1] - grid[0])
+        if period < 1.5 * step:
+            # Nearest, not interpolated: the controller computed from this very sample, noise included.
+            index = np.clip(np.searchsorted(ticks, grid), 1, len(ticks) - 1)
+            index -= (grid - ticks[index - 1]) < (ticks[index] - grid)
+            return values[index]
+        return np.stack([np.interp(grid, ticks, column) for column in values.T], axis=1)
+
+
+def regular(time: np.ndarray) -> np.ndarray:
+    """Stamps freed of their jitter, where they belong to a regular clock; else as they are."""
+    index = np.arange(len(time))
+    slope, start = np.polyfit(index, time, 1)
+    fitted = start + slope * index
+    return fitted if float(np.max(np.abs(fitted - time))) < 0.45 * slope else time
+
+
+def white_noise(x: np.ndarray, rate: float) -> np.ndarray:
+    """Standard deviation (J,) of the white part of (F, J), from the spectrum's median in its upper half."""
+    length = min(len(x), 512)
+    frequency, power = signal.welch(x, fs=rate, nperseg=length, axis=0, detrend="linear")
+    upper = frequency > 0.25 * rate
+    # The median of a chi-square with 2 degrees of freedom per average is below its mean: 0.69 at worst.
+    return np.sqrt(np.median(power[upper], axis=0) * rate / 2.0)

@@ -1,0 +1,136 @@
+"""What the nominal model itself leaves open: regressors of its tolerances, with their standard deviations.
+
+Put into the likelihood as a low-rank covariance, so that a gap inside the tolerances is no gap, and an effect
+is credited only with what tolerances cannot explain (Kennedy and O'Hagan 2001, in its linear form). The
+regressors are evaluated along the measured motion, hence exact for any size of the effect.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.trial import Trial
+
+CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
+FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
+COMPLIANCE = 1e-4  # [rad] twist at the effort limit: no joint is quite rigid
+OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
+
+
+def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
+    """Regressors (one row each) and standard deviations; the same list for every recording of an arm."""
+    out: list[tuple[Columns, float]] = []
+    motion, tolerances = trial.motion, trial.recording.arm.tolerances
+    ones, joints = np.ones((1, len(motion.time))), range(trial.joints)
+    flat = np.ones((1, len(trial)))
+    if "tracking" in trial.channels:
+        out += [(trial.tracking(j, flat), OFFSET_TRACKING) for j in joints]
+        stamp = max(tolerances.stamp, 0.5 / motion.rate)
+        for j in joints:
+            out.append((trial.tracking(j, motion.derivative(motion.q[:, j])[None]), stamp))
+        return out
+    rigid = trial.rigid
+    assert rigid is not None
+    offset = _per_joint(tolerances.torque_offset, trial) * trial.scale
+    coulomb = _per_joint(tolerances.coulomb_friction, trial) * trial.scale
+    speed = np.where(np.isfinite(rigid.velocity_limits()), rigid.velocity_limits(), 1.0)
+    viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / speed
+    for j in joints:
+        out.append((trial.drive(j, ones), offset[j]))
+        out.append((trial.sensor(j, flat), offset[j]))
+        velocity = motion.full_velocity[:, j]
+        # Nobody states how sharply the remaining friction turns; several widths span what it may be.
+        out += [(trial.drive(j, smooth_sign(velocity, w)[None]), 0.6 * coulomb[j]) for w in FLOOR_WIDTHS]
+        out.append((trial.drive(j, velocity[None]), viscous[j]))
+        if trial.rotor[j] > 0:
+            rotor = motion.full_acceleration[:, j][None]
+            out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j]))
+    if {"link", "dynamics"} & set(trial.channels):
+        out += _bodies(trial)
+        out += [(trial.link(axis[None]), tolerances.base_tilt) for axis in trial.tilt]
+        for j in joints:
+            soft = trial.link(trial.deflection(j, trial.transmitted[None, :, j]))
+            out.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
+    out += _stamps(trial)
+    return [(columns, std) for columns, std in out if std > 0]
+
+
+def _per_joint(value: float | tuple[float, ...], trial: Trial) -> np.ndarray:
+    return np.broadcast_to(np.asarray(value, dtype=float), (trial.joints,))
+
+
+def _bodies(trial: Trial) -> list[tuple[Columns, float]]:
+    """Mass, centre of mass and inertia of every link, and the tool's mass."""
+    rigid, tolerances = trial.rigid, trial.recording.arm.tolerances
+    assert rigid is not None
+    out: list[tuple[Columns, float]] = []
+    for link, p in enumerate(rigid.inertial_parameters):
+        y = trial.regressor[:, :, link, :]
+        mass = max(float(p[0]), 1e-6)
+        out.append((trial.link((y @ p)[None]), tolerances.mass))
+        center = p[1:4] / mass
+        for axis in range(3):
+            shift = np.zeros(10)
+            e = np.eye(3)[axis]
+            shift[1 + axis] = mass
+            # Moving the centre also moves the inertia about the joint: d/dc of m (c.c I - c c^T).
+            change = mass * (2 * center[axis] * np.eye(3) - np.outer(center, e) - np.outer(e, center))
+            shift[4:] = _six(change)
+            out.append((trial.link((y @ shift)[None]), tolerances.center_of_mass))
+        inertia = _about_center(p, mass, center)
+        moments, axes = np.linalg.eigh(inertia)
+        for moment, axis in zip(np.maximum(moments, 1e-7), axes.T, strict=True):
+            change = np.zeros(10)
+            change[4:] = _six(moment * np.outer(axis, axis))
+            out.append((trial.link((y @ change)[None]), tolerances.inertia))
+    tool = trial.recording.arm.tool
+    if tool is not None:
+        center = rigid.flange_in_joint.act(np.asarray(tool.center_of_mass, dtype=float))
+        p = np.zeros(10)
+        p[0], p[1:4] = tool.mass, tool.mass * center
+        p[4:] = _six(tool.mass * (center @ center * np.eye(3) - np.outer(center, center)))
+        out.append((trial.link((trial.regressor[:, :, -1, :] @ p)[None]), tolerances.tool_mass))
+    return out
+
+
+def _stamps(trial: Trial) -> list[tuple[Columns, float]]:
+    """Channels that are stamped early or late against one another, within half a sample or the tolerance."""
+    motion = trial.motion
+    stamp = max(trial.recording.arm.tolerances.stamp, 0.5 / motion.rate)
+    out: list[tuple[Columns, float]] = []
+    if motion.u is not None and motion.tau is not None:
+        columns = {("drive", j): motion.derivative(motion.u[:, j])[None] for j in range(trial.joints)}
+        out.append((columns, stamp))
+        if np.any(trial.rotor > 0):
+            # States that are stamped half a period early or late move the rotor's share of the torque.
+            jerk = motion.derivative(trial.rotor * motion.ddq)
+            out.append(({("drive", j): jerk[None, :, j] for j in range(trial.joints)}, stamp))
+    torque, channel = (motion.tau, "link") if "link" in trial.channels else (motion.u, "dynamics")
+    if torque is not None and channel in trial.channels:
+        out.append(
+            ({(channel, j): motion.derivative(torque[:, j])[None] for j in range(trial.joints)}, stamp)
+        )
+    if "controller" in trial.channels and motion.command is not None:
+        controller, command = trial.recording.arm.controller, motion.command
+        assert controller is not None and command.position is not None and command.velocity is not None
+        rate = controller.stiffness * np.gradient(command.position, 1 / motion.rate, axis=0)
+        rate = rate + controller.damping * np.gradient(command.velocity, 1 / motion.rate, axis=0)
+        reduced = motion.reduce(rate)
+        out.append(({("controller", j): reduced[None, :, j] for j in range(trial.joints)}, stamp))
+        assert motion.raw_position is not None
+        for j in range(trial.joints):
+            spring = controller.stiffness[j] * (command.position[:, j] - motion.raw_position[:, j])
+            out.append((trial.controller(j, spring[None]), CONTROLLER_GAIN))
+    return out
+
+
+def _six(matrix: np.ndarray) -> np.ndarray:
+    """Pinocchio's order of a symmetric 3x3: xx xy yy xz yz zz."""
+    return matrix[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+
+
+def _about_center(p: np.ndarray, mass: float, center: np.ndarray) -> np.ndarray:
+    about_joint = np.array([[p[4], p[5], p[7]], [p[5], p[6], p[8]], [p[7], p[8], p[9]]])
+    return about_joint - mass * (center @ center * np.eye(3) - np.outer(center, center))

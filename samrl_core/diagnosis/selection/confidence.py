@@ -1,0 +1,181 @@
+"""How sure: probabilities of rivals, intervals of parameters, and whether a parameter is one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.result import Estimate
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
+
+TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
+RELATIVE_TEMPERATURE = 0.005  # of the best evidence, likewise: a tie within half a percent is one
+REST_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
+SAMPLES = 400
+FORMULA = 0.05  # relative deviation of every parameter: no formula is the thing itself
+REST_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
+SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
+LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
+
+
+def probabilities(fits: Sequence[Fit], remaining: float = 0.0) -> np.ndarray:
+    """Probability of each rival set, tempered.
+
+    `remaining` [nat] is what the best of them leaves unexplained: formulas that are wrong by so much are not
+    told apart by less.
+    """
+    evidence = np.array([f.log_evidence for f in fits])
+    # What the exchanged member itself adds, where several effects were named.
+    adds = (
+        float(np.max(evidence) - np.min(evidence)) if len(fits[0].hypotheses) > 1 else float(np.max(evidence))
+    )
+    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REST_TEMPERATURE * remaining)
+    weights = np.exp((evidence - np.max(evidence)) / temperature)
+    return weights / np.sum(weights)
+
+
+def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator) -> dict[str, Estimate]:
+    """Parameters of one effect of a fit with 95 % intervals.
+
+    Amplitudes are drawn from their posterior, shapes from the curvature of the evidence along each of them,
+    and both vary by what another formula of the same effect would make of them: the better this one explains
+    the residual where it acts, the less (`formula_deviation`).
+    """
+    formula = formula_deviation(evidence, fit, index)
+    h = fit.hypotheses[index]
+    trial = evidence.likelihood.trials[0]
+    start = sum(len(a) for a in fit.amplitudes[:index])
+    size = len(fit.amplitudes[index])
+    covariance = fit.covariance[start : start + size, start : start + size]
+    mean = fit.amplitudes[index]
+    units = {p.name: p.unit for p in h.effect.parameters}
+    widths = {name: _shape_width(evidence, fit, index, name) for name in h.form.refine if name in h.shape}
+    values: dict[str, list[float]] = {}
+    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)) + 1e-300 * np.eye(size))
+    for _ in range(SAMPLES):
+        amplitudes = (mean + root @ rng.standard_normal(size)) * (1.0 + formula * rng.standard_normal())
+        shape = dict(h.shape)
+        for name, width in widths.items():
+            spread = np.hypot(width, formula * min(1.0, h.form.step / 0.35))
+            shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
+        drawn = h.effect.drawn(trial, h.place, h.form.name, shape, amplitudes, rng)
+        for name, value in drawn.items():
+            values.setdefault(name, []).append(value)
+    best = h.effect.physical(trial, h.place, h.form.name, h.shape, mean)
+    out = {}
+    for name, value in best.items():
+        low, high = np.quantile(values[name], [0.025, 0.975])
+        out[name] = Estimate(
+            float(value),
+            units.get(name.partition("[")[0], ""),
+            (float(min(low, value)), float(max(high, value))),
+        )
+    return out
+
+
+def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
+    """Relative standard deviation that the parameters of one effect have because its formula is not exact.
+
+    A formula that is wrong by a relative size leaves about its square of the residual's energy; the root of
+    the share left is therefore how far another formula could move the amplitude.
+    """
+    likelihood, k = evidence.likelihood, evidence.correlation_time
+    h, rest = fit.hypotheses[index], evidence.rest(fit)
+    there = set(h.regressors.blocks)
+    # Undo this effect alone: what it had to explain.
+    alone = likelihood.minus(h.regressors, -fit.amplitudes[index], rest)
+    before, after = likelihood.deficit(alone, k, there), likelihood.deficit(rest, k, there)
+    return float(np.hypot(FORMULA, REST_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))))
+
+
+def _shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
+    """Standard deviation of a shape's logarithm from the evidence's curvature, between 0.002 and 1."""
+    h = fit.hypotheses[index]
+    best = fit.log_evidence
+    for step in (0.02, 0.1, 0.4):
+        drops = []
+        for sign in (-1.0, 1.0):
+            shape = {
+                **h.shape,
+                name: h.shape[name] * float(np.exp(sign * step * min(1.0, h.form.step / 0.35))),
+            }
+            moved = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
+            if moved is None:
+                continue
+            others = list(fit.hypotheses)
+            others[index] = replace(moved, tried=h.tried)
+            value = evidence.fit(others).log_evidence
+            if np.isfinite(value):
+                drops.append(best - value)
+        drop = float(np.mean(drops)) if drops else 0.0
+        if drop > 0.5:
+            width = step * min(1.0, h.form.step / 0.35) / np.sqrt(2.0 * drop)
+            return float(np.clip(width, 0.002, 1.0))
+    return 1.0
+
+
+def invariance_alarms(
+    likelihood: Likelihood, held_out: Likelihood, evidence: Evidence, fit: Fit
+) -> list[str]:
+    """Effects whose size differs between recordings, or at other gains: then the formula is not the cause."""
+    k = evidence.correlation_time
+    alarms = []
+    whole = [*zip(likelihood.trials, ["fitted"] * len(likelihood.trials), strict=True)]
+    whole += [*zip(held_out.trials, ["held-out"] * len(held_out.trials), strict=True)]
+    for index, h in enumerate(fit.hypotheses):
+        sizes: list[tuple[str, float, float, float]] = []
+        for trial, kind in whole:
+            got = _size_alone(trial, fit, index, k)
+            if got is not None:
+                sizes.append((f"{trial.recording.name} ({kind})", *got))
+        for a in range(len(sizes)):
+            for b in range(a + 1, len(sizes)):
+                (first, va, ea, wa), (second, vb, eb, wb) = sizes[a], sizes[b]
+                if min(wa, wb) < LEAST_WEIGHT:
+                    continue
+                difference, typical = abs(va - vb), max(abs(va), abs(vb), 1e-12)
+                if difference > 3.0 * np.hypot(ea, eb) and difference > SAME_WITHIN * typical:
+                    alarms.append(
+                        f"{h.name} would have {va:.2f} times its fitted size in {first}"
+                        f" but {vb:.2f} in {second}"
+                    )
+    return alarms
+
+
+def undone_alarms(evidence: Evidence, fit: Fit) -> list[str]:
+    """Effects of whose prediction too much is not seen, and would have to be undone within tolerances."""
+    likelihood, rest, alarms = evidence.likelihood, evidence.rest(fit), []
+    for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
+        prediction = likelihood.prediction(h.regressors, amplitudes)
+        seen = 1.0 + float(prediction @ rest) / max(float(prediction @ prediction), 1e-12)
+        if seen < h.effect.least_share:
+            alarms.append(
+                f"{h.name}: {seen:.0%} of its prediction is seen, tolerances would have to undo the rest"
+            )
+    return alarms
+
+
+def _size_alone(trial: Trial, fit: Fit, index: int, k: float) -> tuple[float, float, float] | None:
+    """Size of one effect in one recording relative to the joint fit: value, deviation, evidence [nat]."""
+    alone = Likelihood([trial])
+    rest = alone.y
+    for i, (h, a) in enumerate(zip(fit.hypotheses, fit.amplitudes, strict=True)):
+        there = hypothesis(alone, h.effect, h.place, h.form, h.shape)
+        if there is None:
+            if i == index:
+                return None
+            continue
+        if i != index:
+            rest = alone.minus(there.regressors, a, rest)
+        else:
+            mine, amplitudes = there, a
+    combined = alone.combined(mine.regressors, amplitudes)
+    power = float(alone.tempered_gram(combined, combined, k)[0, 0])
+    if power <= 0:
+        return None
+    value = float(alone.tempered_moment(combined, rest, k)[0]) / power
+    return value, 1.0 / float(np.sqrt(power)), 0.5 * power

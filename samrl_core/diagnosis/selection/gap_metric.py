@@ -1,0 +1,79 @@
+"""One metric of a gap, the same for nominal, named and true effect: whitened RMS over all channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.common.errors import InputError
+
+QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
+
+
+def channel_scales(arm: ArmDescription, effort_limit: np.ndarray) -> dict[str, np.ndarray]:
+    """What counts as one unit of gap per channel (J,): what a torque within tolerance can do to it.
+
+    effort, commanded_effort [N m]: root sum of squares of the tolerated torque offset and Coulomb friction.
+    position [rad]: the deflection that this torque causes against the controller's stiffness.
+    velocity [rad/s]: that deflection times the controller's corner frequency, stiffness over damping.
+
+    Raises:
+        InputError: no controller, or limits, stiffness or damping that are not positive and finite.
+    """
+    if arm.controller is None:
+        raise InputError(
+            f"{arm.role} has no described controller; the gap metric needs stiffness and damping"
+        )
+    stiffness = np.asarray(arm.controller.stiffness, float)
+    damping = np.asarray(arm.controller.damping, float)
+    limit = np.asarray(effort_limit, float)
+    for name, values in (("stiffness", stiffness), ("damping", damping), ("effort limit", limit)):
+        if not (np.isfinite(values).all() and (values > 0).all()):
+            raise InputError(f"{name} of {arm.role} is {values}, must be finite and > 0 for the gap metric")
+    known = arm.controller.tolerances
+    torque = limit * np.hypot(np.asarray(known.torque_offset), np.asarray(known.coulomb_friction))
+    if not (torque > 0).all():
+        raise InputError("torque offset and Coulomb friction tolerances are both zero; the metric needs one")
+    return {
+        "position": torque / stiffness,
+        "velocity": torque / damping,
+        "effort": torque,
+        "commanded_effort": torque,
+    }
+
+
+def gap_metric(
+    measured: Mapping[str, np.ndarray], simulated: Mapping[str, np.ndarray], scales: Mapping[str, np.ndarray]
+) -> float:
+    """Root mean square of (measured - simulated) / scale, every channel, joint and sample weighing the same.
+
+    Channels are (N, J); those that any of the three lacks are left out, and so are samples that are not
+    finite in the measurement. A simulation that is not finite has an infinite gap.
+
+    Raises:
+        InputError: no common channel, or shapes that differ.
+    """
+    total, count = 0.0, 0
+    for name in QUANTITIES:
+        if name not in measured or name not in simulated or name not in scales:
+            continue
+        real, model = np.asarray(measured[name], float), np.asarray(simulated[name], float)
+        if real.shape != model.shape:
+            raise InputError(f"{name} was measured as {real.shape} but simulated as {model.shape}")
+        seen = np.isfinite(real)
+        if not np.isfinite(model[seen]).all():
+            return float("inf")
+        error = ((real - model) / np.asarray(scales[name], float))[seen]
+        total, count = total + float(error @ error), count + error.size
+    if not count:
+        raise InputError("measurement and simulation have no channel in common")
+    return float(np.sqrt(total / count))
+
+
+def shrink(nominal: float, with_effect: float) -> float:
+    """Share of the gap that is gone: 1 - after / before; never below -1, so that one failure cannot rule."""
+    if nominal <= 0:
+        return 0.0
+    return max(-1.0, 1.0 - with_effect / nominal)

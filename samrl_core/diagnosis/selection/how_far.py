@@ -1,0 +1,253 @@
+"""How far the gap shrinks on held-out recordings: in closed loop if possible, else along the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.equations import UNITS as CHANNEL_UNITS
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.result import HeldOutGap, Overlay
+from samrl_core.diagnosis.selection.gap_metric import shrink
+from samrl_core.diagnosis.selection.hypothesis import Fit
+from samrl_core.diagnosis.selection.resimulation import (
+    BLOCK_S,
+    RESAMPLES,
+    UNITS,
+    Resimulation,
+    begins,
+    gap,
+    plant_of,
+    resimulate,
+    shrink_interval,
+    simulable,
+)
+from samrl_core.diagnosis.selection.selection import Selection, held_out_rest
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+
+OVERLAYS = 6  # joint and quantity pairs that are drawn
+SIZES = (0.5, 0.75, 1.0, 1.3, 1.7)  # of the fitted effect, tried in closed loop
+DISAGREE = (0.6, 1.5)  # a closed-loop size outside of it contradicts the regression
+VISIBLE_SHRINK = 0.05  # below it closed loop cannot weigh sizes
+
+
+@dataclass(frozen=True, eq=False)
+class HowFar:
+    """The gap on held-out data, its pictures, and what contradicted the fit."""
+
+    gap: HeldOutGap | None
+    resimulations: tuple[Resimulation, ...]
+    overlays: tuple[Overlay, ...] = ()
+    alarms: tuple[str, ...] = ()
+
+
+def how_far(
+    held_out: Likelihood,
+    selection: Selection,
+    simulate: bool,
+    rng: np.random.Generator,
+    progress: Callable[[str], None] = lambda _: None,
+) -> HowFar:
+    """Nominal model, named effect and runner-up on recordings that were never fitted."""
+    if not held_out.trials or not held_out.blocks:
+        return HowFar(None, ())
+    if simulate and all(simulable(t) for t in held_out.trials):
+        found = _closed_loop(held_out, selection, rng)
+        if found is not None:
+            return found
+    return _along_the_log(held_out, selection, rng)
+
+
+def _closed_loop(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar | None:
+    """Re-simulation; None where an effect has no simulation or diverges."""
+    chosen = selection.chosen
+    first = held_out.trials[0]
+    plants = {"nominal": PlantParameters()}
+    runner_up = None
+    if chosen is not None:
+        named = plant_of(first, chosen)
+        if named is None:
+            return None
+        plants["with_effect"] = named
+        for rival in selection.rivals:
+            other = plant_of(first, rival)
+            if other is not None and rival.hypotheses[0].effect.family != chosen.hypotheses[0].effect.family:
+                plants["runner_up"], runner_up = other, rival.hypotheses[0].name
+                break
+        for size in SIZES:
+            scaled = plant_of(first, _scaled(chosen, size))
+            if size != 1.0 and scaled is not None:
+                plants[f"size {size}"] = scaled
+    onset = None if chosen is None else begins(chosen)
+    runs = tuple(resimulate(trial, plants, onset) for trial in held_out.trials)
+    nominal = gap(runs, "nominal")
+    if not np.isfinite(nominal):
+        return None
+    quantities = tuple(q for q in UNITS if q in runs[0].measured)
+    with_effect = gap(runs, "with_effect") if "with_effect" in plants else None
+    if with_effect is not None and not np.isfinite(with_effect):
+        return None
+    other = gap(runs, "runner_up") if "runner_up" in plants else None
+    other = other if other is not None and np.isfinite(other) else None
+    share = None if with_effect is None else shrink(nominal, with_effect)
+    held = HeldOutGap(
+        "closed-loop re-simulation, RMS over joints and channels in tolerances",
+        "1", nominal, with_effect, other, runner_up if other is not None else None, share,
+        None if with_effect is None else shrink_interval(runs, "with_effect", rng),
+        None if share is None or other is None else share - shrink(nominal, other),
+        tuple(_channel(runs, q, "with_effect" in plants) for q in quantities),
+        tuple(r.trial.recording.name for r in runs),
+    )  # fmt: skip
+    alarms = _size_alarm(runs, chosen, plants, share) if chosen is not None else ()
+    return HowFar(held, runs, _overlays(runs, plants), alarms)
+
+
+def _scaled(fit: Fit, size: float) -> Fit:
+    """The fit with its first effect smaller or larger."""
+    mean = fit.hypotheses[0].mean
+    first = mean + (fit.amplitudes[0] - mean) * size if np.any(mean) else fit.amplitudes[0] * size
+    return replace(fit, amplitudes=(first, *fit.amplitudes[1:]))
+
+
+def _size_alarm(
+    runs: tuple[Resimulation, ...], chosen: Fit, plants: dict[str, PlantParameters], share: float | None
+) -> tuple[str, ...]:
+    """Regression and closed loop must agree on the size of the effect, where closed loop can see it."""
+    if np.any(chosen.hypotheses[0].mean) or share is None or share < VISIBLE_SHRINK:
+        return ()
+    errors = {1.0: gap(runs, "with_effect"), 0.0: gap(runs, "nominal")}
+    errors |= {s: gap(runs, f"size {s}") for s in SIZES if f"size {s}" in plants}
+    usable = {s: e**2 for s, e in errors.items() if np.isfinite(e)}
+    sizes = np.array(sorted(usable))
+    values = np.array([usable[s] for s in sizes])
+    best = float(sizes[int(np.argmin(values))])
+    gain = usable[1.0] - float(np.min(values))
+    # Only a clear preference counts: the nominal remainder moves the minimum a little.
+    if gain > 0.25 * usable[1.0] and not DISAGREE[0] <= best <= DISAGREE[1]:
+        return (
+            f"{chosen.hypotheses[0].name}: closed-loop simulation wants {best:.2g} times the size that "
+            "regression gives; its formula is not what happens",
+        )
+    return ()
+
+
+def _channel(
+    runs: tuple[Resimulation, ...], quantity: str, named: bool
+) -> tuple[str, str, float, float | None]:
+    after = _rms(runs, "with_effect", quantity) if named else None
+    return quantity, UNITS[quantity], _rms(runs, "nominal", quantity), after
+
+
+def _rms(runs: tuple[Resimulation, ...], plant: str, quantity: str) -> float:
+    squares = [(r.measured[quantity] - r.simulated[plant][quantity]) ** 2 for r in runs]
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _overlays(runs: tuple[Resimulation, ...], plants: dict[str, PlantParameters]) -> tuple[Overlay, ...]:
+    """Signals in which the nominal model errs most."""
+    scored = []
+    for r, run in enumerate(runs):
+        for quantity, values in run.measured.items():
+            error = np.mean(
+                ((values - run.simulated["nominal"][quantity]) / run.scales[quantity]) ** 2, axis=0
+            )
+            scored += [(float(e), r, quantity, j) for j, e in enumerate(error)]
+    out = []
+    for _, r, quantity, j in sorted(scored, reverse=True)[:OVERLAYS]:
+        run = runs[r]
+
+        def signal(plant: str, run: Resimulation = run, q: str = quantity, j: int = j) -> np.ndarray | None:
+            return run.simulated[plant][q][:, j] if plant in run.simulated else None
+
+        nominal = signal("nominal")
+        assert nominal is not None
+        out.append(
+            Overlay(
+                run.trial.recording.name, run.trial.recording.arm.joints[j], quantity, UNITS[quantity],
+                run.time, run.measured[quantity][:, j], nominal, signal("with_effect"), signal("runner_up"),
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def _along_the_log(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar:
+    """Residuals along held-out recordings before and after; for logs without a closed loop."""
+    chosen = selection.chosen
+    channel = _where_it_acts(held_out, chosen)
+    if chosen is not None and any(h.effect.by_chance for h in chosen.hypotheses):
+        chosen = None  # when chance strikes again, nothing that was fitted can say
+    rest = None if chosen is None else held_out_rest(held_out, chosen)
+    rival = selection.rivals[0] if chosen is not None and selection.rivals else None
+    other = None if rival is None else held_out_rest(held_out, rival)
+    before = _physical(held_out, held_out.y, channel)
+    nominal = float(np.sqrt(np.mean(np.concatenate(before) ** 2)))
+    after = None if rest is None else _physical(held_out, rest, channel)
+    with_effect = None if after is None else float(np.sqrt(np.mean(np.concatenate(after) ** 2)))
+    third = None if other is None else _physical(held_out, other, channel)
+    runner_up = None if third is None else float(np.sqrt(np.mean(np.concatenate(third) ** 2)))
+    share = None if with_effect is None else shrink(nominal, with_effect)
+    held = HeldOutGap(
+        f"residual along the log, RMS over joints ({channel})", CHANNEL_UNITS[channel], nominal, with_effect,
+        runner_up, None if rival is None else rival.hypotheses[0].name, share,
+        None if after is None else _interval(held_out, before, after, rng),
+        None if share is None or runner_up is None else share - shrink(nominal, runner_up),
+        ((channel, CHANNEL_UNITS[channel], nominal, with_effect),),
+        tuple(t.recording.name for t in held_out.trials),
+    )  # fmt: skip
+    return HowFar(held, (), _log_overlays(held_out, channel, before, after))
+
+
+def _where_it_acts(held_out: Likelihood, chosen: Fit | None) -> str:
+    """The channel in which the named effect explains most; the last one where nothing is named."""
+    channels = held_out.trials[0].channels
+    if chosen is None:
+        return channels[-1]
+    first, amplitudes = chosen.hypotheses[0], chosen.amplitudes[0]
+    energy = dict.fromkeys(channels, 0.0)
+    for (_, channel, _joint), rows in first.regressors.blocks.items():
+        energy[channel] = energy.get(channel, 0.0) + float(np.sum((amplitudes @ rows) ** 2))
+    return max(channels, key=lambda c: energy[c])
+
+
+def _physical(held_out: Likelihood, y: np.ndarray, channel: str) -> list[np.ndarray]:
+    """Residuals of a channel in physical units, one (N, J) per recording."""
+    out = []
+    for r, trial in enumerate(held_out.trials):
+        parts = [y[held_out.blocks[r, channel, j]] for j in range(trial.joints)]
+        out.append(np.stack(parts, axis=1) * trial.equations.sigma[channel])
+    return out
+
+
+def _interval(
+    held_out: Likelihood, before: list[np.ndarray], after: list[np.ndarray], rng: np.random.Generator
+) -> tuple[float, float]:
+    sums = []
+    for trial, b, a in zip(held_out.trials, before, after, strict=True):
+        size = max(1, round(BLOCK_S / trial.motion.dt))
+        for start in range(0, len(b), size):
+            sums.append((np.sum(b[start : start + size] ** 2), np.sum(a[start : start + size] ** 2)))
+    table = np.array(sums)
+    totals = table[rng.integers(len(table), size=(RESAMPLES, len(table)))].sum(axis=1)
+    low, high = np.quantile([shrink(np.sqrt(b), np.sqrt(a)) for b, a in totals], [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _log_overlays(
+    held_out: Likelihood, channel: str, before: list[np.ndarray], after: list[np.ndarray] | None
+) -> tuple[Overlay, ...]:
+    """Measured residual against zero (nominal) and against what the effect predicts."""
+    out = []
+    for r, trial in enumerate(held_out.trials):
+        worst = np.argsort(-np.mean(before[r] ** 2, axis=0))[:3]
+        for j in worst:
+            predicted = None if after is None else before[r][:, j] - after[r][:, j]
+            out.append(
+                Overlay(
+                    trial.recording.name, trial.recording.arm.joints[j], "residual", CHANNEL_UNITS[channel],
+                    trial.motion.t - trial.motion.time[0], before[r][:, j], np.zeros(len(before[r])),
+                    predicted,
+                )
+            )  # fmt: skip
+    return tuple(out)

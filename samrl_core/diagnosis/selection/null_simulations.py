@@ -1,0 +1,166 @@
+"""How much evidence no effect at all can seem to give: the library run on simulated worlds without one.
+
+Worlds are closed-loop rollouts of the recordings' own commands with nominal parameters drawn from the
+tolerances and the recordings' own sensor noise; each goes through the whole screening, since a little
+friction moves a joint elsewhere and regressors must follow. The largest gain over the library is kept, so
+that a threshold takes into account how many effects and places are tried. Gains are kept on disk per
+trajectory.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.effects.effect import Effect
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.hypothesis import Evidence
+from samrl_core.diagnosis.selection.resimulation import simulable
+from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+
+QUANTILE = 0.98
+VERSION = 2  # of what is computed; part of the cache's key
+
+
+def null_gains(
+    trials: Sequence[Trial],
+    effects: Sequence[Effect],
+    worlds: int,
+    seed: int = 0,
+    cache: Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> np.ndarray | None:
+    """Largest log evidence of the library in each simulated world (M,); None where none can be simulated.
+
+    Gains of worlds that were made before, with the same commands, arm and library, come from the cache: an
+    interrupted run goes on where it stopped.
+    """
+    if not trials or not all(simulable(t) for t in trials):
+        return None
+    file = None if cache is None else cache / f"{_key(trials, effects, seed)}.json"
+    gains: list[float] = json.loads(file.read_text())["gains"] if file is not None and file.exists() else []
+    for world in range(len(gains), worlds):
+        progress(f"simulating world {world + 1} of {worlds} without an effect")
+        rng = np.random.default_rng([seed, world])
+        recordings = null_recordings(trials, draw_plant(trials[0], rng), rng)
+        gains.append(-np.inf if recordings is None else best_gain(recordings, trials, effects))
+        if file is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            temporary = file.with_suffix(f".{os.getpid()}")
+            temporary.write_text(json.dumps({"gains": gains}))
+            temporary.replace(file)
+    made = np.array(gains[:worlds])
+    return made[np.isfinite(made)]
+
+
+def best_gain(
+    recordings: Sequence[ArmRecording], trials: Sequence[Trial], effects: Sequence[Effect]
+) -> float:
+    """Largest log evidence of any effect at any place in recordings made like those of the trials."""
+    made = [Trial(r, t.rigid, t.motion.start_s) for r, t in zip(recordings, trials, strict=True)]
+    likelihood = Likelihood(made)
+    evidence = Evidence(likelihood, max(2.0, likelihood.correlation_time(likelihood.y)) ** 0.5)
+    return max((evidence.fit([h]).log_evidence for h in evidence.screen(effects)), default=0.0)
+
+
+def null_recordings(
+    trials: Sequence[Trial], plant: PlantParameters, rng: np.random.Generator
+) -> list[ArmRecording] | None:
+    """The trials' commands by a plant, with their noise; None if it diverges."""
+    out = []
+    for trial in trials:
+        motion, command, arm = trial.motion, trial.motion.command, trial.recording.arm
+        controller = arm.controller
+        assert command is not None and controller is not None
+        shifted = JointSignal(
+            command.time - motion.time[0], command.position, command.velocity, None, command.effort
+        )
+        run = ClosedLoop(arm).rollout(
+            shifted,
+            np.median(motion.full_position[:5], axis=0),
+            np.median(motion.full_velocity[:5], axis=0),
+            [plant],
+            float(motion.time[-1] - motion.time[0]),
+            record_every=max(1, round(1.0 / (motion.rate * controller.period_s))),
+            keep_diverged=True,
+        )
+        position, velocity = run.position[0], run.velocity[0]
+        if not np.isfinite(position).all():
+            return None
+        noise = motion.noise
+        reading = position + noise.position * rng.standard_normal(position.shape)
+        speed = velocity + noise.velocity * rng.standard_normal(velocity.shape)
+        # The controller computed from noisy readings; their noise is in the recorded torque as well.
+        sent = run.commanded_effort[0] - controller.stiffness * (reading - position)
+        sent = sent - controller.damping * (speed - velocity)
+        effort = None
+        if motion.raw_effort is not None:
+            effort = run.effort[0] + noise.effort * rng.standard_normal(position.shape)
+        states = JointSignal(run.time, reading, speed, None, effort)
+        commanded = JointSignal(run.time, effort=sent) if motion.raw_commanded is not None else None
+        out.append(ArmRecording(trial.recording.name, "", "", arm, states, shifted, commanded))
+    return out
+
+
+def threshold(gains: np.ndarray, least: float) -> float:
+    """Gain that no-effect worlds exceed in 2 %: a Gumbel law fitted by moments, at least `least` [nat]."""
+    spread = float(np.std(gains)) * np.sqrt(6.0) / np.pi
+    location = float(np.mean(gains)) - 0.5772 * spread
+    return max(least, location - spread * float(np.log(-np.log(QUANTILE))))
+
+
+def draw_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
+    """A nominal arm within its tolerances, uniformly."""
+    rigid, arm = trial.rigid, trial.recording.arm
+    assert rigid is not None
+    tolerances, joints = arm.tolerances, trial.joints
+
+    def within(values: float | tuple[float, ...], unit: np.ndarray | float) -> np.ndarray:
+        return np.asarray(values) * unit * rng.uniform(-1, 1, size=joints)
+
+    delta = np.zeros((joints, 10))
+    for link, p in enumerate(rigid.inertial_parameters):
+        mass = max(float(p[0]), 1e-6)
+        delta[link] = p * tolerances.mass * rng.uniform(-1, 1)
+        delta[link, 1:4] += mass * tolerances.center_of_mass * rng.uniform(-1, 1, size=3)
+        # Along the nominal inertia, so that it stays one that a body can have.
+        delta[link, 4:] += p[4:] * tolerances.inertia * rng.uniform(-1, 1)
+    scale = trial.scale
+    speed = np.where(np.isfinite(rigid.velocity_limits()), rigid.velocity_limits(), 1.0)
+    tilt = tolerances.base_tilt * rng.uniform(-1, 1, size=2)
+    gravity = rigid.gravity_vector
+    return PlantParameters(
+        inertial_delta=delta,
+        torque_offset=within(tolerances.torque_offset, scale),
+        sensor_bias=within(tolerances.torque_offset, scale),
+        coulomb=np.abs(within(tolerances.coulomb_friction, scale)),
+        viscous=np.abs(within(tolerances.viscous_friction, scale / speed)),
+        rotor_inertia=within(tolerances.armature, trial.rotor),
+        gravity=gravity - np.cross(np.array([tilt[0], tilt[1], 0.0]), gravity),
+    )
+
+
+def _key(trials: Sequence[Trial], effects: Sequence[Effect], seed: int) -> str:
+    """Of nominal arm, commands, gains and library: what the worlds depend on, noise only roughly."""
+    digest = hashlib.sha256(f"{VERSION} {seed}".encode())
+    digest.update(" ".join(sorted(e.family for e in effects)).encode())
+    for trial in trials:
+        arm, command = trial.recording.arm, trial.recording.command
+        assert arm.controller is not None and command is not None and command.position is not None
+        digest.update((arm.urdf or "").encode())
+        digest.update(repr(astuple(arm.tolerances)).encode())
+        digest.update(np.round(command.position, 6).tobytes())
+        digest.update(arm.controller.stiffness.tobytes() + arm.controller.damping.tobytes())
+        digest.update(trial.rotor.tobytes() + np.round(np.log2(trial.motion.noise.velocity + 1e-9)).tobytes())
+        if arm.tool is not None:
+            digest.update(np.float64(arm.tool.mass).tobytes())
+    return digest.hexdigest()[:32]

@@ -1,0 +1,194 @@
+"""How far: held-out recordings simulated again in closed loop, with and without what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.common.errors import InputError, LimitError
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, channel_scales, shrink
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
+from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+
+BLOCK_S = 0.5  # of the bootstrap; longer than residuals stay correlated
+UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m", "commanded_effort": "N m"}
+RESAMPLES = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Resimulation:
+    """One held-out recording: time (N,), and channels (N, J) as measured and per simulated plant."""
+
+    trial: Trial
+    time: np.ndarray
+    measured: dict[str, np.ndarray]
+    simulated: dict[str, dict[str, np.ndarray]]  # plant name -> quantity -> (N, J)
+    scales: dict[str, np.ndarray]  # (J,)
+
+
+def simulable(trial: Trial) -> bool:
+    """Whether the recording's arm, controller and command suffice for a closed loop."""
+    return (
+        trial.rigid is not None
+        and trial.motion.dynamic
+        and trial.recording.arm.controller is not None
+        and trial.motion.command is not None
+    )
+
+
+def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
+    """A plant with the fitted effects; None where one of them cannot be simulated."""
+    changes: dict[str, np.ndarray | float] = {}
+    neutral = PlantParameters()
+    for h, a in zip(fit.hypotheses, fit.amplitudes, strict=True):
+        fields = h.effect.plant(trial, h.place, h.form.name, h.shape, a)
+        if fields is None:
+            return None
+        for name, value in fields.items():
+            if name not in changes:
+                changes[name] = value
+                continue
+            # Two effects on one field: each keeps its joints, and where both act they add up.
+            base = np.broadcast_to(np.asarray(getattr(neutral, name), dtype=float), np.shape(value))
+            before = np.asarray(changes[name], dtype=float)
+            now = np.asarray(value, dtype=float)
+            additive = np.isfinite(base) & (base == 0)
+            merged = np.where(now != base, now, before)
+            changes[name] = np.where(additive, before + now, merged)
+    try:
+        return replace(neutral, **changes)
+    except InputError:
+        return None  # a fit so far out that no plant is like it; its interval and alarms say so
+
+
+def begins(fit: Fit) -> float | None:
+    """When the first effect of a fit was switched on [s]; None if it was there from the start."""
+    return fit.hypotheses[0].shape.get(ONSET)
+
+
+def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | None = None) -> Resimulation:
+    """Simulate a recording's command with each plant. A plant that diverges is NaN from there on.
+
+    Before `onset` [s] every plant is nominal.
+    """
+    arm, motion = trial.recording.arm, trial.motion
+    command = motion.command
+    assert trial.rigid is not None and command is not None and arm.controller is not None
+    shifted = JointSignal(
+        command.time - motion.time[0], command.position, command.velocity, None, command.effort
+    )
+    loop = ClosedLoop(arm)
+    period = arm.controller.period_s
+    every = max(1, round(1.0 / (motion.rate * period)))
+    duration = float(motion.time[-1] - motion.time[0])
+    start_q = np.median(motion.full_position[:5], axis=0)
+    start_v = np.median(motion.full_velocity[:5], axis=0)
+    rollouts = loop.rollout(
+        shifted, start_q, start_v, list(plants.values()), duration, record_every=every, keep_diverged=True
+    )
+    if onset is not None and every * period < onset < duration - 10 * every * period:
+        rollouts = _switched_on(loop, rollouts, shifted, list(plants.values()), onset, duration, every)
+    grid = motion.time - motion.time[0]
+    length = int(np.searchsorted(grid, rollouts.time[-1] + 0.5 / motion.rate))
+    limits = np.where(np.isfinite(trial.rigid.effort_limits()), trial.rigid.effort_limits(), trial.scale)
+    measured = {
+        name: values[:length]
+        for name, values in (
+            ("position", motion.raw_position),
+            ("velocity", motion.raw_velocity),
+            ("effort", motion.raw_effort),
+            ("commanded_effort", motion.raw_commanded),
+        )
+        if values is not None
+    }
+    simulated = {}
+    for k, name in enumerate(plants):
+        channels = {}
+        for quantity in measured:
+            values = getattr(rollouts, quantity)[k]
+            channels[quantity] = np.stack(
+                [np.interp(grid[:length], rollouts.time, column) for column in values.T], axis=1
+            )
+        simulated[name] = channels
+    return Resimulation(trial, grid[:length], measured, simulated, channel_scales(arm, limits))
+
+
+def _switched_on(
+    loop: ClosedLoop,
+    nominal_first: Rollouts,
+    command: JointSignal,
+    plants: list[PlantParameters],
+    onset: float,
+    duration: float,
+    every: int,
+) -> Rollouts:
+    """Rollouts whose plants are nominal, the first of them, until an onset."""
+    k = int(np.searchsorted(nominal_first.time, onset))
+    begin = float(nominal_first.time[k])
+    later = JointSignal(
+        command.time - begin, command.position, command.velocity, command.acceleration, command.effort
+    )
+    rest = loop.rollout(
+        later,
+        nominal_first.position[0, k],
+        nominal_first.velocity[0, k],
+        plants,
+        duration - begin,
+        record_every=every,
+        keep_diverged=True,
+    )
+    count = len(nominal_first.time) - k
+
+    def joined(name: str) -> np.ndarray:
+        before = np.broadcast_to(
+            getattr(nominal_first, name)[:1, :k], (len(plants), k, len(loop.model.rigid.joints))
+        )
+        return np.concatenate([before, getattr(rest, name)[:, :count]], axis=1)
+
+    length = min(count, len(rest.time)) + k
+    return Rollouts(
+        nominal_first.time[:length],
+        *(joined(name) for name in ("position", "velocity", "effort", "commanded_effort")),
+    )
+
+
+def pointwise(resimulation: Resimulation, plant: str, quantities: Sequence[str] = QUANTITIES) -> np.ndarray:
+    """Mean squared error over channels and joints in units of the scales, per sample (N,)."""
+    parts = [
+        ((resimulation.measured[q] - resimulation.simulated[plant][q]) / resimulation.scales[q]) ** 2
+        for q in quantities
+        if q in resimulation.measured
+    ]
+    return np.mean(np.concatenate(parts, axis=1), axis=1)
+
+
+def gap(resimulations: Sequence[Resimulation], plant: str) -> float:
+    """The gap metric over all held-out recordings; infinite where the simulation diverged."""
+    errors = np.concatenate([pointwise(r, plant) for r in resimulations])
+    return float(np.sqrt(np.mean(errors))) if np.isfinite(errors).all() else float("inf")
+
+
+def shrink_interval(
+    resimulations: Sequence[Resimulation], plant: str, rng: np.random.Generator
+) -> tuple[float, float]:
+    """95 % block-bootstrap interval of the shrink from the nominal plant to another."""
+    blocks = []
+    for r in resimulations:
+        before, after = pointwise(r, "nominal"), pointwise(r, plant)
+        size = max(1, int(BLOCK_S * r.trial.motion.rate))
+        for start in range(0, len(before), size):
+            part = slice(start, start + size)
+            blocks.append((float(np.sum(before[part])), float(np.sum(after[part]))))
+    sums = np.array(blocks)
+    if not np.isfinite(sums).all():
+        raise LimitError(f"the re-simulation with {plant} diverged on held-out data")
+    draws = rng.integers(len(sums), size=(RESAMPLES, len(sums)))
+    totals = sums[draws].sum(axis=1)
+    shrinks = [shrink(np.sqrt(b), np.sqrt(a)) for b, a in totals]
+    low, high = np.quantile(shrinks, [0.025, 0.975])
+    return float(low), float(high)

@@ -1,0 +1,143 @@
+"""The search among sets of effects: best singles, an onset, one effect more, exchanges, rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis, on_bound
+
+REFINED = 6  # rivals whose shapes are searched before they are compared
+NEARLY = 0.9  # of the best evidence
+ADDITIONS = 6  # further effects that are refined and judged
+ONSETS = 17  # times that are tried first
+CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
+
+
+def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
+    """The best single fit of each family and place; the first few refined."""
+    best: dict[str, dict[str, Fit]] = {}
+    for h in pool:
+        fit, forms = evidence.fit([h]), best.setdefault(h.name, {})
+        if h.form.name not in forms or fit.log_evidence > forms[h.form.name].log_evidence:
+            forms[h.form.name] = fit
+    ranked = sorted(
+        (sorted(forms.values(), key=lambda f: -f.log_evidence) for forms in best.values()),
+        key=lambda forms: -forms[0].log_evidence,
+    )
+    ranked = [forms for forms in ranked if np.isfinite(forms[0].log_evidence)]
+    top = []
+    for forms in ranked[:REFINED]:
+        first = evidence.refine(forms[0], 0)
+        if len(forms) > 1 and on_bound(first.hypotheses[0]):
+            # Another form of the same family may say the same without its bound.
+            first = _inside_first([first, evidence.refine(forms[1], 0)])[0]
+        top.append(first)
+    rest = [forms[0] for forms in ranked[REFINED:]]
+    return _inside_first(sorted([*top, *rest], key=lambda f: -f.log_evidence))
+
+
+def _inside_first(fits: list[Fit]) -> list[Fit]:
+    """A shape on the bound of its search means another formula: one nearly as good goes first."""
+    if not fits or not on_bound(fits[0].hypotheses[0]) or fits[0].log_evidence <= 0:
+        return fits
+    least = NEARLY * fits[0].log_evidence
+    for k, fit in enumerate(fits):
+        if fit.log_evidence < least:
+            break
+        if not on_bound(fit.hypotheses[0]):
+            return [fit, *fits[k + 1 :]]
+    return fits
+
+
+def switched_on(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
+    """The best single effect that begins within the recordings, at one time after each one's start."""
+    shortest = min(float(t.motion.time[-1] - t.motion.time[0]) for t in evidence.likelihood.trials)
+    best: Fit | None = None
+
+    def attempt(fit: Fit, onset: float) -> Fit | None:
+        h = fit.hypotheses[0]
+        shape = {**h.shape, ONSET: onset}
+        later = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
+        return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
+
+    first = singles[0].hypotheses[0].place
+    there = [f for f in singles[CANDIDATES_FOR_ONSET:] if f.hypotheses[0].place == first]
+    for fit in [*singles[:CANDIDATES_FOR_ONSET], *there]:
+        for onset in np.linspace(0.1, 0.9, ONSETS) * shortest:
+            found = attempt(fit, float(onset))
+            if found is not None and (best is None or found.log_evidence > best.log_evidence):
+                best = found
+    if best is None:
+        return None
+    step = 0.4 * shortest / ONSETS
+    while step > 0.02:
+        onset = best.hypotheses[0].shape[ONSET]
+        around = [attempt(best, onset + d) for d in (-step, step)]
+        better = max((f for f in around if f is not None), key=lambda f: f.log_evidence, default=None)
+        if better is not None and better.log_evidence > best.log_evidence:
+            best = better
+        else:
+            step /= 2.0
+    return evidence.refine(best, 0)
+
+
+def extended(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
+    """The best sets with one more effect, one for each place, best first."""
+    taken = {h.name for h in chosen.hypotheses}
+    best: dict[str, Fit] = {}
+    for h in pool:
+        if h.name in taken:
+            continue
+        fit = evidence.fit([*chosen.hypotheses, h])
+        if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
+            best[h.name] = fit
+    ranked = [f for f in sorted(best.values(), key=lambda f: -f.log_evidence) if np.isfinite(f.log_evidence)]
+    kept: list[Fit] = []
+    for fit in ranked:
+        # Two of a place: formulas that are close before their shapes are searched may change order.
+        place = fit.hypotheses[-1].place
+        if len(kept) < ADDITIONS and sum(k.hypotheses[-1].place == place for k in kept) < 2:
+            kept.append(fit)
+    refined = [evidence.refine(f, len(f.hypotheses) - 1, 20) for f in kept]
+    return sorted(refined, key=lambda f: -f.log_evidence)
+
+
+def swapped(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
+    """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS)."""
+    for index in range(len(chosen.hypotheses) - 1):
+        others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
+        taken = {h.name for h in others}
+        best = chosen
+        for h in pool:
+            if h.name in taken:
+                continue
+            # In its place: the order says which effect is the first, and rounding must not change it.
+            fit = evidence.fit([*others[:index], h, *others[index:]])
+            if fit.log_evidence > best.log_evidence:
+                best = fit
+        chosen = evidence.refine(best, index)
+    return chosen
+
+
+def rivals_of(
+    evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, singles: Sequence[Fit]
+) -> list[Fit]:
+    """The chosen set with its first effect exchanged for each other one."""
+    if len(chosen.hypotheses) == 1:
+        return [f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name][:20]
+    others = list(chosen.hypotheses[1:])
+    taken = {h.name for h in chosen.hypotheses}
+    best: dict[str, Fit] = {}
+    for h in pool:
+        if h.name in taken:
+            continue
+        fit = evidence.fit([h, *others])
+        if np.isfinite(fit.log_evidence) and (
+            h.name not in best or fit.log_evidence > best[h.name].log_evidence
+        ):
+            best[h.name] = fit
+    ranked = sorted(best.values(), key=lambda f: -f.log_evidence)
+    return [*(evidence.refine(f, 0) for f in ranked[:3]), *ranked[3:20]]

@@ -1,0 +1,110 @@
+"""What an unexplained rest looks like: hints that name no cause, and joints whose residuals move together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.result import Signature
+from samrl_core.diagnosis.selection.hypothesis import Evidence
+
+HINT = 0.25  # correlation from which on a hint is given
+COUPLING = 0.5
+MOST = 4  # blocks that are described
+
+
+def signatures(likelihood: Likelihood, rest: np.ndarray, evidence: Evidence) -> tuple[Signature, ...]:
+    """Hints for the blocks with most unexplained energy."""
+    power: dict[tuple[str, int], float] = {}
+    for (_, channel, j), part in likelihood.blocks.items():
+        power[channel, j] = power.get((channel, j), 0.0) + float(np.sum(np.maximum(rest[part] ** 2 - 1.0, 0)))
+    out = []
+    for channel, j in sorted(power, key=lambda key: -power[key])[:MOST]:
+        if power[channel, j] <= 0:
+            continue
+        hints: dict[str, list[float]] = {}
+        for r, trial in enumerate(likelihood.trials):
+            if (r, channel, j) not in likelihood.blocks:
+                continue
+            x = rest[likelihood.blocks[r, channel, j]]
+            for name, driver in _drivers(trial, j).items():
+                hints.setdefault(name, []).append(_correlation(x, driver))
+        mean = {name: float(np.mean(values)) for name, values in hints.items()}
+        told = tuple(
+            (name, round(value, 2))
+            for name, value in sorted(mean.items(), key=lambda item: -abs(item[1]))
+            if abs(value) > HINT
+        )
+        joint = likelihood.trials[0].recording.arm.joints[j]
+        out.append(Signature(f"joint:{joint}", channel, told or (("no simple pattern", 0.0),)))
+    return tuple(out)
+
+
+def couplings(likelihood: Likelihood, rest: np.ndarray) -> tuple[tuple[str, str, str, float], ...]:
+    """Joints whose residual follows another joint's motion: (joint, driven by, quantity, correlation).
+
+    Each joint's own motion is taken out first, of the residuals before and after what was named: friction on
+    a shaft that turns with two joints is a coupling, whether or not it has been explained.
+    """
+    out = []
+    joints = likelihood.trials[0].recording.arm.joints if likelihood.trials else ()
+    for channel in likelihood.trials[0].channels if likelihood.trials else ():
+        if channel not in ("drive", "dynamics"):
+            continue
+        for j, name in enumerate(joints):
+            for i, other in enumerate(joints):
+                if i == j:
+                    continue
+                found: dict[str, list[float]] = {}
+                for r, trial in enumerate(likelihood.trials):
+                    part = likelihood.blocks[r, channel, j]
+                    own = _moving(trial, j)
+                    for quantity, driver in _moving(trial, i).items():
+                        values = [_partial(x[part], driver, list(own.values())) for x in (likelihood.y, rest)]
+                        found.setdefault(quantity, []).append(max(values, key=abs))
+                for quantity, values in found.items():
+                    if abs(float(np.mean(values))) > COUPLING:
+                        out.append((name, other, quantity, round(float(np.mean(values)), 2)))
+    return tuple(sorted(out, key=lambda item: -abs(item[3]))[:8])
+
+
+def _drivers(trial: Trial, joint: int) -> dict[str, np.ndarray]:
+    motion = trial.motion
+    q, dq = motion.q[:, joint], motion.dq[:, joint]
+    time = motion.t - motion.t[0]
+    drivers = {
+        "sign of velocity": np.tanh(dq / 0.01),
+        "velocity": dq,
+        "acceleration": motion.ddq[:, joint],
+        "position": q,
+        "sine of position": np.sin(q),
+        "cosine of position": np.cos(q),
+        "velocity squared, signed": dq * np.abs(dq),
+        "time": time,
+    }
+    if motion.u is not None:
+        drivers["commanded effort"] = motion.u[:, joint]
+        drivers["rate of commanded effort"] = motion.derivative(motion.u[:, joint])
+    return drivers
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    x, y = a - np.mean(a), b - np.mean(b)
+    scale = float(np.sqrt((x @ x) * (y @ y)))
+    return float(x @ y) / scale if scale > 0 else 0.0
+
+
+def _moving(trial: Trial, joint: int) -> dict[str, np.ndarray]:
+    """Quantities by which a joint's motion may act on another."""
+    drivers = _drivers(trial, joint)
+    return {name: drivers[name] for name in ("sign of velocity", "velocity", "acceleration")}
+
+
+def _partial(a: np.ndarray, b: np.ndarray, controls: list[np.ndarray]) -> float:
+    """Correlation of a and b with the controls' share taken out of both."""
+    basis = np.stack([np.ones_like(a), *controls], axis=1)
+    both = np.stack([a, b], axis=1)
+    solution, *_ = np.linalg.lstsq(basis / (np.linalg.norm(basis, axis=0) + 1e-300), both, rcond=None)
+    left = both - basis / (np.linalg.norm(basis, axis=0) + 1e-300) @ solution
+    return _correlation(left[:, 0], left[:, 1])

@@ -1,0 +1,163 @@
+"""Where the gap lies: whitened residuals by joint, channel, phase and window, and when it began."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from samrl_core.diagnosis.residuals.equations import CHANNELS
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.result import PHASES, Heatmap, Timeline, WhereItem
+
+WINDOW_S = 0.25
+REST_SPEED = 0.01  # [rad/s]
+SLOW_SPEED = 0.15  # [rad/s]
+REVERSAL_S = 0.15  # around a change of direction
+FALSE_DISCOVERY = 0.01
+LEAST_SHARE = 0.01  # of the excess that an item must have to be listed
+
+
+def phases_of(trial: Trial) -> np.ndarray:
+    """Phase index (N, J) of each sample: rest, reversal, slow, fast."""
+    velocity = trial.motion.dq
+    speed = np.abs(velocity)
+    out = np.where(speed < REST_SPEED, 0, np.where(speed < SLOW_SPEED, 2, 3))
+    reach = max(1, round(REVERSAL_S / trial.motion.dt))
+    for j in range(velocity.shape[1]):
+        moving = np.flatnonzero(speed[:, j] > REST_SPEED)
+        turns = np.flatnonzero(np.diff(np.sign(velocity[moving, j])))
+        for k in turns:
+            first, last = moving[k], moving[k + 1]
+            if (last - first) * trial.motion.dt < 1.0:  # a long rest in between is no reversal
+                out[max(0, first - reach) : last + reach, j] = 1
+    return out
+
+
+def heatmap(
+    likelihood: Likelihood, z: np.ndarray, correlation: float, effects: np.ndarray | None = None
+) -> tuple[Heatmap, tuple[WhereItem, ...]]:
+    """Excess by joint, channel and phase, and its significant cells, strongest first.
+
+    `effects` (N,) is what named effects do: a gap with the shape of a tolerance is cheap sample by sample,
+    and shows where it lies only by its own prediction.
+    """
+    if effects is not None:
+        z = np.sign(z) * np.hypot(z, effects)
+    trials = likelihood.trials
+    joints = trials[0].recording.arm.joints
+    channels = [c for c in CHANNELS if c in trials[0].channels]
+    columns = [(c, p) for c in channels for p in PHASES]
+    total = np.zeros((len(joints), len(columns)))
+    count = np.zeros_like(total)
+    per: dict[tuple[int, str, int, int], float] = {}
+    for (r, channel, j), part in likelihood.blocks.items():
+        square, phase = z[part] ** 2, phases_of(trials[r])[:, j]
+        for p in range(len(PHASES)):
+            chosen = phase == p
+            column = channels.index(channel) * len(PHASES) + p
+            total[j, column] += np.sum(square[chosen])
+            count[j, column] += np.count_nonzero(chosen)
+            per[r, channel, j, p] = float(np.sum(np.maximum(square[chosen] - 1.0, 0.0)))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = total / count
+    enough = count / correlation >= 2
+    freedom = np.maximum(count / correlation, 1.0)
+    p_values = np.where(enough, stats.chi2.sf(freedom * np.nan_to_num(mean), freedom), 1.0)
+    limit = _benjamini_hochberg(p_values[enough], FALSE_DISCOVERY)
+    significant = enough & (p_values <= limit)
+    excess = np.where(significant, np.maximum(total - count, 0.0), 0.0)
+    everything = float(np.sum(excess))
+    items = []
+    if everything > 0:
+        for j, column in sorted(
+            np.argwhere(excess > LEAST_SHARE * everything).tolist(), key=lambda a: -excess[a[0], a[1]]
+        )[:12]:
+            channel, phase = columns[column]
+            r = max(range(len(trials)), key=lambda r: per.get((r, channel, j, PHASES.index(phase)), 0.0))
+            t0, t1 = _span(likelihood, z, r, channel, j, PHASES.index(phase))
+            items.append(
+                WhereItem(
+                    f"joint:{joints[j]}", channel, phase, t0, t1, float(excess[j, column] / everything),
+                    trials[r].recording.name,
+                )
+            )  # fmt: skip
+    values = np.where(count > 0, np.sqrt(np.nan_to_num(mean)), np.nan)
+    below = values[enough & ~significant]
+    # Just above the largest that is not significant, so that it is not counted itself.
+    threshold = float(np.nextafter(np.max(below), np.inf)) if below.size else 1.0
+    return Heatmap(tuple(f"joint:{j}" for j in joints), tuple(columns), values, threshold), tuple(items)
+
+
+def timelines(likelihood: Likelihood, z: np.ndarray, onsets: Sequence[float | None]) -> tuple[Timeline, ...]:
+    """Root-mean-square whitened residual per joint in windows, for each recording."""
+    out = []
+    for r, trial in enumerate(likelihood.trials):
+        size = max(1, round(WINDOW_S / trial.motion.dt))
+        windows = len(trial) // size
+        if windows < 1:
+            continue
+        energy = {}
+        for j, name in enumerate(trial.recording.arm.joints):
+            squares = [z[part] ** 2 for (rr, _, jj), part in likelihood.blocks.items() if (rr, jj) == (r, j)]
+            mean = np.mean(squares, axis=0)[: windows * size].reshape(windows, size).mean(axis=1)
+            energy[f"joint:{name}"] = np.sqrt(mean)
+        centers = trial.motion.t[: windows * size].reshape(windows, size).mean(axis=1)
+        start = float(trial.motion.time[0])
+        out.append(Timeline(trial.recording.name, centers - start, energy, 2.0, onsets[r]))
+    return tuple(out)
+
+
+def onset(likelihood: Likelihood, prediction: np.ndarray, recording: int, correlation: float) -> float | None:
+    """When an effect began in a recording [s]; None if it was there all along or never.
+
+    The residual is regressed on the effect's own prediction (N,) before and after each time: it began where
+    a coefficient of nothing turns into one of the whole, and the effect would have shown before.
+    """
+    trial = likelihood.trials[recording]
+    numerator, power = np.zeros(len(trial)), np.zeros(len(trial))
+    for (r, _, _), part in likelihood.blocks.items():
+        if r == recording:
+            numerator += prediction[part] * likelihood.y[part]
+            power += prediction[part] ** 2
+    if float(np.sum(power)) / correlation < 50.0:
+        return None
+    before_n, before_p = np.cumsum(numerator), np.cumsum(power)
+    after_n, after_p = before_n[-1] - before_n, before_p[-1] - before_p
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gain = np.where(after_p > 0, after_n**2 / after_p, 0.0)
+    whole = before_n[-1] ** 2 / before_p[-1]
+    k = int(np.argmax(gain))
+    if (gain[k] - whole) / correlation < 12.0 or before_p[k] / correlation < 25.0:
+        return None
+    if abs(before_n[k] / before_p[k]) > 0.3 or after_n[k] / after_p[k] < 0.5:
+        return None
+    return float(trial.motion.t[k] - trial.motion.time[0])
+
+
+def _span(
+    likelihood: Likelihood, z: np.ndarray, r: int, channel: str, j: int, phase: int
+) -> tuple[float, float]:
+    """First and last time at which a cell's windows stand out."""
+    trial = likelihood.trials[r]
+    square = z[likelihood.blocks[r, channel, j]] ** 2
+    chosen = phases_of(trial)[:, j] == phase
+    high = (
+        chosen & (square > max(4.0, 0.25 * float(np.quantile(square[chosen], 0.9))))
+        if chosen.any()
+        else chosen
+    )
+    index = np.flatnonzero(high if high.any() else chosen)
+    start = float(trial.motion.time[0])
+    if not len(index):
+        return 0.0, float(trial.motion.t[-1] - start)
+    return float(trial.motion.t[index[0]] - start), float(trial.motion.t[index[-1]] - start)
+
+
+def _benjamini_hochberg(p_values: np.ndarray, rate: float) -> float:
+    """Largest p-value that is significant at a false-discovery rate; -1 if none is."""
+    ordered = np.sort(p_values)
+    passed = np.flatnonzero(ordered <= rate * np.arange(1, len(ordered) + 1) / max(len(ordered), 1))
+    return float(ordered[passed[-1]]) if len(passed) else -1.0

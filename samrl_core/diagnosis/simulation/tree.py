@@ -1,0 +1,49 @@
+"""The joints of an arm as the simulator's arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+
+class Tree:
+    """Joints of an arm as arrays, parents first; a mount adds two before them, turning about x and y."""
+
+    def __init__(self, rigid: RigidArm, mount: int) -> None:
+        """Read Pinocchio's model."""
+        model = rigid.model
+        ids = [model.getJointId(name) for name in rigid.joints]
+        arm = sorted(range(len(ids)), key=lambda i: ids[i])
+        self.order = np.array(arm)  # index in the description's order of each joint of the tree
+        self.mount = mount
+        self.joints = mount + len(ids)
+        place = {ids[i]: mount + k for k, i in enumerate(arm)}
+        base = mount - 1  # the last joint of the mount, or the fixed world
+        self.parent = np.array(
+            [*range(-1, base), *(place.get(model.parents[ids[i]], base) for i in arm)], dtype=np.int32
+        )
+        placements = [model.jointPlacements[ids[i]] for i in arm]
+        self.rotation = np.array([*(np.eye(3) for _ in range(mount)), *(p.rotation for p in placements)])
+        self.origin = np.array([*(np.zeros(3) for _ in range(mount)), *(p.translation for p in placements)])
+        axes = [_axis(model, ids[i]) for i in arm]
+        self.axis = np.array([*np.eye(3)[:mount], *(a for a, _ in axes)])
+        self.prismatic = np.array([0] * mount + [int(p) for _, p in axes], dtype=np.int32)
+
+
+def _axis(model: Any, joint: int) -> tuple[np.ndarray, bool]:
+    """Axis in the joint's frame, and whether the joint slides."""
+    name = model.joints[joint].shortname()
+    data = model.joints[joint].createData()
+    position = np.array([1.0, 0.0]) if model.joints[joint].nq == 2 else np.zeros(1)
+    model.joints[joint].calc(data, position)
+    column = np.array(data.S).ravel()
+    if column.shape != (6,):
+        raise InputError(
+            f"joint {model.names[joint]} is a {name}; only revolute and prismatic joints are simulated"
+        )
+    slides = bool(np.abs(column[:3]).max() > 0)
+    return (column[:3] if slides else column[3:]), slides

@@ -1,0 +1,58 @@
+"""Strategies by name, as a training of a task begins with them."""
+
+from __future__ import annotations
+
+from samrl_core.common.errors import InputError
+from samrl_core.learning.randomisation.adr import Adr, AdrSettings
+from samrl_core.learning.randomisation.found import FoundSettings, Real2SimUpdated, found_starts
+from samrl_core.learning.randomisation.names import ADR, RANDOMISATIONS, REAL2SIM, SIMOPT
+from samrl_core.learning.randomisation.of_task import attributes_space, looks_of, starts_of, together
+from samrl_core.learning.randomisation.simopt import SimOpt, SimOptSettings
+from samrl_core.learning.randomisation.strategy import Strategy, Uniform
+from samrl_core.learning.states.visited import VisitedStates
+from samrl_core.model.model import Model
+
+
+def begin(
+    name: str,
+    model: Model,
+    visited: VisitedStates | None,
+    adr: AdrSettings,
+    simopt: SimOptSettings,
+    found: FoundSettings,
+) -> Strategy:
+    """A strategy before its first question.
+
+    Args:
+        name: of `RANDOMISATIONS`.
+        model: of the task.
+        visited: what Real2Sim has seen of the cell: starts for "real2sim", trajectories for "simopt".
+        adr: settings of "adr".
+        simopt: settings of "simopt".
+        found: settings of "real2sim".
+
+    Raises:
+        InputError: no such strategy, one that needs states of the cell or uses none of them, or a model
+            without what it fits.
+    """
+    if name not in RANDOMISATIONS:
+        raise InputError(f"no randomisation is named {name!r}; there are: {', '.join(RANDOMISATIONS)}")
+    task = model.task
+    if name == REAL2SIM:
+        strategy = Real2SimUpdated.begin(starts_of(task), found)
+        return strategy if visited is None else strategy.update(found_starts(task, visited))
+    attributes = attributes_space(model.dynamics)
+    seen = together(starts_of(task), looks_of(model))
+    if name == SIMOPT:
+        if attributes is None:
+            raise InputError(
+                f"the model of {task.name} has no physical attribute that 'simopt' could fit; take 'uniform' "
+                f"or 'adr'"
+            )
+        if visited is None:
+            raise InputError("'simopt' compares the model with the cell; hand in the cell's visited states")
+        return SimOpt.begin(attributes, seen, simopt)
+    if visited is not None:
+        raise InputError(f"{name!r} looks at no states of the cell; leave the visited ones out")
+    everything = together(seen, attributes)
+    return Adr.begin(everything, adr) if name == ADR else Uniform(everything)

@@ -1,0 +1,154 @@
+"""Episodes of an actor in the model, as a training needs them: to label, to learn Q from, and to judge.
+
+All of them are kept in the training's folder, part by part; what is there is not run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from samrl_core.common.array_file import read_arrays, write_arrays
+from samrl_core.learning.data.samples import ACTION
+from samrl_core.learning.images.rendered_samples import Scenes
+from samrl_core.learning.sim.cached_groups import kept_groups
+from samrl_core.learning.sim.episodes import Group
+from samrl_core.learning.sim.prepare import label_all
+from samrl_core.learning.sim.randomising import Randomising
+from samrl_core.learning.sim.rollouts import PER_ACTION
+from samrl_core.learning.sim.train_settings import TrainSettings
+from samrl_core.policy.networks.networks import SimActor
+
+Tell = Callable[[str, dict[str, float]], None]  # stage, its figures so far
+_LABELLED = ("values", "tip_in_base", "frames", "action")  # of labelled states
+_SEEN = ("values", "tip_in_base", "frames", "success")  # of a round's episodes
+_JUDGED = ("success", "actions")
+_TAKEN = (*PER_ACTION, "success")  # of Q's episodes
+_STREAMS = {"round": 1, "episodes": 2, "judged": 3}  # one source of randomness each, besides the states'
+
+
+class ActorEpisodes:
+    """Of one training."""
+
+    def __init__(
+        self, task: str, folder: Path, settings: TrainSettings, randomising: Randomising, tell: Tell
+    ) -> None:
+        """`folder` is the training's; `randomising` says what the models of noisy episodes are drawn from."""
+        self._task, self._folder, self._settings = task, folder, settings
+        self._randomising, self._tell = randomising, tell
+
+    def round(self, k: int, actor: SimActor) -> Scenes:
+        """States that the actor comes to, with the optimiser's action there."""
+        path = self._folder / f"round-{k}" / "labelled.npz"
+        if not path.exists():
+            self._make_round(k, actor, path)
+        rows = read_arrays(path, _LABELLED)
+        return Scenes(rows["frames"], rows["tip_in_base"], {ACTION: rows["action"]})
+
+    def _make_round(self, k: int, actor: SimActor, path: Path) -> None:
+        s, stage = self._settings, f"round-{k}"
+        half = s.round_episodes // 2
+        groups = [
+            self._group((_STREAMS["round"], k, number, int(hold)), size, hold, 0.0, noisy=True)
+            for hold in (True, False)
+            for number, size in enumerate(self._sizes(max(1, half)))
+        ]
+        seen = self._run(actor, groups, _SEEN, path.parent / "episodes", stage)
+        values, tips, frames = (
+            np.concatenate([one[name] for one in seen]) for name in ("values", "tip_in_base", "frames")
+        )
+        rows = {"values": values, "tip_in_base": tips, "frames": frames}
+        self._label(rows, (_STREAMS["round"], k), path.parent / "labels", path, stage)
+
+    def _label(
+        self, rows: dict[str, np.ndarray], stream: tuple[int, ...], folder: Path, path: Path, stage: str
+    ) -> None:
+        """Writes states with the optimiser's action there, no more of them than states were drawn.
+
+        Episodes that got stuck fill the rows with the same places, so that more of them teach nothing.
+        """
+        s = self._settings
+        count = len(rows["values"])
+        rng = np.random.default_rng([s.seed, *stream])
+        which = np.sort(rng.choice(count, min(count, s.states), replace=False))
+        chosen = {name: array[which] for name, array in rows.items()}
+        action, left = label_all(
+            self._task,
+            chosen["values"],
+            chosen["tip_in_base"],
+            folder,
+            s.workers,
+            lambda done, wanted: self._tell(stage, {"labelled": done, "of": wanted}),
+        )
+        write_arrays(path, {name: array[left] for name, array in {**chosen, "action": action}.items()})
+
+    def for_q(self, actor: SimActor) -> list[dict[str, np.ndarray]]:
+        """For Q: with more and more noise on the actions, so that it also sees bad ones; views are held."""
+        s = self._settings
+        groups = [
+            self._group(
+                (_STREAMS["episodes"], k),
+                size,
+                True,
+                s.action_noise * (k % s.levels) / (s.levels - 1),
+                noisy=True,
+            )
+            for k, size in enumerate(self._sizes(s.episodes))
+        ]
+        return self._run(actor, groups, _TAKEN, self._folder / "episodes", "episodes")
+
+    def labelled(self, name: str, groups: list[dict[str, np.ndarray]]) -> Scenes:
+        """States of episodes, which the actor never learnt from, with the optimiser's action there."""
+        path = self._folder / "episodes" / f"labelled_{name}.npz"
+        if not path.exists():
+            columns = ("values", "tip_in_base", "frames")
+            rows = {c: np.concatenate([g[c] for g in groups]) for c in columns}
+            stream = (_STREAMS["episodes"], 0, int(name == "q"))
+            self._label(rows, stream, path.with_name(f"labels_{name}"), path, "episodes")
+        rows = read_arrays(path, _LABELLED)
+        return Scenes(rows["frames"], rows["tip_in_base"], {ACTION: rows["action"]})
+
+    def judged(self, actor: SimActor) -> dict[str, dict[str, float]]:
+        """Success in the model, by its own judgement, of views held and of new ones for every action."""
+        s, found = self._settings, {}
+        for which, name in enumerate(("held", "new_each_step")):
+            groups = [
+                self._group((_STREAMS["judged"], which, k), size, name == "held", 0.0, noisy=False)
+                for k, size in enumerate(self._sizes(s.judged))
+            ]
+            parts = self._run(actor, groups, _JUDGED, self._folder / "judged" / name, "judged")
+            success, actions = (np.concatenate([part[n] for part in parts]) for n in _JUDGED)
+            found[name] = {
+                "episodes": len(success),
+                "success": float(success.mean()),
+                "median_actions": float(np.median(actions)),
+            }
+            self._tell("judged", {f"success_{name}": found[name]["success"]})
+        return found
+
+    def _sizes(self, count: int) -> list[int]:
+        """Of the groups of so many episodes."""
+        size = self._settings.group
+        return [min(size, count - first) for first in range(0, count, size)]
+
+    def _group(self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool) -> Group:
+        s = self._settings
+        drawn = self._randomising.distribution if noisy else None  # what is judged is the task as it is
+        return Group((s.seed, *stream), count, hold, noise, noisy, s.max_actions, drawn)
+
+    def _run(
+        self, actor: SimActor, groups: list[Group], names: tuple[str, ...], folder: Path, stage: str
+    ) -> list[dict[str, np.ndarray]]:
+        s = self._settings
+        return kept_groups(
+            self._task,
+            actor,
+            groups,
+            names,
+            folder,
+            s.device,
+            s.workers,
+            lambda row: self._tell(stage, row),
+        )

@@ -1,0 +1,217 @@
+"""Makes the labelled states of a task, in as many processes as there are free cores; resumable.
+
+`python -m samrl_core.learning.sim.prepare TASK --count N --out DIR --seed S --workers W`
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import as_completed
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.common.errors import SamrlError
+from samrl_core.common.folder_lock import folder_lock
+from samrl_core.common.workers import free_cores, worker_pool
+from samrl_core.learning.data.shards import DataInfo, ShardFolder
+from samrl_core.learning.images.models import model_of
+from samrl_core.learning.randomisation.distributions import ParameterDistribution
+from samrl_core.learning.sim.sample_states import draw_states
+from samrl_core.learning.states.explore import ExploreSettings, Starts
+from samrl_core.learning.states.frames import SceneFrames
+from samrl_core.learning.states.states import StateSamples
+from samrl_core.policy.planning.expert import label_of
+
+_CHUNK = 40  # states that one process labels in one go
+SHARD_SIZE = 500  # states: half a minute to a minute of one core
+
+Progress = Callable[[int, int], None]  # samples made, samples wanted
+
+
+def prepare_states(
+    task: str,
+    count: int,
+    folder: Path,
+    seed: int,
+    workers: int = 0,
+    settings: ExploreSettings | None = None,
+    given: Starts | None = None,
+    shard_size: int = SHARD_SIZE,
+    progress: Progress = lambda done, wanted: None,
+    drawn: ParameterDistribution | None = None,
+) -> StateSamples:
+    """All labelled states of a data set, made or resumed.
+
+    Args:
+        task: name of the task.
+        count: states in all.
+        folder: of the data set.
+        seed: of the data set.
+        workers: processes; 0 takes as many as there are free cores.
+        settings: how widely the states are spread.
+        given: other states to begin in, e.g. estimates of Real2Sim.
+        shard_size: states that one process makes in one go.
+        progress: called after each shard.
+        drawn: what starts and, once per shard, physical attributes are drawn from; None: the task's own.
+
+    Raises:
+        InputError: the folder holds another data set, or a setting is outside its meaning.
+    """
+    s = settings or ExploreSettings()
+    info = DataInfo(
+        "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given, drawn)
+    )
+    data = ShardFolder(folder, info)
+    _fill(data, _shard, lambda k: (task, info, k, s, given, drawn), workers, progress)
+    return load_states(folder, task)
+
+
+def load_states(folder: Path, task: str) -> StateSamples:
+    """All states of a finished data set.
+
+    Raises:
+        InputError: there is none, or it is unfinished, damaged, or of another task.
+    """
+    data = ShardFolder.open(folder, "states", task)
+    return StateSamples.joined([StateSamples.from_arrays(arrays) for arrays in data.read_all()])
+
+
+def label_all(
+    task: str,
+    values: np.ndarray,
+    tips: np.ndarray,
+    folder: Path,
+    workers: int = 0,
+    progress: Progress = lambda done, wanted: None,
+    shard_size: int = _CHUNK,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The optimiser's first action in states that something else came to, e.g. the actor; resumable.
+
+    Args:
+        task: name of the task.
+        values: (N, P).
+        tips: (N, 3) in the tool arm's base frame [m].
+        folder: of these labels alone.
+        workers: processes; 0 takes as many as there are free cores.
+        progress: called after each shard.
+        shard_size: labels that one process makes in one go.
+
+    Returns:
+        Actions (N, 3) [m], and whether anything is left to do there (N,) bool.
+
+    Raises:
+        InputError: the folder holds labels of other states, or damaged ones.
+    """
+    digest = hashlib.sha256(np.hstack([values, tips]).astype("<f8").tobytes()).hexdigest()
+    cell = default_cell()
+    info = DataInfo("labels", task, cell.intrinsics, 0, len(values), shard_size, {"states_sha256": digest})
+    data = ShardFolder(folder, info)
+
+    def job(shard: int) -> tuple[str, np.ndarray, np.ndarray]:
+        few = slice(shard * shard_size, (shard + 1) * shard_size)
+        return task, values[few], tips[few]
+
+    _fill(data, _labels, job, workers, progress)
+    parts = list(data.read_all())
+    return np.concatenate([p["action"] for p in parts]), np.concatenate([p["left"] for p in parts])
+
+
+def _fill(
+    data: ShardFolder,
+    work: Callable[..., dict[str, np.ndarray]],
+    job: Callable[[int], tuple[Any, ...]],
+    workers: int,
+    progress: Progress,
+) -> None:
+    """Makes the shards that are missing, `work(*job(shard))` each, and keeps each one at once."""
+    info, missing = data.info, data.missing()
+    done = info.count - sum(info.size(k) for k in missing)
+    progress(done, info.count)
+
+    def keep(shard: int, arrays: dict[str, np.ndarray]) -> None:
+        nonlocal done
+        data.write(shard, arrays)
+        done += info.size(shard)
+        progress(done, info.count)
+
+    workers = min(workers or free_cores(), len(missing))
+    if workers <= 1:
+        for shard in missing:
+            keep(shard, work(*job(shard)))
+        return
+    with worker_pool(workers) as pool:
+        running = {pool.submit(work, *job(shard)): shard for shard in missing}
+        for future in as_completed(running):
+            keep(running[future], future.result())
+
+
+def _recorded(
+    task: str, settings: ExploreSettings, given: Starts | None, drawn: ParameterDistribution | None
+) -> dict[str, object]:
+    """What a shard depends on besides seed and task, and what its frames are."""
+    starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
+    frames = SceneFrames(model_of(task)).names
+    found: dict[str, object] = {"frames": frames, "explore": asdict(settings), "given": starts}
+    if drawn is not None:
+        found["drawn"] = drawn.record()
+    return found
+
+
+def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> dict[str, np.ndarray]:
+    model = model_of(task)
+    labels = [label_of(model.dynamics, model.task, v, t) for v, t in zip(values, tips, strict=True)]
+    return {
+        "action": np.array([label.action for label in labels]),
+        "left": np.array([label.sub_goal != "none" for label in labels]),
+    }
+
+
+def _shard(
+    task: str,
+    info: DataInfo,
+    shard: int,
+    settings: ExploreSettings,
+    given: Starts | None,
+    drawn: ParameterDistribution | None,
+) -> dict[str, np.ndarray]:
+    return draw_states(model_of(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m samrl_core.learning.sim.prepare", description=__doc__)
+    parser.add_argument("task", help="name of the task")
+    parser.add_argument("--count", type=int, default=12_000, help="states in all")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the data set")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--workers", type=int, default=0, help="processes; 0: as many as there are free cores"
+    )
+    a = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+    begun = time.monotonic()
+
+    def tell(done: int, wanted: int) -> None:
+        print(f"{a.task}: {done} of {wanted} states, {time.monotonic() - begun:.0f} s", flush=True)
+
+    try:
+        with folder_lock(a.out):
+            states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=tell)
+    except SamrlError as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(f"{a.task}: {100 * states.solved.mean():.1f} % reach their sub-goal in the model", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

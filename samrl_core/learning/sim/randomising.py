@@ -1,0 +1,162 @@
+"""What a training draws its starts, looks and attributes from, and how its strategy learns on the way.
+
+Evidence is kept question by question in the training's folder: one that goes on asks again, finds the answers
+there, and comes to the same distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.common.array_file import read_arrays, write_arrays
+from samrl_core.common.errors import InputError
+from samrl_core.learning.images.appearance import LookSettings, LookSource
+from samrl_core.learning.randomisation.choose import begin
+from samrl_core.learning.randomisation.discrepancy import Discrepancy
+from samrl_core.learning.randomisation.distributions import ParameterDistribution
+from samrl_core.learning.randomisation.found import Real2SimUpdated
+from samrl_core.learning.randomisation.of_task import LOOK, DrawnLooks, alike
+from samrl_core.learning.randomisation.strategy import Evidence, Question
+from samrl_core.learning.sim.cached_groups import kept_groups
+from samrl_core.learning.sim.episodes import Group
+from samrl_core.learning.sim.train_settings import TrainSettings
+from samrl_core.learning.states.visited import VisitedStates
+from samrl_core.model.model import Model
+from samrl_core.policy.networks.networks import SimActor
+
+STREAM = 4  # of a training's sources of randomness
+Tell = Callable[[str, dict[str, float]], None]
+Answer = Callable[[Question], np.ndarray]
+_STAGE = "randomisation"
+_NAMES = ("points", "label", "result")
+
+
+class Randomising:
+    """The strategy of one training."""
+
+    def __init__(
+        self,
+        model: Model,
+        settings: TrainSettings,
+        folder: Path,
+        visited: VisitedStates | None,
+        tell: Tell,
+        given_actor: bool = False,
+    ) -> None:
+        """Begins the strategy; `given_actor` tells that the training has an actor already.
+
+        Raises:
+            InputError: as `choose.begin`, or a strategy that learns from actors in a training of one.
+        """
+        s = settings
+        self._model, self._settings, self._folder, self._tell = model, s, folder / _STAGE, tell
+        self._strategy = begin(s.randomisation, model, visited, s.adr, s.simopt, s.found)
+        if self._strategy.measure == "success" and (s.rounds == 0 or given_actor):
+            raise InputError(
+                f"{s.randomisation!r} learns between rounds; ask for 1 at least, better 4, and hand in no "
+                f"actor"
+            )
+        self._visited = visited
+        self._entropies = [self._strategy.distribution.entropy()]
+        self._asked = 0
+
+    @property
+    def distribution(self) -> ParameterDistribution | None:
+        """What is drawn from now; None where all is as the task and `LookSettings` declare it."""
+        s = self._strategy
+        if isinstance(s, Real2SimUpdated) and not len(s.centers):
+            return None
+        return s.distribution
+
+    @property
+    def looks(self) -> LookSource:
+        """Of images."""
+        found = self.distribution
+        return LookSettings() if found is None or not found.space.columns(LOOK) else DrawnLooks(found)
+
+    def before_training(self) -> None:
+        """All that the strategy can learn without an actor."""
+        if self._strategy.measure != "discrepancy" or self._visited is None:
+            return
+        measure = Discrepancy(self._model.task, self._model.dynamics, self._visited)
+        space = self._strategy.distribution.space
+        while self._ask(lambda question: measure.at(space, question.points)):
+            pass
+
+    def after_actor(self, actor: SimActor) -> None:
+        """What the strategy learns from how well an actor does."""
+        if self._strategy.measure == "success":
+            for _ in range(self._settings.adr.questions):
+                self._ask(lambda question: self._successes(actor, question))
+
+    def summary(self) -> dict[str, Any]:
+        """What came of it, as plain values."""
+        found = self.distribution
+        return {
+            "strategy": self._settings.randomisation,
+            "questions": self._asked,
+            "entropy": self._entropies,
+            "distribution": None if found is None else found.record(),
+        }
+
+    def _ask(self, answer: Answer) -> bool:
+        """One question, answered now or before; False when the strategy has none."""
+        s, number = self._settings, self._asked
+        question = self._strategy.ask(np.random.default_rng([s.seed, STREAM, number]))
+        if not len(question):
+            return False
+        path = self._folder / f"evidence-{number:03d}.npz"
+        if not path.exists():
+            arrays = {"points": question.points, "label": question.label, "result": answer(question)}
+            write_arrays(path, arrays)
+        rows = read_arrays(path, _NAMES)
+        if not np.array_equal(rows["points"], question.points):
+            raise InputError(f"{path} answers another question; remove it, and it is answered anew")
+        self._strategy = self._strategy.update(Evidence(question, rows["result"]))
+        self._asked += 1
+        self._entropies.append(self._strategy.distribution.entropy())
+        self._tell(
+            _STAGE,
+            {"questions": self._asked, "mean": float(rows["result"].mean()), "entropy": self._entropies[-1]},
+        )
+        return True
+
+    def _successes(self, actor: SimActor, question: Question) -> np.ndarray:
+        """Whether the actor succeeds at each point, with a new view for every action."""
+        s, drawn = self._settings, self._strategy.distribution
+        rows = [
+            few
+            for same in alike(drawn.space, question.points)
+            for few in np.array_split(same, -(-len(same) // s.group))
+        ]
+        groups = [
+            Group(
+                (s.seed, STREAM, self._asked, k),
+                len(few),
+                hold=False,
+                action_noise=0.0,
+                noisy=True,
+                max_actions=s.max_actions,
+                drawn=drawn,
+                points=question.points[few],
+            )
+            for k, few in enumerate(rows)
+        ]
+        found = kept_groups(
+            self._model.task.name,
+            actor,
+            groups,
+            ("success",),
+            self._folder / f"question-{self._asked:03d}",
+            s.device,
+            s.workers,
+            lambda row: self._tell(_STAGE, row),
+        )
+        result = np.zeros(len(question))
+        for which, part in zip(rows, found, strict=True):
+            result[which] = part["success"]
+        return result

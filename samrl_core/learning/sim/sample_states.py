@@ -1,0 +1,66 @@
+"""Labelled states of a task, drawn in the model: the first stage of learning (section III-D of the paper)."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from samrl_core.cell.tasks.task import Task
+from samrl_core.common.errors import InputError, ReachError
+from samrl_core.learning.randomisation.distributions import ParameterDistribution
+from samrl_core.learning.randomisation.of_task import dynamics_at, start_values
+from samrl_core.learning.states.explore import Explorer, ExploreSettings, Starts
+from samrl_core.learning.states.frames import SceneFrames
+from samrl_core.learning.states.states import StateSamples
+from samrl_core.model.model import Model
+
+
+def draw_states(
+    model: Model,
+    rng: np.random.Generator,
+    count: int,
+    settings: ExploreSettings | None = None,
+    given: Starts | None = None,
+    drawn: ParameterDistribution | None = None,
+) -> StateSamples:
+    """So many labelled states; the same ones for the same generator.
+
+    Args:
+        model: of the task; its dynamics move and label the states.
+        rng: source of everything random.
+        count: how many, at least 1.
+        settings: how widely they are spread.
+        given: states to begin in besides the task's own starts, e.g. estimates of Real2Sim.
+        drawn: what starts are drawn from in the place of the task's own, and, once, physical attributes.
+
+    Raises:
+        InputError: a count below 1, settings outside their meaning, or no start that can be used.
+    """
+    if count < 1:
+        raise InputError(f"{count} states were asked for, must be at least 1")
+    frames, dynamics, starts = SceneFrames(model), model.dynamics, None
+    if drawn is not None:
+        dynamics = dynamics_at(dynamics, drawn.space, drawn.sample(rng, 1))
+        starts = partial(_start, model.task, drawn)
+    explorer = Explorer(dynamics, model.task, frames.start_tip, rng, settings, given, starts)
+    rows: list[tuple[np.ndarray, ...]] = []
+    goals: list[str] = []
+    solved: list[bool] = []
+    for one in explorer.visit():
+        try:
+            joints = frames.joints(one.tip)
+        except ReachError:
+            continue  # the real arm could not be there either
+        seen = frames.rows(one.values, joints).astype(np.float32)
+        rows.append((one.values, one.tip, joints, seen, one.label.action))
+        goals.append(one.label.sub_goal)
+        solved.append(one.label.solved)
+        if len(rows) == count:
+            break
+    values, tips, joints, placed, actions = (np.array(column) for column in zip(*rows, strict=True))
+    return StateSamples(values, tips, joints, placed, actions, np.array(goals), np.array(solved))
+
+
+def _start(task: Task, drawn: ParameterDistribution, rng: np.random.Generator) -> np.ndarray:
+    return start_values(task, drawn.space, drawn.sample(rng, 1))[0]

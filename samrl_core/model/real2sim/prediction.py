@@ -1,0 +1,108 @@
+"""What an estimate becomes while the tool moves, between two images: the belief before the next update.
+
+The process model of an extended Kalman filter: the mean follows eq. 3, the covariance its slope, taken over
+one standard deviation of the belief because contact bends it; what the model does not know grows with what
+moves and with what contact holds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from samrl_core.cell.tasks.start import checked_tip
+from samrl_core.cell.tasks.task import ParameterSpec
+from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
+
+
+@dataclass(frozen=True)
+class PredictionSettings:
+    """How far the prediction is trusted."""
+
+    longest_step: float = 0.010  # the tool's way is cut into actions no longer than this [m]
+    still: float = 1e-4  # a tool that moved less has moved nothing [m]
+    model_error: float = 0.3  # standard deviation, of the predicted change [-]
+    largest_spread: float = 1.0  # differences reach at most so far, in scales of the parameters [-]
+    held_error: float = 0.05  # standard deviation of what contact holds, in scales of the parameters [-]
+    jump: float = 6.0  # farther from each other, in scales, two ends are different things that may happen [-]
+    most: int = 3  # predictions at most
+    other_spread: float = 2.0  # standard deviation of the less likely ones, in scales [-]
+
+
+def predictions(
+    dynamics: TaskDynamics,
+    specs: tuple[ParameterSpec, ...],
+    estimate: Estimate,
+    tip_before: np.ndarray,
+    tip_after: np.ndarray,
+    settings: PredictionSettings | None = None,
+) -> tuple[Estimate, ...]:
+    """What the estimate may be after the tool's tip has moved straight from one place to another.
+
+    What stands on edge falls or stands: where a deviation within the belief ends far from the mean's end, or
+    the mean went far, that end and "it stayed" are given too. An image decides (`likeliest`).
+
+    Args:
+        dynamics: of the estimate's task.
+        specs: `Task.parameters`, for scales and bounds.
+        estimate: at `tip_before`.
+        tip_before: (3,) in the tool arm's base frame, when the estimate's image was taken [m].
+        tip_after: (3,) now [m].
+        settings: how far the prediction is trusted.
+
+    Returns:
+        Estimates with other values and covariance, that of the mean first; the given one where nothing moved.
+
+    Raises:
+        InputError: a tip is not three finite numbers.
+        SolveError: the model could not follow.
+    """
+    s = settings or PredictionSettings()
+    way = checked_tip(tip_after) - checked_tip(tip_before)
+    distance = float(np.linalg.norm(way))
+    if distance < s.still:
+        return (estimate,)
+    scale = np.array([p.scale for p in specs])
+    spread = np.minimum(np.sqrt(np.diag(estimate.covariance)), s.largest_spread * scale)
+    spread = np.maximum(spread, 1e-6 * scale)
+    count = len(scale)
+    starts = np.vstack([np.zeros((1, count)), np.diag(spread), -np.diag(spread)]) + estimate.values
+    state = dynamics.start(starts, tip_before)
+    steps = max(1, math.ceil(distance / s.longest_step - 1e-9))
+    action = torch.from_numpy(way / steps).expand(len(starts), 3)
+    with torch.no_grad():
+        for _ in range(steps):
+            state = dynamics.forward(state, action)
+    ends = np.array([dynamics.read(q)[0] for q in state.q.numpy()])
+    slope = (ends[1 : count + 1] - ends[count + 1 :]).T / (2 * spread)
+    change = ends[0] - estimate.values
+    # What keeps its own error is untouched; what does not is held by contact, as well as the model knows it.
+    held = np.clip(np.abs(1.0 - np.diag(slope)), 1e-6, 1.0)
+    unknown = (s.model_error * change) ** 2 + (s.held_error * scale * held) ** 2
+    covariance = slope @ estimate.covariance @ slope.T + np.diag(unknown)
+    lower, upper = np.array([p.lower for p in specs]), np.array([p.upper for p in specs])
+    # A disc that turns over jumps from one end of its range to the other: no deviation exceeds half of it.
+    shrink = np.minimum(1.0, 0.5 * (upper - lower) / np.sqrt(np.diag(covariance)))
+    covariance = shrink[:, None] * 0.5 * (covariance + covariance.T) * shrink
+    found = [replace(estimate, values=np.clip(ends[0], lower, upper), covariance=covariance)]
+    for other in (estimate.values, *ends[1:]):
+        far = all(np.abs((other - one.values) / scale).max() > s.jump for one in found)
+        if far and len(found) < s.most:
+            loose = np.diag((s.other_spread * scale) ** 2)
+            found.append(replace(estimate, values=np.clip(other, lower, upper), covariance=loose))
+    return tuple(found)
+
+
+def likeliest(updates: Sequence[Estimate]) -> Estimate:
+    """Of the updates from several predictions by one image, that which explains it best.
+
+    By eq. 6 with the colours as they were before: each update has painted what it takes the image to show,
+    and one that shows a face never seen before may paint it as it likes. Several are made with `compared`.
+    """
+    losses = [one.loss_known for one in updates]
+    return updates[int(np.argmin([loss if math.isfinite(loss) else math.inf for loss in losses]))]

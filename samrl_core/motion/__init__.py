@@ -1,1 +1,0 @@
-"""Jerk-limited motion and the rules by which trajectories are refused."""

@@ -1,0 +1,92 @@
+"""Which stage of Algorithm 1 comes next; the library's loop and the cell's supervisor ask here."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from samrl_core.cell.tasks.task import Task
+
+Stage = Literal["view", "act", "again", "done", "action_limit", "lost"]
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """When to look, and when to stop."""
+
+    max_actions: int  # per episode
+    view_period: int = 3  # actions from one search for a better view to the next
+    looks: int = 1  # camera moves in one search; the model is updated after each (line 5's loop)
+    max_lost_updates: int = 5  # updates in a row that may miss the target
+    # Of a fit whose "done" is believed, over the episode's median. Right verdicts had at most 1.9, that on a
+    # pancake which had rolled out of sight 34.
+    most_misfit: float = 5.0
+    # Images that must say "done" one after the other: a pancake may be falling still when the first one does.
+    agreeing: int = 2
+    believe: bool = True  # end when the model says done; off where it is not updated and knows nothing of it
+
+
+@dataclass(frozen=True)
+class LoopState:
+    """Where an episode stands."""
+
+    step: int = 0  # actions executed
+    looked: int = 0  # answers of the view search since the last action
+    lost_updates: int = 0  # in a row
+    agreed: int = 0  # images in a row that said "done"
+    misfits: tuple[float, ...] = ()  # eq. 6 after the updates of this episode that saw the target
+
+    def updated(self, why_stopped: str, misfit: float) -> LoopState:
+        """After an update that ended so; `misfit` is eq. 6, of any value where nothing was fitted."""
+        if why_stopped == "no_target":
+            return replace(self, lost_updates=self.lost_updates + 1)
+        seen = (misfit,) if math.isfinite(misfit) else ()
+        return replace(self, lost_updates=0, misfits=self.misfits + seen)
+
+    def looked_once(self) -> LoopState:
+        """After an answer of the view search."""
+        return replace(self, looked=self.looked + 1, agreed=0)
+
+    def acted(self) -> LoopState:
+        """After an action."""
+        return replace(self, step=self.step + 1, looked=0, agreed=0)
+
+    def agreed_once(self) -> LoopState:
+        """After an update that said "done", and was not the last that has to."""
+        return replace(self, agreed=self.agreed + 1)
+
+    def fits(self, most: float) -> bool:
+        """Whether the last fit's misfit is at most so many times the episode's median."""
+        return not self.misfits or self.misfits[-1] <= most * float(np.median(self.misfits))
+
+
+def stage_after_update(
+    task: Task, values: np.ndarray, tip_position: np.ndarray, state: LoopState, settings: LoopSettings
+) -> Stage:
+    """What follows an update of the model.
+
+    Args:
+        task: judges by the estimate whether it is done.
+        values: (P,) estimated.
+        tip_position: (3,) in the tool arm's base frame [m].
+        state: counts, this update included.
+        settings: limits.
+
+    Returns:
+        "view" or "act"; "again" for an update from another image, before "done" is believed; or how the
+        episode ends: "done" as the model believes, "action_limit", "lost".
+    """
+    if state.lost_updates > settings.max_lost_updates:
+        return "lost"
+    # Where an image missed the target, the values are what was predicted.
+    believed = settings.believe and not state.lost_updates and state.fits(settings.most_misfit)
+    if believed and task.is_done(values, tip_position):
+        return "done" if state.agreed + 1 >= settings.agreeing else "again"
+    if state.step >= settings.max_actions:
+        return "action_limit"
+    if state.looked < settings.looks and state.step % settings.view_period == 0:
+        return "view"
+    return "act"

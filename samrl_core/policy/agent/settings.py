@@ -1,0 +1,107 @@
+"""What the agent is asked to be, and the networks that it needs for that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.common.errors import InputError
+from samrl_core.policy.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_core.policy.networks.networks import ResidualActor, SensingQ, SimActor
+from samrl_core.policy.networks.weights import load_weights, sha256_of, weights_file
+from samrl_core.policy.planning.trajectory import TrajectorySettings
+from samrl_core.policy.view.sensing_value import Networks
+from samrl_core.policy.view.view_ascent import ViewAscentSettings
+from samrl_core.policy.view.view_planning import ViewPlannerSettings
+
+Tell = Callable[[str], None]  # hears in words what did not go as it should
+
+
+def silent(text: str) -> None:
+    """Nobody listens."""
+
+
+@dataclass(frozen=True)
+class AgentSettings:
+    """What the agent does in each of its parts.
+
+    Raises:
+        InputError: a policy, strategy or actor's image that there is not, or a real one without an actor.
+    """
+
+    policy: str = DEFAULT_POLICY  # of `samrl_core.policy.agent.policies.POLICIES`
+    strategy: str = STRATEGY_OF[DEFAULT_POLICY]  # of `samrl_core.policy.agent.policies.STRATEGIES`
+    update: bool = True  # Real2Sim; off for ablations
+    actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
+    seed: int = 0  # of strategy "random" and of exploration
+    exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]
+    exploration_memory: float = 0.98  # correlation of what is added to an action and to the next one
+    exploration_limit: float = 0.003  # of what is tried before there is a residual, which has its own [m]
+    longest: float = 0.02  # action, its residual included [m]
+    plan: TrajectorySettings = TrajectorySettings(max_sub_goals=3, max_iterations=3, spare_actions=1)
+    information: ViewPlannerSettings = field(default_factory=ViewPlannerSettings)
+    ascent: ViewAscentSettings = ViewAscentSettings()
+
+    def __post_init__(self) -> None:
+        if self.policy not in POLICIES:
+            raise InputError(f"no policy is named {self.policy!r}; there are: {', '.join(POLICIES)}")
+        if self.strategy not in STRATEGIES:
+            raise InputError(
+                f"no view strategy is named {self.strategy!r}; there are: {', '.join(STRATEGIES)}"
+            )
+        if self.actor_image not in ACTOR_IMAGES:
+            raise InputError(
+                f"no actor reads the image {self.actor_image!r}; there are: {', '.join(ACTOR_IMAGES)}"
+            )
+        if self.actor_image == "real" and self.policy != "learned":
+            raise InputError(
+                f"policy {self.policy!r} has no actor to read a real image; take policy 'learned'"
+            )
+
+    @property
+    def needs_networks(self) -> bool:
+        """Whether anything here is learned."""
+        return self.policy == "learned" or self.strategy == "q"
+
+
+def trained_networks(task: str, cell: CellSpec, folder: Path | None = None) -> Networks:
+    """Actor and Q of a task: `<task>_<kind>.safetensors` in a folder, or those of the package.
+
+    A variant of a task without networks of its own has those of the plain task.
+
+    Raises:
+        InputError: a file is missing or does not fit; see `load_weights`.
+    """
+    actor, _ = load_weights(weights_file(task, "sim_actor", folder), "sim_actor", task, cell)
+    q, _ = load_weights(weights_file(task, "sensing_q", folder), "sensing_q", task, cell)
+    assert isinstance(actor, SimActor) and isinstance(q, SensingQ)
+    return Networks(actor.requires_grad_(False), q.requires_grad_(False))
+
+
+def announced_residual(file: Path, sha256: str, task: str, cell: CellSpec) -> ResidualActor:
+    """The residual of a file whose content was announced by its hash.
+
+    Raises:
+        InputError: the file has another content, or does not fit; see `load_weights`.
+    """
+    if not file.is_file():
+        raise InputError(f"no residual weights at {file}; the trainer and this node must share a disk")
+    found = sha256_of(file)
+    if found != sha256:
+        raise InputError(f"{file} has sha256 {found}, announced was {sha256}; nothing of it is used")
+    module, _ = load_weights(file, "residual_actor", task, cell)
+    assert isinstance(module, ResidualActor)
+    return module.requires_grad_(False)
+
+
+def required(networks: Networks | None, who: str) -> Networks:
+    """The networks.
+
+    Raises:
+        InputError: there are none.
+    """
+    if networks is None:
+        raise InputError(f"{who} needs trained networks; hand in `trained_networks(task, cell)`")
+    return networks

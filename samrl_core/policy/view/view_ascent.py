@@ -1,0 +1,120 @@
+"""Where to look from, in one state: ascent of Q by the camera pose, through the renderer (`view_search`)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import torch
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.types.camera import Camera
+from samrl_core.cell.types.pose import Pose
+from samrl_core.model.model import Model
+from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_core.model.real2sim.target_renderer import TargetRenderer
+from samrl_core.policy.view.sensing_value import Networks, SensingValue
+from samrl_core.policy.view.view_planning import ViewChoice
+from samrl_core.policy.view.view_reach import ViewReach
+from samrl_core.policy.view.view_search import (
+    Answer,
+    Found,
+    Request,
+    ViewAscentSettings,
+    ViewSearch,
+    place_camera,
+)
+
+__all__ = ["ViewAscent", "ViewAscentSettings", "place_camera"]
+
+
+class ViewAscent:
+    """Chooses views of one cell and task by its networks."""
+
+    def __init__(
+        self,
+        model: Model,
+        cell: CellSpec,
+        task: Task,
+        networks: Networks,
+        settings: ViewAscentSettings | None = None,
+    ) -> None:
+        """Builds the kinematic models."""
+        self._model, self._cell, self._networks = model, cell, networks
+        self._settings = settings or ViewAscentSettings()
+        self._region = task.view_region()
+        self._reach = ViewReach(cell, task, self._settings.reach)
+
+    def prepare(self) -> None:
+        """Solve the reachable views now (seconds) instead of in the first plan."""
+        _ = self._reach.views
+
+    def plan(
+        self, estimate: Estimate, tool_arm_position: np.ndarray, camera_arm_position: np.ndarray
+    ) -> ViewChoice:
+        """Choose the next view.
+
+        Renderings, all without moving: 1 + `first_looks` alone and `starts` (1 + `steps`) with gradient at
+        most, as many passes of either network, and one of the renderer's depth for the visibility from the
+        present view and from each of the best ones until some show enough.
+
+        Args:
+            estimate: what is believed.
+            tool_arm_position: where the tool arm will be when the image is taken (J,) [rad].
+            camera_arm_position: where the camera arm is (J,) [rad].
+
+        Raises:
+            InputError: positions of wrong shape or not finite, or networks whose answer is not finite.
+        """
+        s = self._settings
+        here = np.asarray(camera_arm_position, dtype=np.float64)
+        value = SensingValue(self._model, self._networks, estimate, tool_arm_position)
+        present_pose = self._reach.camera_at(here)
+        with torch.no_grad():
+            present = float(value.q(value.view(present_pose))[0])
+        obstacles = self._reach.obstacles(tool_arm_position, estimate.values)
+        search = ViewSearch(self._cell, self._region, self._reach, s, here, obstacles)
+
+        def visibility(camera_in_world: Pose) -> float:
+            camera = Camera(self._cell.intrinsics, camera_in_world)
+            renderer = TargetRenderer(self._model, camera, tool_arm_position)
+            return renderer.visibility(estimate.values, estimate.colors)
+
+        found = self._answered(
+            search.found(
+                present, visibility(present_pose), lambda look: visibility(look.view.camera_in_world)
+            ),
+            value,
+        )
+        if not found.moves:
+            reason = (
+                f"stays: of {found.views} views none that is free and shows the target gains "
+                f"{s.min_gain:g}; the most is {found.most:.3f}"
+            )
+            pose, joints, q = present_pose, here, present
+        else:
+            best = found.moves[0]
+            pose, joints, q = best.view.camera_in_world, best.view.joint_position, best.q
+            gain = best.utility - present
+            reason = f"the best of {found.views} views gains {gain:.3f} after the price of moving"
+        return ViewChoice(bool(found.moves), pose, joints, q, present, visibility(pose), found.views, reason)
+
+    def _answered(self, asking: Generator[Request, Answer, Found], value: SensingValue) -> Found:
+        """The search's end, each of its requests drawn in one rendering."""
+        try:
+            request = next(asking)
+            while True:
+                request = asking.send(self._answer(request, value))
+        except StopIteration as end:
+            return end.value
+
+    def _answer(self, request: Request, value: SensingValue) -> Answer:
+        places = torch.from_numpy(request.places).requires_grad_(request.with_slope)
+        with torch.set_grad_enabled(request.with_slope):
+            image = value.image(place_camera(places, self._region.target))
+            q, _ = value.q(image, self._settings.through_action)
+        slopes = np.zeros(request.places.shape)
+        if request.with_slope:
+            slopes = torch.autograd.grad(q.sum(), places)[0].numpy()
+        return Answer(q.detach().numpy().astype(np.float64), slopes)

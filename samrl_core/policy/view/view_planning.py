@@ -1,0 +1,213 @@
+"""Where to look from next: expected pose information through the renderer (Algorithm 1, lines 6 and 10).
+
+The paper ascends a learned Q; until that exists, the score is what the model itself can say: how sharply the
+next image would pin the task's parameters down, occlusion by the tool and its arm included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from samrl_core.cell.robots.geometry import Capsules
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.types.camera import Camera, Intrinsics
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
+from samrl_core.model.model import Model
+from samrl_core.model.real2sim.information import ImageNoise, TargetImage, ViewInformation, view_information
+from samrl_core.model.real2sim.pose_fit import PoseFitSettings, acts_together
+from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_core.model.real2sim.target_renderer import TargetRenderer
+from samrl_core.model.scene.settings import ModelSettings
+from samrl_core.policy.view.view_reach import ReachSettings, View, ViewReach, motion_seconds
+
+STRATEGIES = ("best", "fixed", "random")
+
+
+@dataclass(frozen=True)
+class ViewPlannerSettings:
+    """Error model, price of moving, and how many views are looked at closely."""
+
+    noise: ImageNoise = field(default_factory=ImageNoise)
+    reach: ReachSettings = ReachSettings()
+    coarse_scale: int = 2  # the first look at all views is this many times smaller
+    finalists: int = 4  # views that are rendered in full
+    jacobian_step: float = 0.035  # half span of the differences [parameter's scale]
+    min_gain: float = 0.15  # a view must be better than the present one by this, after its price [nat]
+    time_price: float = 0.03  # of camera motion [nat/s]
+    speed_share: float = 0.5  # of the joints' velocity limits, for the time of a motion
+
+
+@dataclass(frozen=True, eq=False)
+class ViewChoice:
+    """The answer: move there, or stay."""
+
+    move: bool
+    camera_in_world: Pose  # optical frame
+    joint_position: np.ndarray  # (J,) of the camera arm [rad]
+    score: float  # expected log det of information in units of the parameters' scales [nat]; or Q, 0..1
+    present_score: float  # the same from the present view [nat]
+    visibility: float  # expected visible share of the target's surface that faces the camera, 0..1
+    candidates: int  # views that were scored
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Scored:
+    camera_in_world: Pose
+    joint_position: np.ndarray
+    score: float
+    utility: float  # score less the price of the motion
+
+
+class ViewPlanner:
+    """Chooses among the reachable views of one cell and task."""
+
+    def __init__(
+        self, model: Model, cell: CellSpec, task: Task, settings: ViewPlannerSettings | None = None
+    ) -> None:
+        """Builds a second, smaller renderer for the first look."""
+        self._model, self._cell, self._task = model, cell, task
+        self._settings = s = settings or ViewPlannerSettings()
+        k, c = cell.intrinsics, s.coarse_scale
+        small = Intrinsics(k.width // c, k.height // c, k.fx / c, k.fy / c, k.cx / c, k.cy / c)
+        self._small_model = Model(task, replace(cell, intrinsics=small), ModelSettings())
+        self._reach = ViewReach(cell, task, s.reach)
+        self._scale = np.array([p.scale for p in task.parameters()])
+
+    def prepare(self) -> None:
+        """Solve the reachable views now (seconds) instead of in the first plan."""
+        _ = self._reach.views
+
+    def plan(
+        self,
+        estimate: Estimate,
+        tool_arm_position: np.ndarray,
+        camera_arm_position: np.ndarray,
+        strategy: str = "best",
+        rng: np.random.Generator | None = None,
+    ) -> ViewChoice:
+        """Choose the next view.
+
+        Args:
+            estimate: what is believed, and how surely.
+            tool_arm_position: where the tool arm will be when the image is taken (J,) [rad].
+            camera_arm_position: where the camera arm is (J,) [rad].
+            strategy: "best" by score; "fixed" stays; "random" takes any reachable and clear view.
+            rng: for "random".
+
+        Raises:
+            InputError: unknown strategy, "random" without `rng`, or positions of wrong shape or not finite.
+        """
+        if strategy not in STRATEGIES:
+            raise InputError(f"no view strategy is named {strategy!r}; there are: {', '.join(STRATEGIES)}")
+        here = np.asarray(camera_arm_position, dtype=np.float64)
+        present_pose = self._reach.camera_at(here)
+        present = self._score(self._model, present_pose, estimate, tool_arm_position, 1)
+        stay = _Scored(present_pose, here, present, present)
+        if strategy == "fixed":
+            return self._choice(False, stay, present, 0, estimate, tool_arm_position, "fixed view")
+        obstacles = self._reach.obstacles(tool_arm_position, estimate.values)
+        free = self._reach.clear_views(obstacles)
+        if strategy == "random":
+            if rng is None:
+                raise InputError("strategy 'random' needs a generator; hand in np.random.default_rng(seed)")
+            return self._random(free, obstacles, stay, estimate, tool_arm_position, rng)
+        return self._best(free, obstacles, stay, estimate, tool_arm_position)
+
+    def _best(
+        self, free: list[View], obstacles: Capsules, stay: _Scored, estimate: Estimate, tool: np.ndarray
+    ) -> ViewChoice:
+        s = self._settings
+        coarse = [self._scored(self._small_model, v, stay, estimate, tool, s.coarse_scale) for v in free]
+        order = sorted(range(len(free)), key=lambda i: -coarse[i].utility)
+        finalists: list[_Scored] = []
+        for i in order:
+            if len(finalists) == s.finalists:
+                break
+            if self._reach.way_is_clear(stay.joint_position, free[i].joint_position, obstacles):
+                finalists.append(self._scored(self._model, free[i], stay, estimate, tool, 1))
+        if not finalists:
+            reason = f"stays: none of {len(free)} views can be reached without collision"
+            return self._choice(False, stay, stay.score, len(free), estimate, tool, reason)
+        best = max(finalists, key=lambda f: f.utility)
+        gain = best.utility - stay.utility
+        if gain <= s.min_gain:
+            reason = f"stays: the best of {len(free)} views gains {gain:.2f} nat, below {s.min_gain:.2f}"
+            return self._choice(False, stay, stay.score, len(free), estimate, tool, reason)
+        reason = f"the best of {len(free)} views gains {gain:.2f} nat after the price of its motion"
+        return self._choice(True, best, stay.score, len(free), estimate, tool, reason)
+
+    def _random(
+        self,
+        free: list[View],
+        obstacles: Capsules,
+        stay: _Scored,
+        estimate: Estimate,
+        tool: np.ndarray,
+        rng: np.random.Generator,
+    ) -> ViewChoice:
+        for i in rng.permutation(len(free)):
+            if self._reach.way_is_clear(stay.joint_position, free[i].joint_position, obstacles):
+                drawn = self._scored(self._model, free[i], stay, estimate, tool, 1)
+                reason = f"drawn among {len(free)} views"
+                return self._choice(True, drawn, stay.score, 1, estimate, tool, reason)
+        reason = f"stays: none of {len(free)} views can be reached without collision"
+        return self._choice(False, stay, stay.score, 0, estimate, tool, reason)
+
+    def _scored(
+        self, model: Model, view: View, stay: _Scored, estimate: Estimate, tool: np.ndarray, scale: int
+    ) -> _Scored:
+        s = self._settings
+        score = self._score(model, view.camera_in_world, estimate, tool, scale)
+        velocity = self._cell.camera_arm.limits.velocity
+        seconds = motion_seconds(stay.joint_position, view.joint_position, velocity, s.speed_share)
+        return _Scored(view.camera_in_world, view.joint_position, score, score - s.time_price * seconds)
+
+    def _score(
+        self, model: Model, camera_in_world: Pose, estimate: Estimate, tool: np.ndarray, scale: int
+    ) -> float:
+        """log det of the information after an image from there, in units of the parameters' scales."""
+        information = self._information(model, camera_in_world, estimate, tool, scale).matrix
+        total = np.linalg.inv(estimate.covariance) + information
+        scaled = total * np.outer(self._scale, self._scale)
+        return float(np.linalg.slogdet(scaled)[1])
+
+    def _information(
+        self, model: Model, camera_in_world: Pose, estimate: Estimate, tool: np.ndarray, scale: int
+    ) -> ViewInformation:
+        s = self._settings
+        renderer = TargetRenderer(model, Camera(model.cell.intrinsics, camera_in_world), tool)
+
+        def image(values: np.ndarray) -> TargetImage:
+            return renderer.image(values, estimate.colors)
+
+        step = s.jacobian_step * scale * self._scale
+        if acts_together(model.task):  # a parameter's scale says little about how far it moves the picture
+            step = renderer.pixel_steps(estimate.values, PoseFitSettings.jacobian_pixels)
+        return view_information(image, estimate.values, step, s.noise, 1.0 / scale, central=scale == 1)
+
+    def _choice(
+        self,
+        move: bool,
+        view: _Scored,
+        present: float,
+        count: int,
+        estimate: Estimate,
+        tool: np.ndarray,
+        reason: str,
+    ) -> ViewChoice:
+        camera = Camera(self._cell.intrinsics, view.camera_in_world)
+        return ViewChoice(
+            move=move,
+            camera_in_world=view.camera_in_world,
+            joint_position=view.joint_position,
+            score=view.score,
+            present_score=present,
+            visibility=TargetRenderer(self._model, camera, tool).visibility(estimate.values, estimate.colors),
+            candidates=count,
+            reason=reason,
+        )

@@ -1,0 +1,184 @@
+"""Episodes in the world that differs, each told apart by what was ordered: in a process of its own or here.
+
+The model's verdict is the reward, the truth is asked for once an episode has ended, and only counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.observation import Observation
+from samrl_core.cell.world.evaluation import judged_now
+from samrl_core.common.errors import ReachError, SamrlError
+from samrl_core.learning.residual.replay import End, Step
+from samrl_core.model.model import Model
+from samrl_core.policy.agent.acting import Acting
+from samrl_core.policy.agent.agent import Agent, Episode, run_episode
+from samrl_core.policy.agent.loop import LoopSettings
+from samrl_core.policy.agent.policies import STRATEGY_OF
+from samrl_core.policy.agent.settings import AgentSettings, trained_networks
+from samrl_core.policy.networks.networks import ResidualActor
+from samrl_core.policy.view.sensing_value import Networks
+from samrl_core.studies.episodes.differing_world import differing_world
+from samrl_core.studies.episodes.world_plant import WorldPlant
+
+# ASSUMPTION: of the task's actions; one that goes well takes about half of them. More real steps would go
+# into what is stuck, and success within fewer actions is never more than within all.
+SHARE_OF_ACTIONS = 0.4
+ENDS = {"done": End.SUCCESS, "action_limit": End.FAILURE}  # what else ends an episode tells nothing
+
+
+@dataclass(frozen=True)
+class Place:
+    """Which world, and which nominal policy acts in it."""
+
+    task: str
+    policy: str  # of `samrl_core.policy.agent.policies.POLICIES`
+    weights: Path | None  # folder of trained networks, None: the package's
+    offset: tuple[float, float, float]  # of the camera arm's base from where calibration has it, in world [m]
+
+    @property
+    def max_actions(self) -> int:
+        """Of an episode here."""
+        return round(SHARE_OF_ACTIONS * task_named(self.task).max_actions)
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """One episode."""
+
+    place: Place
+    seed: int  # of the scene and the sensors
+    max_actions: int
+    residual: dict[str, np.ndarray]  # weights of the actor by name; empty is the zero residual
+    limit: float  # of the residual [m]
+    exploration: float = 0.0  # standard deviation per axis [m]
+    memory: float = 0.0  # of the exploration from action to action
+    noise_seed: int = 0  # of the exploration
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What came of it."""
+
+    steps: tuple[Step, ...]  # their episode is 0
+    ended: str  # as the loop says, or "error"
+    why: str  # of an error
+    success: bool  # by the truth
+    final_error: float  # by the truth [m]
+
+    @property
+    def end(self) -> End:
+        """For the replay."""
+        return ENDS.get(self.ended, End.CUT)
+
+
+Play = Callable[[Sequence[Order]], list[Played]]  # episodes in the order that was asked for
+
+
+class Stage:
+    """An agent kept from episode to episode; each episode has a world of its own, so that it is the same
+    whichever process runs it.
+    """
+
+    def __init__(self, place: Place) -> None:
+        """Builds the model and compiles what the agent needs."""
+        self._cell, self._task = default_cell(), task_named(place.task)
+        self._offset = place.offset
+        self._settings = AgentSettings(policy=place.policy, strategy=STRATEGY_OF[place.policy])
+        self._networks: Networks | None = None
+        if self._settings.needs_networks:
+            self._networks = trained_networks(place.task, self._cell, place.weights)
+        self._model = Model(self._task, self._cell)
+        self._agent = Agent(self._model, self._settings, self._networks)
+        self._agent.prepare()
+
+    def play(self, order: Order) -> Played:
+        """One episode from its scene on."""
+        self._agent.acting = self._acting(order)
+        world = differing_world(self._task, self._cell, self._offset)
+        plant = _PatientPlant(WorldPlant(world, self._task, self._cell))
+        plant.begin(order.seed)
+        steps: tuple[Step, ...] = ()
+        ended, why = "error", ""
+        try:
+            episode = run_episode(self._agent, plant, LoopSettings(order.max_actions))
+            steps, ended = self._steps(episode), episode.ended
+        except SamrlError as error:
+            why = str(error)
+        judged = judged_now(world, self._task)
+        world.close()
+        return Played(steps, ended, why, judged.success, judged.final_error)
+
+    def _acting(self, order: Order) -> Acting:
+        settings = replace(
+            self._settings,
+            seed=order.noise_seed,
+            exploration=order.exploration,
+            exploration_memory=order.memory,
+            exploration_limit=order.limit,
+        )
+        acting = Acting(self._model, settings, self._networks)
+        if order.residual:
+            actor = ResidualActor(order.limit)
+            actor.load_state_dict({name: torch.from_numpy(array) for name, array in order.residual.items()})
+            acting.residual = actor.eval().requires_grad_(False)
+        return acting
+
+    def _steps(self, episode: Episode) -> tuple[Step, ...]:
+        seen = [step.observation for step in episode.steps] + [episode.last]
+        tips = [self._model.tip_in_base(one.tool_arm.position).position for one in seen]
+        return tuple(
+            Step(
+                0,
+                index,
+                step.observation.frame.color,
+                step.observation.frame.depth,
+                step.observation.camera.camera_in_world,
+                tips[index],
+                step.choice.nominal,
+                step.choice.residual,
+                tips[index + 1] - tips[index],
+            )
+            for index, step in enumerate(episode.steps)
+        )
+
+
+@lru_cache(maxsize=3)  # the tasks that share a process
+def _stage(place: Place) -> Stage:
+    return Stage(place)
+
+
+def play(order: Order) -> Played:
+    """One episode, on the stage that this process keeps for its place."""
+    return _stage(order.place).play(order)
+
+
+class _PatientPlant:
+    """A world's plant that stands still where the arm cannot go: the action is used up, not the episode."""
+
+    def __init__(self, plant: WorldPlant) -> None:
+        self._plant = plant
+
+    def begin(self, seed: int) -> None:
+        self._plant.begin(seed)
+
+    def observe(self) -> Observation:
+        return self._plant.observe()
+
+    def look_from(self, camera_arm_position: np.ndarray) -> None:
+        self._plant.look_from(camera_arm_position)
+
+    def displace_tool(self, displacement: np.ndarray) -> None:
+        try:
+            self._plant.displace_tool(displacement)
+        except ReachError:
+            self._plant.observe()

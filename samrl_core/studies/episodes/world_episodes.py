@@ -1,0 +1,135 @@
+"""One episode of Algorithm 1 in a PyBullet world as a case of an experiment: judged by truth, and timed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.world.evaluation import judged_now
+from samrl_core.cell.world.pybullet.world import PyBulletWorld
+from samrl_core.common.errors import SamrlError
+from samrl_core.model.model import Model
+from samrl_core.model.scene.settings import ModelSettings
+from samrl_core.policy.agent.agent import Agent, run_episode
+from samrl_core.policy.agent.loop import LoopSettings
+from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
+from samrl_core.policy.networks.weights import sha256_of
+from samrl_core.studies.episodes.differing_world import differing_world
+from samrl_core.studies.episodes.stopwatch import Stopwatch
+from samrl_core.studies.episodes.world_plant import WorldPlant
+from samrl_core.studies.experiment import Case, CaseLog, Tell, run_cases
+
+HELD = "held"  # besides the agent's strategies: the view that the episode starts with
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How the agent is asked to work.
+
+    Raises:
+        InputError: from `AgentSettings`, where it is used.
+    """
+
+    policy: str = "learned"  # of `samrl_core.policy.agent.policies.POLICIES`
+    strategy: str = "q"  # of `samrl_core.policy.agent.policies.STRATEGIES`, or HELD
+    update: bool = True  # Real2Sim
+    residual: bool = False
+    view_period: int = LoopSettings.view_period  # actions from one search for a view to the next
+
+
+@dataclass(frozen=True)
+class EpisodeJob:
+    """One episode to run; what a worker process gets."""
+
+    key: str  # of its case
+    task: str
+    name: str  # of the condition
+    condition: Condition
+    seed: int
+    view: int = -1  # number of the view that is held, -1 the task's own
+    way: tuple[tuple[float, ...], ...] = ()  # of the camera arm before the episode starts [rad]
+    differs: bool = False  # see `differing_world`
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the calibration, where it differs [m]
+    weights: Path | None = None  # folder of actor and Q, in place of the package's
+    residual: Path | None = None  # file, for conditions that have one
+
+
+def run_episodes(log: CaseLog, jobs: Sequence[EpisodeJob], workers: int, tell: Tell) -> list[Case]:
+    """Cases of the jobs in their order, each run once and kept; see `run_cases`."""
+    return run_cases(log, episode_cases, [((job.key,), job) for job in jobs], workers, tell)
+
+
+def episode_cases(job: EpisodeJob) -> list[Case]:
+    """Run one episode.
+
+    Every episode has a world of its own, so that it is the same whichever process runs it. `success` and
+    `final_error` are truth's, asked when the episode has ended; `believed` is the model's word.
+
+    Raises:
+        InputError: weights that are missing or do not fit.
+    """
+    agent = _agent(job.task, job.condition, job.weights, job.residual if job.condition.residual else None)
+    task, cell = agent.model.task, agent.model.cell
+    agent.looking.begin(job.seed)
+    world = differing_world(task, cell, job.offset) if job.differs else PyBulletWorld(task, cell)
+    plant, watch = WorldPlant(world, task, cell), Stopwatch()
+    plant.begin(job.seed)
+    for stop in job.way:
+        plant.look_from(np.array(stop))
+    looks = 0 if job.condition.strategy == HELD else LoopSettings.looks
+    # A model that is not updated knows nothing of when a task is done, see `LoopSettings.believe`.
+    believe = job.condition.update
+    loop = LoopSettings(task.max_actions, job.condition.view_period, looks, believe=believe)
+    began_ns = world.time_ns
+    trouble = ""
+    try:
+        ended = str(run_episode(agent, plant, loop, watch).ended)
+    except SamrlError as error:  # out of reach, or a state that some part refuses: this episode has failed
+        ended, trouble = "stopped", str(error)
+    judged = judged_now(world, task)
+    simulated_s = 1e-9 * (world.time_ns - began_ns)
+    world.close()
+    return [
+        {
+            "key": job.key,
+            "task": job.task,
+            "condition": job.name,
+            "seed": job.seed,
+            "view": job.view,
+            "success": judged.success,
+            "believed": ended == "done",
+            "why": "" if judged.success else trouble or ended,
+            "final_error": judged.final_error,
+            "actions": watch.entered["move"],
+            "camera_moves": watch.entered["look"],
+            "simulated_s": simulated_s,
+            "cpu_s": dict(watch.cpu_s),
+            "wall_s": dict(watch.wall_s),
+        }
+    ]
+
+
+@cache
+def _model(task: str) -> Model:
+    # One thread: the cores are shared out by processes.
+    return Model(task_named(task), default_cell(), ModelSettings(threads=1))
+
+
+@cache
+def _agent(task: str, condition: Condition, weights: Path | None, residual: Path | None) -> Agent:
+    """An agent with all its parts compiled; one model per task serves them all, an episode at a time."""
+    model = _model(task)
+    strategy = "fixed" if condition.strategy == HELD else condition.strategy
+    settings = AgentSettings(policy=condition.policy, strategy=strategy, update=condition.update)
+    networks = trained_networks(task, model.cell, weights) if settings.needs_networks else None
+    agent = Agent(model, settings, networks)
+    if residual is not None:
+        agent.acting.residual = announced_residual(residual, sha256_of(residual), task, model.cell)
+    agent.prepare()
+    return agent

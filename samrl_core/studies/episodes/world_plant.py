@@ -1,0 +1,52 @@
+"""A simulated world as Algorithm 1's plant, without ROS: sensors and motions, and nothing of its truth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.types.observation import Observation
+from samrl_core.cell.world.tool_motion import ToolMotion
+from samrl_core.cell.world.world import SimulatedWorld
+from samrl_core.studies.episodes.cell_driver import CellDriver
+
+
+class WorldPlant:
+    """See `samrl_core.policy.agent.agent.Plant`."""
+
+    def __init__(
+        self, world: SimulatedWorld, task: Task, cell: CellSpec, period_s: float = 0.1, rest_s: float = 0.3
+    ) -> None:
+        """`period_s` is the time of an action, `rest_s` that before an image [s]."""
+        self._world = world
+        self._driver = CellDriver(world, cell, task.scene(cell).tool)
+        self._motion = ToolMotion(world, task, cell, period_s)
+        self._rest_steps = round(rest_s * 1e3)
+
+    def begin(self, seed: int) -> None:
+        """Lay the scene anew."""
+        self._world.reset(seed)
+        self._motion.begin()
+
+    def tip(self) -> np.ndarray:
+        """Tool tip (3,) by the measured joints, in the tool arm's base frame [m]."""
+        return self._motion.tip()
+
+    def observe(self) -> Observation:
+        """See `Plant`: what swings comes to rest first."""
+        for _ in range(self._rest_steps):
+            self._world.advance()
+        return self._driver.observe()
+
+    def look_from(self, camera_arm_position: np.ndarray) -> None:
+        """See `Plant`."""
+        self._driver.move("camera_arm", camera_arm_position)
+
+    def displace_tool(self, displacement: np.ndarray) -> None:
+        """See `Plant`.
+
+        Raises:
+            ReachError: the arm does not get there; nothing has moved.
+        """
+        self._motion.displace(displacement)

@@ -1,0 +1,211 @@
+"""How many real steps the residual needs (SAM-RL, section IV-C): success in a world that differs.
+
+Per task and training seed, episodes of the agent in a PyBullet world that its model does not know fill a
+replay, and TD3 trains the residual on it (eqs. 13 to 16). The model's own verdict is the reward. At each
+point of the curve, the first one before any real step, the weights are kept and judged by the truth on
+episodes of other scenes; these explore nothing, are not learnt from and not counted as steps. `count` is the
+number of real steps. How far the calibration is off in that world is found first, see `calibration_gap`.
+
+Episodes of all runs share the worker processes; the learners are threads of this process and update on
+`device`, so that one accelerator serves them all. Kept weights are judged while the training goes on: its
+rounds are small at first and leave processes idle.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import TASKS
+from samrl_core.common.workers import worker_pool
+from samrl_core.learning.residual.step_features import nominal_encoder
+from samrl_core.policy.networks.weights import weights_file, weights_name
+from samrl_core.studies.episodes.residual_episodes import Order, Place, Play, Played, play
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell
+from samrl_core.studies.paper.calibration_gap import gaps, offset_of
+from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated_file
+from samrl_core.studies.paper.residual_run import ResidualRun
+from samrl_core.studies.paper.sample_efficiency_curve import summary_of, write_picture
+
+NAME = "sample_efficiency"
+SEEDS = 3  # trainings per task
+BUDGET = 8000  # real steps
+POINTS = (0, 500, 1000, 2000, 4000, 8000)
+_ALONE = threading.Lock()  # around what this process keeps for its episodes
+
+
+def points_up_to(budget: int) -> tuple[int, ...]:
+    """Where the curve is evaluated, the budget included."""
+    return (*(p for p in POINTS if p < budget), budget)
+
+
+def policy_for(task: str, weights: Path | None) -> str:
+    """The nominal policy: the learned one where it has been trained, else the planner's."""
+    return "learned" if weights_file(task, "sim_actor", weights).is_file() else "optimised"
+
+
+def run(options: Options, tell: Tell) -> dict[str, Any]:
+    """The gap, then all runs side by side; see the module."""
+    points = points_up_to(options.count or BUDGET)
+    log = CaseLog(options.out)
+    calibrated = [
+        Place(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0)) for t in options.tasks
+    ]
+    for place in calibrated:
+        tell(f"{place.task}: nominal actions are {place.policy}")
+    with _player(options) as player:
+        found = gaps(log, calibrated, player, tell, options.processes)
+        places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
+        jobs = [
+            Job(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
+            for k in range(SEEDS)
+            for place in places
+        ]
+        left = [job for job in jobs if any(job.key(n) not in log.cases for n in points)]
+        _run_all(left, options, log, player, tell)
+    cases = [log.cases[job.key(n)] for job in jobs for n in points]
+    summary = {
+        "settings": asdict(jobs[0].settings),
+        "gap": found,
+        "tasks": {t: summary_of([c for c in cases if c["task"] == t]) for t in options.tasks},
+        "cases": cases,
+    }
+    write_picture(summary["tasks"], options.out / f"{NAME}.png")
+    return summary
+
+
+@dataclass(frozen=True)
+class Job:
+    """One training."""
+
+    place: Place
+    seed: int
+    settings: RunSettings
+
+    def key(self, point: int) -> str:
+        """Of its case at a point of the curve."""
+        return f"{self.place.task}/{self.seed}/{point}"
+
+
+@contextmanager
+def _player(options: Options) -> Iterator[Play]:
+    """Plays episodes in as many processes as there shall be, or here."""
+    if options.processes == 1:
+        yield _here
+        return
+    # A worker ends with the thread that started it, so one that outlives all of them starts them.
+    with ThreadPoolExecutor(1) as starter, worker_pool(options.processes) as pool:
+
+        def spread(orders: Sequence[Order]) -> list[Played]:
+            futures = starter.submit(lambda: [pool.submit(play, order) for order in orders]).result()
+            return [future.result() for future in futures]
+
+        yield spread
+
+
+def _here(orders: Sequence[Order]) -> list[Played]:
+    with _ALONE:
+        return [play(order) for order in orders]
+
+
+def _run_all(jobs: Sequence[Job], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
+    if not jobs:
+        return
+    lock, stop = threading.Lock(), threading.Event()
+
+    def keep(case: Case) -> None:
+        with lock:
+            log.keep(case)
+            rate = case["successes"] / case["evaluated"]
+            tell(f"{case['key']}: success {rate:.2f} after {case['steps']} real steps")
+
+    torch.set_num_threads(max(1, options.processes // len(jobs)))
+    with (
+        ThreadPoolExecutor(len(jobs)) as judges,
+        ThreadPoolExecutor(len(jobs)) as threads,
+        ExitStack() as last,
+    ):
+        last.callback(stop.set)  # before the threads are waited for: they end with their round
+        judged: list[Future[None]] = []
+
+        def judge(job: Job, point: int) -> None:
+            if not stop.is_set():
+                keep(judged_at(job, point, options.out, player))
+
+        def kept(job: Job, point: int) -> None:
+            if job.key(point) not in log.cases:
+                judged.append(judges.submit(judge, job, point))
+
+        runs = [threads.submit(_train, job, options, player, kept, stop) for job in jobs]
+        for one in as_completed(runs):
+            one.result()
+        for other in as_completed(judged):
+            other.result()
+
+
+def _train(
+    job: Job, options: Options, player: Play, kept: Callable[[Job, int], None], stop: threading.Event
+) -> None:
+    """One training from where it was left; `kept` hears of each point that its weights lie there."""
+    folder = options.out / "runs" / f"{job.place.task}-{job.seed}"
+    cell = default_cell()
+    encoder = nominal_encoder(job.place.task, cell, job.place.weights)
+    run = ResidualRun(folder, job.place, cell, encoder, job.seed, job.settings, player, options.device)
+    try:
+        for point in job.settings.points:
+            run.advance(point, lambda: not stop.is_set())
+            if stop.is_set():
+                return
+            file = weights_at(options.out, job.place.task, job.seed, point)
+            if not file.is_file():
+                run.save_weights(file)
+            kept(job, point)
+    finally:
+        run.close()
+
+
+def weights_at(out: Path, task: str, seed: int, point: int) -> Path:
+    """Where an experiment keeps the residual of a run as it was at a point of the curve."""
+    return out / "weights" / f"seed_{seed}" / f"steps_{point}" / weights_name(task, "residual_actor")
+
+
+def judged_at(job: Job, point: int, out: Path, player: Play) -> Case:
+    """The weights kept at a point, by the truth.
+
+    Raises:
+        InputError: their file does not fit; see `load_weights`.
+    """
+    task = job.place.task
+    file = weights_at(out, task, job.seed, point)
+    found, info = evaluated_file(player, job.place, job.seed, job.settings, file, default_cell())
+    return {
+        "key": job.key(point),
+        "task": task,
+        "policy": job.place.policy,
+        "seed": job.seed,
+        "point": point,
+        "steps": int(info.figures["steps"]),
+        "episodes": int(info.figures["episodes"]),
+        "updates": int(info.figures["updates"]),
+        "evaluated": len(found.successes),
+        "successes": sum(found.successes),
+        "detected": sum(found.detected),
+        "false_detections": sum(d and not s for d, s in zip(found.detected, found.successes, strict=True)),
+        "final_error": sum(found.final_errors) / len(found.final_errors),
+        "actions": sum(found.actions) / len(found.actions),
+        "residual": found.residual,
+        "errors": found.errors,
+    }
+
+
+EXPERIMENT = Experiment(
+    NAME, "success over real steps of the residual, in a world that differs", tuple(TASKS), run
+)

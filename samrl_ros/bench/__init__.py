@@ -1,1 +1,0 @@
-"""Measurements: `samrl bench NAME`."""

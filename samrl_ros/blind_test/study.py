@@ -1,0 +1,100 @@
+"""What a forge's folder is made with: counts, seed, versions; and which worlds have their family withheld."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from samrl_core.blind_test.scores.study import Study, write_atomically
+from samrl_core.common.errors import InputError
+
+LEFT_OUT_FILE = "left_out.json"
+VERSIONS = ("samrl", "numpy", "pybullet", "mujoco", "pin", "warp-lang", "torch")
+
+
+def same_as_before(study: Study, settings: dict[str, Any]) -> None:
+    """Note the settings of a new folder; refuse one that was begun with others, or holds something else."""
+    path = study.plan
+    text = json.dumps(settings, indent=1) + "\n"
+    if path.exists():
+        if path.read_text() != text:
+            raise InputError(f"{study.root} holds a forge with other settings ({path}); choose another --out")
+        return
+    if study.root.exists() and any(study.root.iterdir()):
+        raise InputError(f"{study.root} is not empty and holds no forge; choose another --out")
+    write_atomically(path, text.encode())
+
+
+def commit_before(study: Study) -> str | None:
+    """The commit that an unfinished forge began with: HEAD may have moved on."""
+    path = study.plan
+    return json.loads(path.read_text())["commit"] if path.exists() else None
+
+
+def shares(worlds: int, usual: dict[str, Any]) -> dict[str, int]:
+    """Counts of each kind that sum to `worlds`, in the usual proportions; one of each if they fit."""
+    kinds = ("single", "none", "outside", "double")
+    total = sum(usual[k] for k in kinds)
+    counts = {k: max(worlds * usual[k] // total, 1 if worlds >= len(kinds) else 0) for k in kinds}
+    counts["single"] += worlds - sum(counts.values())
+    return counts | {"mujoco": round(worlds * usual["mujoco"] / total)}
+
+
+def head() -> str:
+    """Hash of the commit that is tested."""
+    try:
+        found = subprocess.run(
+            ["git", "rev-parse", "HEAD"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise InputError(
+            "this is no git checkout, so there is no commit to seed from; give --seed or --commit"
+        ) from error
+    return found.stdout.strip()
+
+
+def commit_or_none() -> str | None:
+    """Hash of the commit that runs, where there is a checkout."""
+    try:
+        return head()
+    except InputError:
+        return None
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of what the worlds are made with."""
+    found = {name: version for name in VERSIONS if (version := _version(name))}
+    return found | {"python": platform.python_version()}
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def left_out(study: Study, count: int) -> dict[str, str]:
+    """World to withheld family: chosen once from the opened labels, in the shuffled order, family by family.
+
+    This opens the seal inside the harness alone; what a diagnosis gets is a library without that family.
+    """
+    path = study.root / LEFT_OUT_FILE
+    chosen: dict[str, str] = json.loads(path.read_text()) if path.exists() else {}
+    labels = study.open_seal().labels()
+    waiting = [w for w in study.published()["worlds"] if labels[w]["set"] == "single" and w not in chosen]
+    while len(chosen) < count and waiting:
+        families = list(chosen.values())
+        counts = [families.count(labels[w]["effects"][0]["family"]) for w in waiting]
+        world = waiting.pop(counts.index(min(counts)))
+        chosen[world] = labels[world]["effects"][0]["family"]
+    write_atomically(path, (json.dumps(chosen, indent=1) + "\n").encode())
+    return chosen

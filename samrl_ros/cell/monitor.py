@@ -1,0 +1,144 @@
+"""Watches a running cell from outside: progress, node states, and silence that should not be."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+
+from samrl_ros.contract.message_types import message_class
+from samrl_ros.contract.qos import qos_named
+from samrl_ros.contract.topics import NAMESPACE, TOPICS, arm_topic, cell_topic
+
+CLOCK_SILENCE_S = 10.0  # wall time without joint states, once they have come, that means the bridge is gone
+PROGRESS_SILENCE_S = 180.0  # wall time without a new phase that means the cell is stuck
+JOINTS = arm_topic("tool_arm", "joint_states")
+PHASE, OUTCOME, SAFETY = cell_topic("phase"), cell_topic("supervisor/outcome"), cell_topic("safety_state")
+NOMINAL = cell_topic("view_planner/nominal_action")
+
+
+@dataclass
+class NodeFigures:
+    """Newest diagnostics of one node."""
+
+    level: int
+    text: str
+    values: dict[str, str]
+    seen: float  # monotonic [s]
+
+
+@dataclass
+class Watch:
+    """What has been seen so far; plain data."""
+
+    outcomes: dict[int, Any] = field(default_factory=dict)
+    wall_time_s: dict[int, float] = field(default_factory=dict)
+    marks: dict[int, list[tuple[float, str]]] = field(default_factory=dict)  # see `summary.summarise`
+    phase: str = ""
+    phases: int = 0
+    safety: str = ""
+    safety_level: int = 0
+    nodes: dict[str, NodeFigures] = field(default_factory=dict)
+    history: list[tuple[float, str, dict[str, str]]] = field(default_factory=list)
+    last_joints: float = 0.0
+    last_progress: float = 0.0
+    episode_since: float = field(default_factory=time.monotonic)
+
+
+class Monitor:
+    """A node in the caller's thread; call `spin` often."""
+
+    def __init__(self, on_event: Callable[[str], None] = lambda text: None) -> None:
+        self.watch = Watch()
+        self._marks: list[tuple[float, str]] = []  # of the present episode
+        self._on_event = on_event
+        self._node = Node("monitor", namespace=NAMESPACE)
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._node)
+        for name, callback in (
+            (PHASE, self._on_phase),
+            (OUTCOME, self._on_outcome),
+            (NOMINAL, self._on_nominal),
+            (SAFETY, self._on_safety),
+            ("/diagnostics", self._on_diagnostics),
+            (JOINTS, self._on_joints),
+        ):
+            topic = TOPICS[name]
+            self._node.create_subscription(message_class(topic.type), name, callback, qos_named(topic.qos))
+
+    def spin(self, timeout_s: float = 0.05) -> None:
+        """Take in what has come."""
+        self._executor.spin_once(timeout_sec=timeout_s)
+
+    def is_taken(self) -> bool:
+        """Whether somebody publishes joint states already: another cell, or a driver, in this ROS domain."""
+        return self.watch.last_joints > 0.0 or self._node.count_publishers(JOINTS) > 0
+
+    def is_active(self, node: str) -> bool:
+        """Whether a node has reported itself active."""
+        figures = self.watch.nodes.get(f"{NAMESPACE}/{node}")
+        return figures is not None and figures.values.get("state") == "active"
+
+    def trouble(self) -> str:
+        """Why the run cannot go on, empty while it can."""
+        now, watch = time.monotonic(), self.watch
+        for name, figures in watch.nodes.items():
+            if figures.level >= 2:
+                return f"{name}: {figures.text}"
+        if watch.last_joints and now - watch.last_joints > CLOCK_SILENCE_S:
+            return f"no joint states for {CLOCK_SILENCE_S:.0f} s: sim_bridge (or the arm's driver) is gone"
+        if watch.last_progress and now - watch.last_progress > PROGRESS_SILENCE_S:
+            return f"no progress for {PROGRESS_SILENCE_S:.0f} s in phase {watch.phase!r}"
+        return ""
+
+    def arms_stopped(self) -> str:
+        """Why the arms stand in a fault or emergency stop that nobody has reset, empty when they do not."""
+        return f"the arms are stopped: {self.watch.safety}" if self.watch.safety_level >= 2 else ""
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+        self._executor.shutdown()
+
+    def _on_joints(self, message: Any) -> None:
+        self.watch.last_joints = time.monotonic()
+
+    def _on_phase(self, message: Any) -> None:
+        self.watch.phase = message.data
+        self.watch.phases += 1
+        self.watch.last_progress = time.monotonic()
+        if message.data.startswith("episode "):
+            self.watch.episode_since = time.monotonic()
+            self._marks = self.watch.marks.setdefault(int(message.data.split()[1]), [])
+        self._mark(message.data)
+
+    def _on_nominal(self, message: Any) -> None:
+        self._mark("move")
+
+    def _mark(self, what: str) -> None:
+        self._marks.append((time.monotonic() - self.watch.episode_since, what))
+
+    def _on_outcome(self, message: Any) -> None:
+        now = time.monotonic()
+        self.watch.outcomes[int(message.episode)] = message
+        self.watch.wall_time_s[int(message.episode)] = now - self.watch.episode_since
+        self._on_event(f"episode {message.episode}: {message.reason}, {message.actions} actions")
+
+    def _on_safety(self, message: Any) -> None:
+        self.watch.safety_level = message.level[0]
+        if message.message != self.watch.safety:
+            self.watch.safety = message.message
+            if message.level != b"\x00":
+                self._on_event(f"safety: {message.message}")
+
+    def _on_diagnostics(self, message: Any) -> None:
+        now = time.monotonic()
+        for status in message.status:
+            values = {v.key: v.value for v in status.values}
+            self.watch.nodes[status.name] = NodeFigures(status.level[0], status.message, values, now)
+            self.watch.history.append((now, status.name, values))

@@ -1,0 +1,205 @@
+"""What a run of the cell is asked to do, checked before anything starts."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.world import WORLDS
+from samrl_core.common.errors import InputError
+from samrl_core.policy.agent.loop import LoopSettings
+from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_ros.cell.parameter_file import load_parameters
+
+# The recorder first, so that nothing is missed; the supervisor last, when all others answer.
+NODE_ORDER = (
+    "recorder",
+    "sim_bridge",
+    "manipulator",
+    "view_planner",
+    "model_updater",
+    "residual_trainer",
+    "supervisor",
+)
+
+
+LAYOUTS = ("split", "processes", "threads")
+
+
+@dataclass(frozen=True)
+class CellOptions:
+    """Options of `samrl cell`."""
+
+    task: str
+    episodes: int
+    seed: int
+    out: Path
+    layout: str = "split"  # split: computing nodes in own processes; processes: every node; threads: none
+    view: bool = False  # Foxglove WebSocket server
+    update: bool = True  # Real2Sim on
+    policy: str = DEFAULT_POLICY  # of the view planner: nominal actions
+    strategy: str = ""  # of the view planner: views; empty for that which goes with the policy
+    weights: Path | None = None  # folder of trained networks, None for the package's
+    residual: Path | None = None  # weight file, None for the zero residual or what a parameter file says
+    real_time_factor: float = 1.0  # upper bound, 0 for as fast as it goes
+    max_actions: int = 0  # 0 for the task's own
+    world: str = "pybullet"
+    params: Path | None = None  # a parameter file laid over ours
+    node_args: tuple[str, ...] = ()  # further --ros-args
+
+    def __post_init__(self) -> None:
+        if not self.strategy and self.policy in POLICIES:
+            object.__setattr__(self, "strategy", STRATEGY_OF[self.policy])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for `summary.json`."""
+        data = asdict(self)
+        return {k: str(v) if isinstance(v, Path) else v for k, v in data.items()}
+
+
+def prepare(options: CellOptions) -> Path:
+    """Check the options, create the run's folder and write its parameter file.
+
+    Returns:
+        The parameter file.
+
+    Raises:
+        InputError: an unknown task, an out folder in use or not writable, a
+            parameter file that does not fit. Nothing is written then.
+    """
+    task_named(options.task)
+    if options.layout not in LAYOUTS:
+        raise InputError(f"--layout is {options.layout!r}, must be one of {', '.join(LAYOUTS)}")
+    if options.view and importlib.util.find_spec("foxglove") is None:
+        raise InputError("--view needs the extra `viz`: pip install -e '.[viz]'")
+    if options.episodes < 1:
+        raise InputError(f"--episodes is {options.episodes}, must be at least 1")
+    if options.policy not in POLICIES:
+        raise InputError(f"--policy is {options.policy!r}, must be one of {', '.join(POLICIES)}")
+    if options.strategy not in STRATEGIES:
+        raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")
+    if options.world not in WORLDS:
+        raise InputError(f"--world is {options.world!r}, must be one of {', '.join(WORLDS)}")
+    if options.policy == "learned" or options.strategy == "q":
+        _require_weights(options)
+    if options.residual is not None:
+        _require_residual(options.task, options.residual)
+    overlay: dict[str, dict[str, Any]] = {}
+    if options.params is not None:
+        overlay = load_parameters(options.params, NODE_ORDER)
+    parameters = _parameters(options, overlay)
+    out = options.out
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} is there already and not an empty folder; choose another --out")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "evaluation").mkdir()
+    except OSError as error:
+        raise InputError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
+    if not os.access(out, os.W_OK):
+        raise InputError(f"{out} is not writable; choose another --out")
+    file = out / "params.yaml"
+    file.write_text(yaml.safe_dump(parameters, sort_keys=False))
+    return file
+
+
+def _require_weights(options: CellOptions) -> None:
+    """Load once what the view planner will load: seconds into a run is late for a refusal."""
+    from samrl_core.cell.robots.cells.panda_rizon import default_cell
+    from samrl_core.policy.agent.settings import trained_networks
+
+    try:
+        trained_networks(options.task, default_cell(), options.weights)
+    except InputError as error:
+        raise InputError(
+            f"--policy {options.policy} with --strategy {options.strategy} needs trained networks: {error}; "
+            "or give --policy optimised --strategy best, which need none"
+        ) from error
+
+
+def _require_residual(task: str, file: Path) -> None:
+    from samrl_core.cell.robots.cells.panda_rizon import default_cell
+    from samrl_core.policy.networks.weights import load_weights
+
+    try:
+        load_weights(file, "residual_actor", task, default_cell())
+    except InputError as error:
+        raise InputError(f"--residual: {error}") from error
+
+
+def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Contents of the run's parameter file: what the options say, laid over what the user's file says.
+
+    Raises:
+        InputError: the two contradict each other.
+    """
+    out = options.out.resolve()
+    weights = str(options.weights.resolve()) if options.weights else ""
+    ours: dict[str, dict[str, tuple[str, Any]]] = {  # by node and parameter: option and value
+        "sim_bridge": {
+            "task": ("--task", options.task),
+            "world": ("--world", options.world),
+            "real_time_factor": ("--real-time-factor", options.real_time_factor),
+            "evaluation_file": ("--out", str(out / "evaluation" / "truth.jsonl")),
+        },
+        "manipulator": {"task": ("--task", options.task)},
+        "view_planner": {
+            "task": ("--task", options.task),
+            "policy": ("--policy", options.policy),
+            "strategy": ("--strategy", options.strategy),
+            "weights": ("--weights", weights),
+            "seed": ("--seed", options.seed),
+        },
+        "model_updater": {"task": ("--task", options.task), "enabled": ("--update", options.update)},
+        "residual_trainer": {"task": ("--task", options.task), "weights": ("--weights", weights)},
+        "recorder": {"out": ("--out", str(out / "bag")), "task": ("--task", options.task)},
+        "supervisor": {
+            "task": ("--task", options.task),
+            "episodes": ("--episodes", options.episodes),
+            "seed": ("--seed", options.seed),
+            "max_actions": ("--max-actions", options.max_actions),
+        },
+    }
+    if options.residual is not None:
+        ours["residual_trainer"]["residual"] = ("--residual", str(options.residual.resolve()))
+        trained = overlay.get("residual_trainer", {})
+        if trained.get("train") or trained.get("folder"):
+            raise InputError(
+                f"--residual {options.residual} stays as it is, the parameter file gives residual_trainer a "
+                f"training; leave out --residual, or train and folder"
+            )
+    if not options.update:  # a model as it starts knows nothing of when a task is done
+        ours["supervisor"]["believe"] = ("--no-update", False)
+    merged: dict[str, Any] = {}
+    for node, owned in ours.items():
+        given = overlay.get(node, {})
+        if given:
+            _refuse_contradiction(node, owned, given)
+        values = {name: value for name, (_, value) in owned.items()}
+        merged[f"/cell/{node}"] = {"ros__parameters": {"use_sim_time": True, **given, **values}}
+    merged["/cell/sim_bridge"]["ros__parameters"]["use_sim_time"] = False  # it makes the clock
+    # Written down always: a replay knows older runs by its absence.
+    merged["/cell/supervisor"]["ros__parameters"].setdefault("agreeing", LoopSettings.agreeing)
+    return merged
+
+
+def _refuse_contradiction(node: str, owned: dict[str, tuple[str, Any]], given: dict[str, Any]) -> None:
+    """Options win over a file's defaults, so that a whole copy of the defaults can be laid over a run.
+
+    A file's own value is neither used, or a run's bag would go elsewhere, nor silently dropped.
+    """
+    from samrl_ros.nodes.registry import all_settings
+
+    defaults = {field.name: field.default for field in fields(all_settings()[node])}
+    for name, (option, value) in owned.items():
+        if name in given and given[name] not in (value, defaults[name]):
+            raise InputError(
+                f"the parameter file sets {name} of {node} to {given[name]!r}, {option} says {value!r}; "
+                f"give {option} and leave {name} out of the file"
+            )

@@ -1,0 +1,243 @@
+"""The whole cell: `samrl cell`, `ros2 run samrl_ros cell`. Starts the nodes, watches them, sums up."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks.task import Task
+from samrl_core.common.errors import InputError, SamrlError
+from samrl_ros.cell.options import NODE_ORDER, CellOptions, prepare
+from samrl_ros.contract.exit_codes import FAILED, INTERRUPTED, OK
+from samrl_ros.hosting.ros_check import require_ros
+
+__all__ = ["CellOptions", "run_cell"]
+
+VISITED = "visited.npz"  # of a run's folder: states that Real2Sim found, to learn from
+SETTLING_S = 0.5  # wall time in which the last messages reach the recorder
+BRAKING_S = 2.0  # wall time in which the bridge brakes arms whose commands ceased, and the recorder sees it
+DISCOVERY_S = 1.0  # wall time in which whoever is in the ROS domain already is heard of
+START_TIMEOUT_S = 180.0  # wall time until all nodes are active; the first compiles the renderer's kernels
+
+
+def run_cell(
+    options: CellOptions,
+    console: Console | None = None,
+    on_tick: Callable[[dict[str, int]], None] = lambda pids: None,
+    keep: dict[str, Any] | None = None,
+) -> int:
+    """Run the cell as asked and return the exit code.
+
+    Args:
+        options: what to run.
+        console: where to talk to people.
+        on_tick: called about twenty times a second with the process ids of the nodes, for benchmarks.
+        keep: gets `watch`, all that the monitor saw, for benchmarks.
+
+    Raises:
+        InputError: the options cannot be met; nothing was started.
+    """
+    screen = console or Console()
+    require_ros()
+    from samrl_ros.hosting.host import check_ros_arguments, start_ros, stop_ros, stop_signals
+
+    check_ros_arguments(options.node_args)
+    _refuse_taken_domain()
+    params = prepare(options)
+    arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
+    with stop_signals() as stop:
+        start_ros([sys.argv[0], *arguments])
+        try:
+            watch, trouble = _watch_run(options, arguments, stop, screen, on_tick)
+        finally:
+            stop_ros()
+        if keep is not None:
+            keep["watch"] = watch
+        code = INTERRUPTED if stop.is_set() and not trouble else FAILED if trouble else OK
+        if trouble:
+            text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
+            screen.print(text, highlight=False, soft_wrap=True)
+        elif code == INTERRUPTED:
+            screen.print("interrupted; the bag is closed", highlight=False)
+        # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
+        _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, screen)
+    return code
+
+
+def _refuse_taken_domain() -> None:
+    """Two cells in one ROS domain would command each other's arms; the guard stops both in mid-motion.
+
+    Raises:
+        InputError: somebody publishes joint states of the tool arm already.
+    """
+    from samrl_ros.cell.monitor import Monitor
+    from samrl_ros.hosting.host import start_ros, stop_ros
+
+    start_ros([sys.argv[0]])
+    try:
+        monitor = Monitor()
+        try:
+            deadline = time.monotonic() + DISCOVERY_S
+            while time.monotonic() < deadline and not monitor.is_taken():
+                monitor.spin()
+            taken = monitor.is_taken()
+        finally:
+            monitor.close()
+    finally:
+        stop_ros()
+    if taken:
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        raise InputError(
+            f"another cell or driver publishes joint states in ROS domain {domain}; stop it, or set "
+            f"ROS_DOMAIN_ID to a number of its own (0 to 101) for this cell"
+        )
+
+
+def _watch_run(
+    options: CellOptions,
+    arguments: list[str],
+    stop: Any,
+    console: Console,
+    on_tick: Callable[[dict[str, int]], None],
+) -> tuple[Any, str]:
+    """Start everything, wait for the end, stop everything; returns what was seen and what went wrong."""
+    from samrl_ros.cell.monitor import Monitor
+    from samrl_ros.cell.node_group import MixedGroup, ProcessGroup, ThreadGroup
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        bar = progress.add_task("starting nodes", total=options.episodes)
+        monitor = Monitor(
+            on_event=lambda text: progress.console.print(escape(text), highlight=False, soft_wrap=True)
+        )
+        view = _start_view(options)
+        logs = options.out / "logs"
+        group = {
+            "split": lambda: MixedGroup(arguments, logs),
+            "processes": lambda: ProcessGroup(arguments, logs),
+            "threads": ThreadGroup,
+        }[options.layout]()
+        trouble = ""
+        try:
+            trouble = _bring_up(group, monitor, stop)
+            while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
+                monitor.spin()
+                on_tick(group.pids())
+                trouble = group.trouble() or monitor.trouble()
+                description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
+                progress.update(bar, completed=len(monitor.watch.outcomes), description=description)
+            deadline = time.monotonic() + (BRAKING_S if trouble else SETTLING_S)
+            while not stop.is_set() and time.monotonic() < deadline:
+                monitor.spin()
+            trouble = trouble or monitor.arms_stopped()
+        except SamrlError as error:
+            trouble = str(error)
+        finally:
+            trouble = "; ".join(filter(None, [trouble, group.stop()]))
+            if view is not None:
+                view.close()
+            monitor.close()
+    return monitor.watch, trouble
+
+
+def _bring_up(group: Any, monitor: Any, stop: Any) -> str:
+    """Start all nodes but the supervisor, wait until they are active, then start the supervisor."""
+    others = NODE_ORDER[:-1]
+    for name in others:
+        group.start(name)
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while not all(monitor.is_active(name) for name in others):
+        monitor.spin()
+        trouble = group.trouble() or monitor.trouble()
+        if trouble or stop.is_set():
+            return trouble
+        if time.monotonic() > deadline:
+            late = [name for name in others if not monitor.is_active(name)]
+            return f"nodes not active after {START_TIMEOUT_S:.0f} s: {', '.join(late)}"
+    group.start(NODE_ORDER[-1])
+    return ""
+
+
+def _start_view(options: CellOptions) -> Any:
+    if not options.view:
+        return None
+    from samrl_ros.cell.live_view import start_live_view
+
+    return start_live_view()
+
+
+def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) -> None:
+    """Write `summary.json` and the picture from what was recorded; say where they are."""
+    from samrl_ros.cell.contact_sheet import draw_contact_sheet
+    from samrl_ros.cell.summary import summarise, write_json
+
+    task, out = task_named(options.task), options.out
+    try:
+        summary = summarise(out, task, options.as_dict(), watch.wall_time_s, watch.marks, trouble)
+    except InputError as error:
+        console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return
+    write_json(out / "summary.json", summary)
+    n = len(summary["episodes"])
+    low, high = summary["success_rate_wilson95"]
+    interval = f"95 %: {low:.2f}-{high:.2f}"
+    console.print(f"{summary['successes']} of {n} episodes succeeded by evaluation truth ({interval})")
+    for episode in summary["episodes"]:
+        console.print(_line(episode), highlight=False, soft_wrap=True)
+    timing = summary["timing"]
+    console.print(
+        f"real-time factor {timing['real_time_factor_median']:.2f}, longest wall gap "
+        f"{1e3 * timing['longest_wall_gap_s']:.0f} ms, "
+        f"joint states at {timing['joint_state_hz_median']:.0f} Hz",
+        highlight=False,
+    )
+    console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)
+    _keep_visited(out, task, console)
+    picture = out / "contact_sheet.png"
+    try:
+        draw_contact_sheet(out / "bag", picture, episode=summary["episodes"][0]["episode"] if n else 0)
+    except InputError as error:
+        console.print(f"[yellow]no picture:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return
+    console.print(f"picture: {picture}", highlight=False)
+
+
+def _keep_visited(out: Path, task: Task, console: Console) -> None:
+    """Line 16 of Algorithm 1: what Real2Sim found, for `samrl train --visited`."""
+    from samrl_core.cell.robots.cells.panda_rizon import default_cell
+    from samrl_core.learning.states.visited import save_visited
+    from samrl_ros.cell.visited_states import visited_in_bag
+
+    try:
+        found = visited_in_bag(out / "bag", task, default_cell())
+    except InputError as error:
+        console.print(f"[yellow]no visited states:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return
+    if len(found):
+        save_visited(out / VISITED, found)
+        console.print(f"visited: {out / VISITED}", highlight=False)
+
+
+def _line(episode: dict[str, Any]) -> str:
+    success = {True: "success", False: "failure", None: "not judged"}[episode["success"]]
+    estimate, end = episode["estimate_error_before_contact_m"], episode["final_error_m"]
+    # Only a target that stands still has one error of its estimate; all tasks have one of their end.
+    how_near = (
+        f"estimate off by {1e3 * estimate:.2f} mm before contact"
+        if math.isfinite(estimate)
+        else f"ended {1e3 * end:.1f} mm from the goal"
+    )
+    return (
+        f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, "
+        f"{how_near}, {len(episode['views'])} views considered, {episode['wall_time_s']:.0f} s"
+    )

@@ -1,0 +1,236 @@
+"""What a run came to: the bag and the evaluation file become `summary.json`.
+
+This is evaluation: the only place, besides the tests, that reads ground truth.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.world.evaluation import ending_of, read_truth
+from samrl_core.common.atomic_file import write_whole
+from samrl_core.common.errors import InputError
+from samrl_core.common.share import wilson
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.bags.recorder import header_stamp_ns
+from samrl_ros.contract.topics import arm_topic, cell_topic
+from samrl_ros.conversions.from_message import stamp_ns
+
+STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
+OUTCOME, READY = cell_topic("supervisor/outcome"), cell_topic("sim_bridge/ready")
+EXECUTED = cell_topic("manipulator/executed_action")
+STATUS = tuple(arm_topic(role, "motion_status") for role in ROLES)
+
+
+def samrl_version() -> str:
+    """Version of the installed package, "source" when it is not installed."""
+    try:
+        return version("samrl")
+    except PackageNotFoundError:
+        return "source"
+
+
+def summarise(
+    folder: Path,
+    task: Task,
+    settings: dict[str, Any],
+    wall_time_s: dict[int, float],
+    marks: dict[int, list[tuple[float, str]]],
+    error: str = "",
+) -> dict[str, Any]:
+    """Read `folder/bag` and `folder/evaluation/truth.jsonl` and join them per episode.
+
+    Args:
+        folder: the run's folder.
+        task: for its definition of success.
+        settings: what was asked for, recorded as it is.
+        wall_time_s: wall time per finished episode [s].
+        marks: per episode, when by the wall clock each of its phases began: seconds since it was laid out,
+            and a mark of the topic `phase`, or "move" when the action was known.
+        error: why the run ended early, empty when it did not.
+
+    Raises:
+        InputError: a run that did not end early has no readable bag.
+    """
+    try:
+        messages, timing = _by_episode(folder / "bag"), _timing(folder / "bag")
+    except InputError as unreadable:
+        if not error:
+            raise
+        # A run that never came to record still says why.
+        error, messages, timing = f"{error}; no figures: {unreadable}", {}, _timing_of([], [], [])
+    truth_file = folder / "evaluation" / "truth.jsonl"
+    truth = read_truth(truth_file) if truth_file.is_file() else {}
+    episodes: list[dict[str, Any]] = [
+        _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
+        | {"marks": [[round(s, 4), what] for s, what in marks.get(number, [])]}
+        for number, topics in sorted(messages.items())
+        if topics[OUTCOME]
+    ]
+    successes = sum(bool(e["success"]) for e in episodes)
+    return {
+        "schema": 1,
+        "task": task.name,
+        "version": samrl_version(),
+        "settings": settings,
+        "error": error,
+        "successes": successes,
+        "success_rate_wilson95": wilson(successes, len(episodes)),
+        "detector": _detector(episodes),
+        "timing": timing,
+        "median_hole_error_before_contact_m": _median(
+            [e["estimate_error_before_contact_m"] for e in episodes]
+        ),
+        "episodes": episodes,
+    }
+
+
+def write_json(path: Path, data: dict[str, Any]) -> None:
+    """Write whole or not at all; a number that is not finite becomes null, as JSON has none."""
+    write_whole(path, json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(float(value)) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _median(values: list[float]) -> float:
+    finite = [v for v in values if math.isfinite(v)]
+    return float(np.median(finite)) if finite else float("nan")
+
+
+def _by_episode(bag_path: Path) -> dict[int, dict[str, list[Any]]]:
+    topics = (STATE, TARGET, OUTCOME, READY, EXECUTED, *STATUS)
+    episodes: dict[int, dict[str, list[Any]]] = defaultdict(lambda: {t: [] for t in topics})
+    for record, message in open_bag(bag_path).decoded(topics):
+        episodes[int(message.episode)][record.topic].append(message)
+    return episodes
+
+
+def _timing(bag_path: Path) -> dict[str, float]:
+    """Pace of the simulation as its bridge reported it, and the rate of joint states in simulated time."""
+    factors, gaps, stamps = [], [], []
+    joints = arm_topic(ROLES[0], "joint_states")
+    bag = open_bag(bag_path)
+    for _, message in bag.decoded(("/diagnostics",)):
+        for status in message.status:
+            if status.name.endswith("/sim_bridge"):
+                figures = {v.key: v.value for v in status.values}
+                factors.append(float(figures.get("real_time_factor", "nan")))
+                gaps.append(float(figures.get("longest_gap_s", "nan")))
+    for record in bag.messages((joints,)):
+        stamps.append(header_stamp_ns(record.type, record.data) or 0)  # the header alone: there are many
+    return _timing_of(factors, gaps, stamps)
+
+
+def _timing_of(factors: list[float], gaps: list[float], stamps: list[int]) -> dict[str, float]:
+    periods = np.diff(np.array(sorted(stamps), dtype=np.int64)) * 1e-9
+    moving = [f for f in factors if math.isfinite(f) and f > 0]
+    return {
+        "real_time_factor_median": float(np.median(moving)) if moving else float("nan"),
+        "longest_wall_gap_s": max((g for g in gaps if math.isfinite(g)), default=float("nan")),
+        "joint_state_hz_median": float(1.0 / np.median(periods)) if periods.size else float("nan"),
+        "joint_state_period_p99_s": float(np.quantile(periods, 0.99)) if periods.size else float("nan"),
+    }
+
+
+def _episode(
+    number: int, topics: dict[str, list[Any]], truth: dict[str, dict[str, Any]], task: Task, wall_s: float
+) -> dict[str, Any]:
+    outcome = topics[OUTCOME][-1]
+    states = topics[STATE]
+    start_ns = stamp_ns(topics[READY][0]) if topics[READY] else stamp_ns(outcome)
+    last = states[-1] if states else None
+    summary: dict[str, Any] = {
+        "episode": number,
+        "detected_success": bool(outcome.detected_success),
+        "actions": int(outcome.actions),
+        "reason": outcome.reason,
+        "wall_time_s": wall_s,
+        "sim_time_s": (stamp_ns(outcome) - start_ns) * 1e-9,
+        "estimate": dict(zip(last.names, last.values, strict=True)) if last else {},
+        "estimate_sigma_m": float(outcome.estimate_error_bound),
+        "updates": [_update(s) for s in states],
+        "views": [_view(v) for v in topics[TARGET]],
+        "tracking_error_rad": max(
+            (m.tracking_error for t in STATUS for m in topics[t]), default=float("nan")
+        ),
+    }
+    summary.update(_judged(truth, states, task))
+    return summary
+
+
+def _judged(truth: dict[str, dict[str, Any]], states: list[Any], task: Task) -> dict[str, Any]:
+    """What only the truth can say."""
+    if "end" not in truth:
+        keys = ("final_error_m", "estimate_error_before_contact_m", "peak_contact_force_N")
+        return {"seed": None, "success": None, **dict.fromkeys(keys, float("nan"))}
+    end = truth["end"]
+    ending = ending_of(end)
+    contact_ns = end["first_contact_ns"]
+    before = [s for s in states if contact_ns < 0 or stamp_ns(s) < contact_ns]
+    error = float("nan")
+    if before:
+        poses = task.body_poses(np.array(before[-1].values))
+        start = truth["start"]["body_position"]
+        error = max(
+            (float(np.linalg.norm(p.position - np.array(start[k]))) for k, p in poses.items()),
+            default=float("nan"),  # the parameters move no body
+        )
+    return {
+        "seed": end["seed"],
+        "success": task.succeeded(ending),
+        "final_error_m": task.final_error(ending),
+        "estimate_error_before_contact_m": error,
+        "peak_contact_force_N": end["peak_contact_force"],
+    }
+
+
+def _update(state: Any) -> dict[str, Any]:
+    return {
+        "step": int(state.step),
+        "loss_before": state.loss_before,
+        "loss_after": state.loss_after,
+        "iterations": int(state.iterations),
+        "why_stopped": state.why_stopped,
+        "values": list(state.values),
+    }
+
+
+def _view(view: Any) -> dict[str, Any]:
+    p = view.camera_in_world.position
+    return {
+        "step": int(view.step),
+        "move": bool(view.move),
+        "camera_position_m": [p.x, p.y, p.z],
+        "score": view.score,
+        "present_score": view.present_score,
+        "visibility": view.visibility,
+        "reason": view.reason,
+    }
+
+
+def _detector(episodes: list[dict[str, Any]]) -> dict[str, int]:
+    """Confusion of the automatic termination against evaluation truth."""
+    judged = [(bool(e["detected_success"]), bool(e["success"])) for e in episodes if e["success"] is not None]
+    return {
+        "true_positive": judged.count((True, True)),
+        "false_positive": judged.count((True, False)),
+        "false_negative": judged.count((False, True)),
+        "true_negative": judged.count((False, False)),
+    }

@@ -1,0 +1,106 @@
+"""`samrl bag info`, `samrl bag repair` and `samrl bag import`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
+
+from samrl_core.common.errors import SamrlError
+from samrl_ros.bags.info import describe, render
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.bags.repair import default_destination, repair
+
+INPUT_REFUSED = 3
+
+bag_app = typer.Typer(help="Look into bags and repair them.", no_args_is_help=True)
+
+BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Bag folder or .mcap file.")]
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """A refused input ends the command with its message and exit code 3."""
+    try:
+        yield
+    except SamrlError as error:
+        Console(stderr=True).print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True, highlight=False)
+        raise typer.Exit(INPUT_REFUSED) from error
+
+
+@bag_app.command("info")
+def info(
+    path: BagPath,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Show what a bag holds: duration, topics, types, rates, and whether it is whole."""
+    with _refusals():
+        described = describe(open_bag(path))
+    if as_json:
+        typer.echo(json.dumps(described, indent=2))
+    else:
+        width = None if sys.stdout.isatty() else 160  # a pipe has no width to respect
+        Console(width=width).print(render(described))
+
+
+@bag_app.command("repair")
+def repair_command(
+    path: BagPath,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="New bag folder [default: BAG_repaired].")
+    ] = None,
+) -> None:
+    """Copy what can be read of a truncated or unclosed bag into a new, complete one."""
+    destination = out if out is not None else default_destination(path)
+    with _refusals(), Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("copying", total=None)
+        report = repair(
+            path,
+            destination,
+            on_progress=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    typer.echo(f"{report.messages} messages up to {report.end_ns * 1e-9:.3f} s kept in {report.destination}")
+    for line in report.damage:
+        typer.echo(f"stopped at: {line} ({report.lost_bytes} bytes not readable in all)")
+
+
+@bag_app.command("import")
+def import_command(
+    mapping: Annotated[Path, typer.Argument(metavar="MAPPING.yaml", help="What the logs' columns mean.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for the bags, one per recording.")
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option("--data", metavar="DIR", help="Folder that paths count from [default: the mapping's]."),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only say what each channel becomes; write nothing.")
+    ] = False,
+) -> None:
+    """Turn CSV, NPZ and MAT logs into bags, by a YAML mapping alone (msgs_docs/import.md)."""
+    from samrl_ros.log_import.importer import INDEX, import_logs
+    from samrl_ros.log_import.mapping import read_mapping
+
+    if out is None and not check:
+        raise typer.BadParameter("say where to write, or --check to write nothing", param_hint="--out")
+    with _refusals():
+        made = import_logs(
+            read_mapping(mapping), data if data is not None else mapping.parent, None if check else out
+        )
+    for each in made:
+        typer.echo(f"{each.recording.name} ({each.role}, {each.recording.arm.role})")
+        for line in each.report:
+            typer.echo(f"  {line}")
+        for note in each.notes:
+            typer.echo(f"  note: {note}")
+    if out is not None and not check:
+        typer.echo(f"{len(made)} bags in {out}, their roles in {out / INDEX}")

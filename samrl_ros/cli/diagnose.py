@@ -1,0 +1,209 @@
+"""`samrl diagnose`: recordings in; report.json, report.html and ten lines in the terminal out."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+from rich.console import Console
+from rich.markup import escape
+
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
+from samrl_core.diagnosis.recordings.motion_check import no_motion
+from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
+
+NAMED = ("effect", "ambiguous", "none_of_mine")
+
+
+@dataclass(frozen=True)
+class DiagnoseOptions:
+    """As on the command line."""
+
+    bags: tuple[Path, ...]
+    held_out: tuple[Path, ...]
+    out: Path
+    arm: str | None
+    urdf: Path | None
+    tolerances: Path | None
+    library: Path | None
+    seed: int
+    fail_on_gap: bool
+    null_worlds: int = 0
+
+
+def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> int:
+    """Diagnose and write the report; the exit code of the contract.
+
+    Raises:
+        InputError: the recordings cannot be used; nothing was written.
+    """
+    screen = console or Console()
+    if (options.out / "report.json").exists():
+        raise InputError(f"{options.out} has a report already; give another --out, reports are not replaced")
+    from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+    from samrl_core.diagnosis.report.terminal import summary
+    from samrl_core.diagnosis.report.write_report import write_report
+    from samrl_core.diagnosis.selection.selection import SelectionSettings
+
+    families = read_library(options.library) if options.library else None
+    selection = SelectionSettings(null_worlds=options.null_worlds, cache=cache_folder() / "null_worlds")
+    # What the user holds out stays held out; what was held out by default may be shared.
+    settings = DiagnosisSettings(
+        library=families, seed=options.seed, selection=selection, share_held_out=not options.held_out
+    )
+    try:
+        with screen.status("reading recordings") as status:
+            fit, held_out, notes = load(options)
+            for note in notes:
+                screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
+            diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)
+            status.update("writing the report")
+            files = write_report(diagnosis, options.out)
+            _write_resimulation(options.out, far.resimulations)
+    except KeyboardInterrupt:
+        screen.print("interrupted; nothing was written, the same command begins again", highlight=False)
+        return INTERRUPTED
+    for line in summary(diagnosis, [str(f) for f in files]):
+        screen.print(escape(line), highlight=False, soft_wrap=True)
+    return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
+
+
+def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecording], list[str]]:
+    """Recordings of one arm by role, checked, with what should be said of them.
+
+    Raises:
+        InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
+    """
+    from samrl_ros.recordings import load_recordings, read_tolerances
+
+    fit_paths, held_paths = _roles(options.bags, options.held_out)
+    urdf = _text("URDF", options.urdf) if options.urdf else None
+    tolerances = read_tolerances(options.tolerances) if options.tolerances else None
+    notes: list[str] = []
+    groups: list[list[tuple[ArmRecording, ...]]] = []
+    for paths in (fit_paths, held_paths):
+        group = []
+        for path in paths:
+            bag = load_recordings(path, urdf=urdf, tolerances=tolerances)
+            group.append(bag.recordings)
+            notes += [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]
+        groups.append(group)
+    role = options.arm or _moving_role([*groups[0], *groups[1]])
+    chosen: list[list[ArmRecording]] = []
+    for group in groups:
+        one = []
+        for recordings in group:
+            found = [r for r in recordings if r.arm.role == role]
+            if not found:
+                roles = [r.arm.role for r in recordings]
+                raise InputError(f"{recordings[0].source} has {roles}, not {role}; choose with --arm")
+            one.append(found[0])
+        chosen.append(one)
+    fit, held_out = chosen
+    for group in (fit, held_out):
+        for k, recording in enumerate(group):
+            notes += [f"{recording.name}: {note}" for note in check_recording(recording)]
+            group[k], note = longest_whole(recording)
+            notes += [f"{recording.name}: {note}"] if note else []
+    if not held_out:
+        (whole,) = fit
+        first, last = split(whole)
+        fit, held_out = [first], [last]
+        notes.append(f"{whole.name} is alone: its last part, after a gap, is held out")
+    check_held_out(fit, held_out)
+    return fit, held_out, notes
+
+
+def read_library(path: Path) -> tuple[str, ...]:
+    """Families that may be named: YAML or JSON, a list or `families: [...]`.
+
+    Raises:
+        InputError: the file cannot be read, or holds no list of names.
+    """
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"library {path} cannot be read: {error}") from error
+    names = content.get("families") if isinstance(content, dict) else content
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise InputError(f"library {path} must list families, plain or under `families:`; see samrl effects")
+    return tuple(names)
+
+
+def cache_folder() -> Path:
+    """Where results that only save time are kept: $XDG_CACHE_HOME/samrl, by default ~/.cache/samrl."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "samrl"
+
+
+def _text(what: str, path: Path) -> str:
+    try:
+        return path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{what} {path} cannot be read: {error}") from error
+
+
+def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """Files to fit and to hold out: as named, by recordings.json of an import, or the last one held out."""
+    fit: list[Path] = []
+    held = list(held_out)
+    for path in bags:
+        if not path.exists():
+            raise InputError(f"{path} does not exist; give bags (.mcap), bag folders, or a folder of bags")
+        index = path / "recordings.json"
+        if path.is_dir() and index.exists():
+            try:
+                table = json.loads(_text("roles", index))
+            except json.JSONDecodeError as error:
+                raise InputError(f"{index} is no JSON ({error}); import again, or name the bags") from error
+            fit += [path / name for name in table.get("fit", [])]
+            if not held_out:
+                held += [path / name for name in table.get("held_out", [])]
+        elif path.is_dir() and not (path / "metadata.yaml").exists():
+            inside = sorted(path.glob("*.mcap"))
+            if not inside:
+                raise InputError(f"{path} holds no .mcap; give bags or a folder of bags")
+            fit += inside
+        else:
+            fit.append(path)
+    chosen = {h.resolve() for h in held}
+    fit = [f for f in fit if f.resolve() not in chosen]
+    if not fit:
+        names = ", ".join(sorted(h.name for h in held))
+        raise InputError(f"nothing is left to fit: {names} cannot be fitted and held out; give another bag")
+    if not held and len(fit) > 1:
+        held = [fit.pop()]
+    return fit, held
+
+
+def _moving_role(groups: Sequence[tuple[ArmRecording, ...]]) -> str:
+    """The arm that moves in every recording; the tool arm if both do."""
+    roles = [{r.arm.role for r in recordings if not no_motion(r)} for recordings in groups]
+    common = set.intersection(*roles) if roles else set()
+    if not common:
+        present = sorted({r.arm.role for recordings in groups for r in recordings})
+        raise InputError(f"no arm of {present} moves in every recording; record motion, or choose with --arm")
+    return "tool_arm" if "tool_arm" in common else sorted(common)[0]
+
+
+def _write_resimulation(folder: Path, runs: Sequence) -> None:
+    """Held-out channels as measured and as simulated, for evaluation elsewhere; the first recording."""
+    if not runs:
+        return
+    run = runs[0]
+    arrays = {"time": run.time}
+    names = [n for n in ("nominal", "with_effect", "runner_up") if n in run.simulated]
+    for quantity, values in run.measured.items():
+        arrays[f"{quantity}_measured"] = values
+        for name in names:
+            arrays[f"{quantity}_{name}"] = run.simulated[name][quantity]
+    temporary = folder / ".resimulation.npz"
+    np.savez_compressed(temporary, **arrays)
+    temporary.rename(folder / "resimulation.npz")

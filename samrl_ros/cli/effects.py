@@ -1,0 +1,59 @@
+"""`samrl effects`: the library of effects, as a table or one in full."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
+from samrl_core.diagnosis.effects.effect import Effect
+
+
+def show_effects(family: str | None, console: Console) -> None:
+    """Print the table, or everything about one family.
+
+    Raises:
+        InputError: no effect of that name.
+    """
+    if family is not None:
+        _show_one(_find(family), console)
+        return
+    table = Table("no.", "family", "acts on", "places", "formula", "shown by")
+    for effect in EFFECTS:
+        table.add_row(
+            str(effect.number),
+            effect.family,
+            effect.acts_on,
+            effect.place_kind,
+            escape(effect.formula),
+            escape(effect.excitation),
+        )
+    console.print(table)
+    for name, reason in NOT_BY_JOINTS.items():
+        console.print(f"not by joint channels: {name}: {escape(reason)}", highlight=False)
+
+
+def _find(family: str) -> Effect:
+    for effect in EFFECTS:
+        if effect.family == family:
+            return effect
+    if family in NOT_BY_JOINTS:
+        raise InputError(f"{family} is not testable by joint channels: {NOT_BY_JOINTS[family]}")
+    raise InputError(f"no effect '{family}'; known are {', '.join(e.family for e in EFFECTS)}")
+
+
+def _show_one(effect: Effect, console: Console) -> None:
+    lines = [
+        f"{effect.number} {effect.family}: {effect.title}",
+        str(effect.__doc__).strip(),
+        f"formula        {effect.formula}",
+        f"acts on        {effect.acts_on}, at each {effect.place_kind}",
+        f"shown by       {effect.excitation}",
+        f"confused with  {', '.join(effect.confounded_with) or 'nothing known'}",
+        f"source         {effect.source}",
+    ]
+    lines += [f"  {p.name} [{p.unit}]  {p.low:g} .. {p.high:g}  {p.meaning}" for p in effect.parameters]
+    for line in lines:
+        console.print(escape(line), highlight=False, soft_wrap=True)

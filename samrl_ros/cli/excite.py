@@ -1,0 +1,138 @@
+"""`samrl excite`: what the command does, apart from how its options are parsed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress, TextColumn
+from rich.table import Table
+
+from samrl_core.cell.excitation import KINDS, SETS, ProgrammeFile, Run, file_runs, set_run
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.tasks import task_named
+from samrl_core.common.errors import InputError
+from samrl_ros.cell.excite_cell import CellPlayer, payloads
+from samrl_ros.contract.exit_codes import INTERRUPTED, OK
+from samrl_ros.recordings.write import write_recording
+
+TASK = "peg_insertion"  # whose tool the arm holds
+
+
+def excite(
+    programmes: Sequence[Path],
+    which: str | None,
+    arm: str | None,
+    out: Path,
+    seed: int,
+    duration_s: float,
+    world: str = "pybullet",
+) -> int:
+    """Play the sets, or programme files, and leave one bag of each in `out`; returns the exit code.
+
+    A bag has its name only when it is complete.
+
+    Raises:
+        InputError: a file that is refused, an arm that does not fit it, or a bag that exists.
+        LimitError: a motion that the arm must not make.
+    """
+    runs = _runs(programmes, which, arm, seed, duration_s)
+    targets = [
+        (out / role / f"{run.name}.mcap" if _mixed(runs) else out / f"{run.name}.mcap") for role, run in runs
+    ]
+    for path in targets:
+        if path.exists():
+            raise InputError(f"{path} exists; choose another --out or move it away")
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    task, cell = task_named(TASK), default_cell()
+    table = Table(title="recordings")
+    for column in ("bag", "arm", "length", "stiffness", "load", "farthest from command"):
+        table.add_column(column, no_wrap=column == "bag")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with Progress(
+            *Progress.get_default_columns(), TextColumn("{task.fields[what]}"), console=console
+        ) as bar:
+            for (role, run), path in zip(runs, targets, strict=True):
+                shown = bar.add_task(escape(run.name), total=None, what="")
+
+                def progress(what: str, done: float, total: float, shown=shown) -> None:
+                    bar.update(shown, completed=done, total=total, what=escape(what))
+
+                recording = CellPlayer(role, task, cell, world, seed).record(run, progress)
+                bar.update(shown, what="writing")
+                write_recording(recording, path)
+                bar.update(shown, what="done")
+                assert recording.states.position is not None and run.command.position is not None
+                error = abs(recording.states.position - run.command.position).max(axis=0)
+                worst = int(error.argmax())
+                share = run.controller.stiffness[worst] / cell.arm(role).controller.stiffness[worst]
+                table.add_row(
+                    str(path),
+                    role,
+                    f"{recording.duration:.1f} s",
+                    f"{share:.0%}",
+                    f"+{run.extra_mass:g} kg" if run.extra_mass else "nominal",
+                    f"{error[worst]:.4f} rad ({recording.arm.joints[worst]})",
+                )
+    except KeyboardInterrupt:
+        kept = ", ".join(str(path) for path in targets if path.exists()) or "none"
+        console.print(f"interrupted; complete recordings: {kept}", highlight=False)
+        return INTERRUPTED
+    console.print(table)
+    return OK
+
+
+def kinds_table() -> Table:
+    """The kinds of programme file, for `--list`."""
+    table = Table(title="kinds of programme file")
+    table.add_column("kind", no_wrap=True)
+    table.add_column("what it shows")
+    table.add_column("parameters: default [unit]")
+    for name, kind in KINDS.items():
+        values = (
+            f"{k}: {list(p.default) if isinstance(p.default, tuple) else p.default} \\[{p.unit}]"
+            for k, p in kind.parameters.items()
+        )
+        table.add_row(name, kind.shows, ", ".join(values))
+    return table
+
+
+def _mixed(runs: list[tuple[str, Run]]) -> bool:
+    return len({role for role, _ in runs}) > 1
+
+
+def _runs(
+    programmes: Sequence[Path], which: str | None, arm: str | None, seed: int, duration_s: float
+) -> list[tuple[str, Run]]:
+    if arm is not None and arm not in ROLES:
+        raise InputError(f"--arm is {arm!r}; choose {' or '.join(ROLES)}")
+    choices = {"all": "ABC", "ALL": "ABC"} | {letter: letter for letter in SETS}
+    if which is not None and which.upper() not in choices:
+        raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}")
+    cell = default_cell()
+    loads = payloads(task_named(TASK), cell)
+    runs: list[tuple[str, Run]] = []
+    if which is not None or not programmes:
+        role = arm or "tool_arm"
+        for letter in choices[(which or "all").upper()]:
+            runs.append((role, set_run(letter, cell.arm(role), loads[role], seed, duration_s)))
+    for path in programmes:
+        file = ProgrammeFile.read(path)
+        if arm not in (None, file.arm):
+            raise InputError(
+                f"{path} is for {file.arm}, --arm says {arm}; leave --arm out or change the file"
+            )
+        try:
+            made = file_runs(path.stem, file, cell.arm(file.arm), loads[file.arm])
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        runs.extend((file.arm, run) for run in made)
+    names = [(role, run.name) for role, run in runs]
+    if doubled := sorted({name for role, name in names if names.count((role, name)) > 1}):
+        raise InputError(f"two programmes would be recorded as {doubled}; rename one of the files")
+    return runs

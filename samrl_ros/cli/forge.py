@@ -1,0 +1,296 @@
+"""`samrl forge`: make sealed worlds, diagnose them blindly, ask the baselines, and score."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, Job, diagnose_world
+from samrl_core.blind_test.scores.families import without
+from samrl_core.blind_test.scores.load import load_outcomes
+from samrl_core.blind_test.scores.study import Study, write_atomically
+from samrl_core.common import parallel
+from samrl_ros.blind_test.study import (
+    LEFT_OUT_FILE,
+    commit_before,
+    commit_or_none,
+    head,
+    left_out,
+    same_as_before,
+    shares,
+    versions,
+)
+from samrl_ros.cli.forge_show import console as make_console
+from samrl_ros.cli.forge_show import line, show
+from samrl_ros.contract.exit_codes import FAILED
+
+forge_app = typer.Typer(
+    help="Sealed worlds for a blind test of the diagnosis: make, diagnose, score.",
+    invoke_without_command=True,
+)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that samrl forge made.")]
+Workers = Annotated[int, typer.Option(help="Worlds at once.", min=1)]
+OnRay = Annotated[bool, typer.Option("--ray", help="Spread over a Ray cluster that sees the same folder.")]
+
+
+@forge_app.callback()
+def forge(
+    context: typer.Context,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the worlds; an unfinished one is resumed.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the worlds.", min=0)] = None,
+    commit: Annotated[
+        str | None, typer.Option(help="Commit whose hash gives the seed (HEAD unless given).")
+    ] = None,
+    worlds: Annotated[
+        int | None, typer.Option(help="Worlds in all, kinds in the usual shares.", min=1)
+    ] = None,
+    single: Annotated[int | None, typer.Option(help="Worlds with one effect.", min=0)] = None,
+    none: Annotated[int | None, typer.Option(help="Worlds without an effect.", min=0)] = None,
+    outside: Annotated[
+        int | None, typer.Option(help="Worlds with an effect outside the library.", min=0)
+    ] = None,
+    double: Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)] = None,
+    mujoco: Annotated[int | None, typer.Option(help="Of all, by MuJoCo instead of PyBullet.", min=0)] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
+    workers: Workers = 2,
+    ray: OnRay = False,
+) -> None:
+    """Make sealed worlds, and publish the hash of their labels."""
+    if context.invoked_subcommand is not None:
+        return
+    if out is None:
+        raise typer.BadParameter("--out is missing: the folder of the worlds")
+    from samrl_core.blind_test.engines.simulate import DivergedError
+    from samrl_core.blind_test.worlds.plan import ForgeSettings, plan_worlds, seed_from_commit
+    from samrl_ros.blind_test.runs import Making, make
+
+    study = Study(out.resolve())
+    chosen = None if seed is not None else (commit or commit_before(study) or head())
+    counts = {"single": single, "none": none, "outside": outside, "double": double, "mujoco": mujoco}
+    given = {name: value for name, value in counts.items() if value is not None}
+    if worlds is not None:
+        given = shares(worlds, asdict(ForgeSettings())) | given
+    if duration is not None:
+        given["duration_s"] = duration  # type: ignore[assignment]
+    settings = ForgeSettings(seed=seed if chosen is None else seed_from_commit(chosen), **given)  # type: ignore[arg-type]
+    same_as_before(study, {"settings": asdict(settings), "commit": chosen})
+    plan = plan_worlds(settings)
+    by_trajectory = sorted(
+        plan, key=lambda item: (item.arm, item.programme, item.engine)
+    )  # what a worker keeps
+    todo = [Making(study.root, item) for item in by_trajectory if not study.made(item.id)]
+    failed: dict[str, str] = {}
+    ran_away: list[str] = []
+    for place in ("obs", "sealed"):
+        study.sweep(place)
+    for done in _with_progress(
+        "worlds", make, todo, len(plan), _mapping(ray, parallel.in_processes), workers
+    ):
+        if isinstance(done.error, DivergedError):
+            ran_away.append(done.item.item.id)
+        elif done.error is not None:
+            failed[done.item.item.id] = f"{type(done.error).__name__}: {done.error}"
+    order = [item.id for item in plan if study.made(item.id)]
+    facts = {
+        "schema": 1,
+        "commit": chosen,
+        "settings": {name: value for name, value in asdict(settings).items() if name != "seed"},
+        "versions": versions(),
+        "ran_away": sorted(ran_away),
+    }
+    console = make_console()
+    if ran_away:  # no arm could be recorded like this, and nobody draws it again until it suits
+        console.print(f"{len(ran_away)} worlds ran away in simulation and are left out: {sorted(ran_away)}")
+    if failed:
+        console.print("[red]nothing is sealed[/] while worlds are missing; the same command tries them again")
+    _name_failed("not made", failed)
+    if not study.forge_file.exists():
+        study.seal(order, facts)
+    console.print(
+        f"{len(order)} worlds in {study.root}, labels sealed: sha256 {study.published()['sealed_sha256']}"
+    )
+
+
+@forge_app.command()
+def diagnose(
+    folder: Folder,
+    workers: Workers = 2,
+    worlds: Annotated[
+        int | None, typer.Option(help="Only the first so many, in their shuffled order.", min=1)
+    ] = None,
+    leave_one_out: Annotated[
+        int,
+        typer.Option("--leave-one-out", help="Also so many single worlds with their family withheld.", min=0),
+    ] = 0,
+    timeout: Annotated[float, typer.Option(help="Seconds after which a world counts as crashed.")] = 1200.0,
+    seed: Annotated[int, typer.Option(help="Seed of every diagnosis.", min=0)] = 0,
+    again: Annotated[bool, typer.Option("--again", help="Do anew what crashed or was refused.")] = False,
+    ray: OnRay = False,
+) -> None:
+    """Diagnose every world in a process without access to the labels; finished worlds are kept."""
+    study = Study(folder.resolve())
+    listed: list[str] = study.published()["worlds"]
+    every = Job(
+        study.root,
+        world="",
+        threads=max(1, (os.cpu_count() or 1) // workers),
+        timeout_s=timeout,
+        seed=seed,
+        commit=commit_or_none(),
+    )
+    jobs = [replace(every, world=world) for world in listed[: worlds or len(listed)]]
+    if leave_one_out:
+        for world, family in left_out(study, leave_one_out).items():
+            jobs.append(replace(every, world=world, stage=LEFT_OUT_STAGE, library=without(family)))
+    todo = [job for job in jobs if not job.finished or (again and job.crashed)]
+    for stage in (STAGE, LEFT_OUT_STAGE):
+        study.sweep(stage)
+    crashed, failed = 0, {}
+    mapping = _mapping(ray, parallel.in_threads)
+    for done in _with_progress("diagnoses", diagnose_world, todo, len(jobs), mapping, workers):
+        if isinstance(done.error, InterruptedError):
+            raise done.error
+        if done.error is not None:
+            failed[f"{done.item.stage}/{done.item.world}"] = f"{type(done.error).__name__}: {done.error}"
+            continue
+        crashed += done.result["exit_code"] != 0
+    make_console().print(
+        f"{len(jobs)} diagnoses, {crashed} of the new ones crashed or were refused; they count as wrong"
+    )
+    _name_failed("not run", failed)
+
+
+@forge_app.command()
+def baselines(
+    folder: Folder,
+    worlds: Annotated[int, typer.Option(help="The first so many, in their shuffled order.", min=1)] = 40,
+    only: Annotated[list[str] | None, typer.Option("--only", help="A baseline; repeat for more.")] = None,
+    workers: Workers = 2,
+    ray: OnRay = False,
+) -> None:
+    """Ask the baselines about the same recordings."""
+    from samrl_core.blind_test.baselines.registry import BASELINES, baseline
+    from samrl_ros.blind_test.runs import BaselineJob, ask_baseline
+
+    study = Study(folder.resolve())
+    names = only or list(BASELINES)
+    for name in names:
+        baseline(name)
+    jobs = [
+        BaselineJob(study.root, world, name)
+        for name in names
+        for world in study.published()["worlds"][:worlds]
+    ]
+    todo = [job for job in jobs if not job.finished]
+    for name in names:
+        study.sweep(f"baselines/{name}")
+    failed: dict[str, str] = {}
+    for done in _with_progress(
+        "baselines", ask_baseline, todo, len(jobs), _mapping(ray, parallel.in_processes), workers
+    ):
+        if done.error is not None:
+            failed[f"{done.item.name}/{done.item.world}"] = f"{type(done.error).__name__}: {done.error}"
+    _name_failed("not asked", failed)
+
+
+@forge_app.command()
+def score(
+    folder: Folder,
+    out: Annotated[
+        Path | None, typer.Option(help="Where score.json and score.html go (DIR unless given).")
+    ] = None,
+    unfinished: Annotated[
+        bool,
+        typer.Option("--unfinished", help="Worlds without a result count as crashed instead of refusing."),
+    ] = False,
+    worlds: Annotated[
+        int | None, typer.Option(help="Only the first so many, in their shuffled order.", min=1)
+    ] = None,
+) -> None:
+    """Open the labels, after their hash was checked, and score."""
+    from samrl_core.blind_test.scores.comparison import comparison
+    from samrl_core.blind_test.scores.page import figures, score_page
+    from samrl_core.blind_test.scores.plots import png
+    from samrl_core.blind_test.scores.scores import all_scores
+
+    study = Study(folder.resolve())
+    published, sealed = study.published(), study.open_seal()
+    listed = published["worlds"][: worlds or len(published["worlds"])]
+    outcomes = load_outcomes(study, sealed, STAGE, listed, unfinished=unfinished)
+    left = study.root / LEFT_OUT_FILE
+    withheld = list(json.loads(left.read_text())) if left.exists() else []
+    unknown = load_outcomes(study, sealed, LEFT_OUT_STAGE, withheld, withheld=True, unfinished=unfinished)
+    scores = all_scores(outcomes, unknown)
+    scores["baselines"] = rows = comparison(study, sealed, outcomes)
+    target = (out or study.root).resolve()
+    target.mkdir(parents=True, exist_ok=True)
+    facts = {k: v for k, v in published.items() if k != "worlds"}
+    content = {
+        "schema": 1,
+        "forge": facts,
+        "scores": scores,
+        "worlds": [line(o) for o in [*outcomes, *unknown]],
+    }
+    write_atomically(target / "score.json", (json.dumps(content, indent=1) + "\n").encode())
+    write_atomically(target / "score.html", score_page(scores, outcomes, facts, rows).encode())
+    for name, (_, figure) in figures(scores, outcomes).items():
+        write_atomically(target / f"score_{name}.png", png(figure))
+    show(scores, rows)
+    make_console().print(f"[dim]{target / 'score.html'}[/]", soft_wrap=True)
+
+
+def _name_failed(what: str, failed: dict[str, str]) -> None:
+    """Say at the end what could not be done; one failure does not stop the hours of the others."""
+    console = make_console()
+    for name, why in failed.items():
+        console.print(f"[red]{what}[/] {name}: {escape(why)}", soft_wrap=True)
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+def _mapping(
+    ray: bool, local: Callable[..., Iterator[parallel.Done]]
+) -> Callable[..., Iterator[parallel.Done]]:
+    return parallel.on_ray if ray else local
+
+
+def _with_progress(
+    what: str,
+    work: Callable[[Any], Any],
+    todo: Sequence[Any],
+    total: int,
+    mapping: Callable[..., Iterator[parallel.Done]],
+    workers: int,
+) -> Iterator[parallel.Done]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with Progress(*columns, console=make_console(stderr=True)) as bar:
+        shown = bar.add_task(what, total=total, completed=total - len(todo))
+        for done in mapping(work, todo, workers) if todo else ():
+            bar.advance(shown)
+            yield done

@@ -1,0 +1,355 @@
+"""`samrl`: the command line. Heavy imports happen inside the commands, so that `--help` is quick."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from samrl_core.common.errors import InputError, SamrlError
+from samrl_core.policy.agent.policies import DEFAULT_POLICY
+from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
+
+app = typer.Typer(
+    help="A two-arm cell that learns manipulation with few real trials,"
+    " and says why simulation and cell differ.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+errors = Console(stderr=True)
+
+
+@app.command()
+def cell(
+    context: typer.Context,
+    task: Annotated[str, typer.Option(help="Task to run.")] = "peg_insertion",
+    episodes: Annotated[int, typer.Option(help="Episodes to run.", min=1)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the first episode; each next one adds 1.", min=0)] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for bag, summary and picture; must be unused.")] = Path(
+        "out/cell"
+    ),
+    view: Annotated[bool, typer.Option("--view", help="Serve the topics to Foxglove on port 8765.")] = False,
+    layout: Annotated[
+        str,
+        typer.Option(help="split: computing nodes in own processes; processes: every node; threads: none."),
+    ] = "split",
+    update: Annotated[bool, typer.Option(help="Real2Sim update of the model; off for ablations.")] = True,
+    policy: Annotated[
+        str,
+        typer.Option(help="Nominal actions: learned (the trained actor) or optimised (through the model)."),
+    ] = DEFAULT_POLICY,
+    strategy: Annotated[
+        str,
+        typer.Option(help="Views: q, best, fixed or random; without it, q if learned, best if optimised."),
+    ] = "",
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
+    ] = None,
+    residual: Annotated[
+        Path | None,
+        typer.Option(help="A trained residual's weight file; without it, none, or what --params says."),
+    ] = None,
+    real_time_factor: Annotated[
+        float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)
+    ] = 1.0,
+    max_actions: Annotated[int, typer.Option(help="Actions per episode, 0 for the task's limit.", min=0)] = 0,
+    world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
+    params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None,
+) -> None:
+    """Run the two-arm cell on a task, and leave a bag, a summary and a picture."""
+    from samrl_ros.cell.run import CellOptions, run_cell
+
+    options = CellOptions(
+        task=task,
+        episodes=episodes,
+        seed=seed,
+        out=out,
+        layout=layout,
+        view=view,
+        update=update,
+        policy=policy,
+        strategy=strategy,
+        weights=weights,
+        residual=residual,
+        real_time_factor=real_time_factor,
+        max_actions=max_actions,
+        world=world,
+        params=params,
+        node_args=context.obj or (),
+    )
+    raise typer.Exit(run_cell(options))
+
+
+@app.command()
+def replay(
+    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file.")],
+    out: Annotated[Path | None, typer.Option(help="Write the report there as JSON.")] = None,
+    nodes: Annotated[str, typer.Option(help="Comma-separated nodes to run.")] = "",
+    publish: Annotated[bool, typer.Option("--publish", help="Play over DDS with /clock instead.")] = False,
+    rate: Annotated[float, typer.Option(help="Speed of --publish, 1 is as recorded.", min=0.01)] = 1.0,
+) -> None:
+    """Run the nodes' handlers over a bag in recorded order, or play it over DDS."""
+    from samrl_ros.cli.replay import replay_bag
+
+    raise typer.Exit(replay_bag(bag, out, tuple(n for n in nodes.split(",") if n), publish, rate))
+
+
+@app.command()
+def excite(
+    programmes: Annotated[
+        list[Path] | None, typer.Argument(help="Programme files (YAML), as a diagnosis proposes them.")
+    ] = None,
+    sets: Annotated[
+        str | None, typer.Option("--set", help="all, A (slow), B (multisine) or C (task-like, held out).")
+    ] = None,
+    arm: Annotated[str | None, typer.Option(help="tool_arm (default) or camera_arm.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the bags; existing bags are not replaced.")] = Path(
+        "out/excite"
+    ),
+    seed: Annotated[int, typer.Option(help="Of the sets' motions and the world's noise.", min=0)] = 0,
+    duration: Annotated[float, typer.Option(help="Length of each set [s].", min=1.0, max=600.0)] = 15.0,
+    world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
+    kinds: Annotated[bool, typer.Option("--list", help="Only list the kinds of programme file.")] = False,
+) -> None:
+    """Run recording programmes on the cell, into bags that can be diagnosed."""
+    from samrl_ros.cli import excite as excite_command
+
+    if kinds:
+        Console().print(excite_command.kinds_table())
+        return
+    code = excite_command.excite(tuple(programmes or ()), sets, arm, out, seed, duration, world)
+    raise typer.Exit(code)
+
+
+@app.command()
+def diagnose(
+    bags: Annotated[
+        list[Path], typer.Argument(help="Bags to fit (.mcap, bag folders, or a folder of bags).")
+    ],
+    held_out: Annotated[
+        list[Path] | None, typer.Option(help="Bags never fitted; without it, the last of several is one.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of report.json and report.html.")] = Path("out/diagnosis"),
+    arm: Annotated[str | None, typer.Option(help="tool_arm or camera_arm; else the one that moves.")] = None,
+    urdf: Annotated[Path | None, typer.Option(help="Nominal model, in place of the bags' own.")] = None,
+    tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None,
+    library: Annotated[Path | None, typer.Option(help="Families that may be named (YAML list).")] = None,
+    seed: Annotated[int, typer.Option(help="Of bootstrap and sampling.", min=0)] = 0,
+    null_worlds: Annotated[
+        int, typer.Option(help="Simulate as many worlds without an effect for the threshold.", min=0)
+    ] = 0,
+    fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 on a gap.")] = False,
+) -> None:
+    """Say where simulation and recordings differ, which effect causes it, and how far the gap shrinks."""
+    from samrl_ros.cli.diagnose import DiagnoseOptions, diagnose_bags
+
+    options = DiagnoseOptions(
+        tuple(bags),
+        tuple(held_out or ()),
+        out,
+        arm,
+        urdf,
+        tolerances,
+        library,
+        seed,
+        fail_on_gap,
+        null_worlds,
+    )
+    raise typer.Exit(diagnose_bags(options))
+
+
+@app.command()
+def train(
+    task: Annotated[str, typer.Argument(help="Task to learn.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of this training; out/train-TASK by default. Goes on from it.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of everything that is random.", min=0)] = 0,
+    device: Annotated[str, typer.Option(help="cpu, or cuda:0.")] = "cpu",
+    states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = 12_000,
+    rounds: Annotated[int, typer.Option(help="Of labelling the actor's own states.", min=0)] = 1,
+    episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=256)] = 512,
+    q_target: Annotated[
+        str, typer.Option(help="What Q learns: return (of an episode), or action (how near to the expert's).")
+    ] = "action",
+    q_loss: Annotated[
+        str, typer.Option(help="How: square (eq. 24), or likelihood (where most returns are near 0).")
+    ] = "square",
+    q_unit: Annotated[
+        float,
+        typer.Option(help="Error that leaves 1/e of an action's worth, in action limits (target action)."),
+    ] = 0.1,
+    actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
+    q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
+    batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
+    max_actions: Annotated[int, typer.Option(help="Of an episode in the model; 0: the task's.", min=0)] = 0,
+    actor: Annotated[
+        Path | None, typer.Option(help="Weights of an actor: its Q is trained, and nothing before.")
+    ] = None,
+    kept: Annotated[
+        int, typer.Option(help="Images of each state, drawn once and kept in memory; 0: new ones.", min=0)
+    ] = 0,
+    workers: Annotated[
+        int, typer.Option(help="Processes for states, labels and episodes; 0: free cores.", min=0)
+    ] = 0,
+    visited: Annotated[
+        list[Path] | None,
+        typer.Option(help="States that a run of the cell found (its visited.npz); may be repeated."),
+    ] = None,
+    randomisation: Annotated[
+        str, typer.Option(help="What differs between models: real2sim, uniform, adr or simopt.")
+    ] = "real2sim",
+) -> None:
+    """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
+    from samrl_ros.cli.train import TrainOptions, train_task
+
+    folder = out or Path("out") / f"train-{task}"
+    options = TrainOptions(
+        task,
+        folder,
+        seed,
+        device,
+        states,
+        rounds,
+        episodes,
+        q_target,
+        q_loss,
+        q_unit,
+        actor_epochs,
+        q_epochs,
+        batch_size,
+        max_actions,
+        kept,
+        workers,
+        actor,
+        tuple(visited or ()),
+        randomisation,
+    )
+    raise typer.Exit(train_task(options))
+
+
+@app.command()
+def experiment(
+    name: Annotated[str | None, typer.Argument(help="Which; without it, a list.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of this experiment; out/NAME by default. Goes on from it.")
+    ] = None,
+    task: Annotated[list[str] | None, typer.Option(help="Only this task; may be repeated.")] = None,
+    count: Annotated[
+        int, typer.Option(help="Episodes or states per condition, or real steps; 0: the experiment's.", min=0)
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Of the first episode or state.", min=0)] = 0,
+    device: Annotated[str, typer.Option(help="Of images drawn in batches: cpu, or cuda:0.")] = "cpu",
+    workers: Annotated[int, typer.Option(help="Processes; 0: free cores.", min=0)] = 0,
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
+    ] = None,
+    condition: Annotated[
+        list[str] | None, typer.Option(help="Only this condition of those compared; may be repeated.")
+    ] = None,
+) -> None:
+    """Make one table or figure: cases, JSON and a picture; resumable."""
+    from samrl_core.studies.experiment import Options
+    from samrl_ros.cli.experiment import list_experiments, run_experiment
+
+    if name is None:
+        raise typer.Exit(list_experiments())
+    options = Options(
+        out or Path("out") / name,
+        tuple(task or ()),
+        count,
+        seed,
+        device,
+        workers,
+        weights,
+        tuple(condition or ()),
+    )
+    raise typer.Exit(run_experiment(name, options))
+
+
+@app.command()
+def reproduce(
+    out: Annotated[Path, typer.Option(help="Folder of everything that is made. Goes on from it.")] = Path(
+        "out/reproduce"
+    ),
+    trained: Annotated[
+        Path | None,
+        typer.Option(help="Networks that need not be trained, as msgs_docs/training has them."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Jobs whose name holds this, and what they need; repeatable.")
+    ] = None,
+    count: Annotated[
+        int, typer.Option(help="Episodes or states per condition; 0: each experiment's own.", min=0)
+    ] = 0,
+    steps: Annotated[int, typer.Option(help="Real steps of sample_efficiency; 0: its own.", min=0)] = 0,
+    list_them: Annotated[bool, typer.Option("--list", help="Tell the jobs and run none.")] = False,
+) -> None:
+    """Train all networks and make all tables and figures, on all cores and GPUs; resumable."""
+    from samrl_ros.cli.reproduce import reproduce_all
+
+    raise typer.Exit(reproduce_all(out, trained, tuple(only or ()), count, steps, list_them))
+
+
+@app.command()
+def effects(
+    family: Annotated[str | None, typer.Argument(help="One family in full; without it, the table.")] = None,
+) -> None:
+    """List the effects that the diagnosis knows: formula, parameters, ranges, source, excitation."""
+    from samrl_ros.cli.effects import show_effects
+
+    show_effects(family, Console())
+
+
+@app.command()
+def interfaces() -> None:
+    """Build the project's ROS 2 interfaces into this environment."""
+    from samrl_ros.interfaces.build import main as build
+
+    build()
+
+
+def _add_groups() -> None:
+    from samrl_ros.cli.bag import bag_app
+    from samrl_ros.cli.bench import bench_app
+    from samrl_ros.cli.forge import forge_app
+
+    app.add_typer(bag_app, name="bag", help="Look into bags and repair them.")
+    app.add_typer(bench_app, name="bench", help="Measure.")
+    app.add_typer(forge_app, name="forge")
+
+
+def run(arguments: list[str]) -> int:
+    """Run a command line; every refusal becomes one clear line and an exit code.
+
+    What follows `--ros-args` goes to the nodes unread, as with any ROS 2 executable.
+    """
+    if not app.registered_groups:
+        _add_groups()
+    cut = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
+    try:
+        app(args=arguments[:cut], obj=tuple(arguments[cut + 1 :]), prog_name="samrl")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(bool(end.code))
+    except InputError as error:
+        errors.print(f"[bold red]refused:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return INPUT_REFUSED
+    except SamrlError as error:
+        errors.print(f"[bold red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return FAILED
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return OK
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    sys.exit(run(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""`samrl replay`: what the command does, apart from how its options are parsed."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from samrl_core.common.errors import InputError
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.contract.exit_codes import OK
+from samrl_ros.contract.topics import cell_topic
+from samrl_ros.hosting.ros_check import require_ros
+from samrl_ros.hosting.threads import one_thread_per_library
+
+DEFAULT_NODES = ("model_updater", "view_planner", "manipulator", "residual_trainer", "supervisor")
+COMPARED = frozenset(
+    cell_topic(t) for t in ("model_updater/state", "view_planner/target", "view_planner/nominal_action")
+)
+
+
+def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: bool, rate: float) -> int:
+    """Replay in process, or publish over DDS; returns the exit code."""
+    require_ros()
+    one_thread_per_library()
+    console = Console(width=None if sys.stdout.isatty() else 120)  # a pipe has no width to respect
+    if publish:
+        from samrl_ros.bags.play import publish as play
+
+        play(open_bag(bag), rate)
+        return OK
+    if out is not None and out.exists():
+        raise InputError(f"{out} exists; choose another --out")
+    from samrl_ros.cell.replay import RecordingOutbox, replay
+    from samrl_ros.nodes.registry import entry
+
+    settings = recorded_settings(bag)
+    make = {}
+    for name in nodes or DEFAULT_NODES:
+        node = entry(name)
+
+        def factory(outbox: RecordingOutbox, node=node, name=name):
+            return node.behaviour(node.settings(**settings.get(name, {})), outbox)
+
+        make[name] = factory
+    with Progress(console=console, transient=True) as progress:
+        bar = progress.add_task("replaying", total=None)
+        report = replay(bag, make, COMPARED, lambda d, t: progress.update(bar, completed=d, total=t))
+    table = Table(title=f"replay of {bag}: {report.messages} messages, outputs {report.digest[:16]}")
+    table.add_column("topic", no_wrap=True, overflow="fold")  # names are what people look for
+    for column in ("recorded", "replayed", "largest difference", "sha256"):
+        table.add_column(column, justify="right")
+    for topic, row in report.outputs.items():
+        difference = row.get("largest_difference")
+        text = "-" if difference is None else f"{difference:.3g}"
+        table.add_row(topic, str(row["recorded"]), str(row["replayed"]), text, row["sha256"][:12])
+    console.print(table)
+    if report.truncated:
+        console.print("[yellow]the bag is cut off: replayed up to the cut; `samrl bag repair` completes it")
+    if out is not None:
+        report.write(out)
+        console.print(f"report: {out}")
+    return OK
+
+
+def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
+    """The settings that the nodes ran with, from `params.yaml` beside the bag; defaults without one."""
+    import dataclasses
+
+    import yaml
+
+    from samrl_ros.nodes.registry import behaviour_nodes
+
+    folder = bag if bag.is_dir() else bag.parent
+    file = folder.parent / "params.yaml"
+    if not file.is_file():
+        return {}
+    data = yaml.safe_load(file.read_text()) or {}
+    settings: dict[str, dict[str, object]] = {}
+    for name, node in behaviour_nodes().items():
+        known = {f.name for f in dataclasses.fields(node.settings)}
+        given = data.get(f"/cell/{name}", {}).get("ros__parameters", {})
+        settings[name] = {k: v for k, v in given.items() if k in known}
+    # Runs from before this was a setting, which are known by its absence, ended with the first such image.
+    settings["supervisor"].setdefault("agreeing", 1)
+    return settings

@@ -1,0 +1,267 @@
+"""Runs a mapping: files to columns, columns to quantities, quantities to recordings and bags."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.recordings import check_recording
+from samrl_ros.log_import.formulas import evaluate
+from samrl_ros.log_import.keys import Keys
+from samrl_ros.log_import.resampling import even, low_pass, resample
+from samrl_ros.log_import.sources import SourceData, read_source
+from samrl_ros.log_import.specs import ChannelSpec, Mapping, RecordingSpec
+from samrl_ros.log_import.units import SI
+from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
+from samrl_ros.recordings.read import RAW, moving_joints
+from samrl_ros.recordings.write import write_recording
+
+INDEX = "recordings.json"
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedRecording:
+    """A recording made from logs, and what became of them."""
+
+    recording: ArmRecording
+    role: str  # fit or held_out
+    report: tuple[str, ...]  # what each channel became
+    notes: tuple[str, ...]  # what is odd
+    raw: tuple[str, ...] = ()  # channels whose effort has no SI unit
+
+
+def import_recording(spec: RecordingSpec, mapping: Path, data: Path) -> ImportedRecording:
+    """Make one recording.
+
+    Args:
+        spec: of the mapping.
+        mapping: its file; the URDF is looked for beside it as well.
+        data: folder that paths count from.
+
+    Raises:
+        InputError: with the key path of what is wrong, or as `check_recording`.
+    """
+    report: list[str] = []
+    notes: list[str] = []
+    constants = {
+        name: _constant(value, f"{spec.path}.constants.{name}") for name, value in spec.constants.items()
+    }
+    cache: dict[str, SourceData] = {}
+    for channel in spec.channels.values():
+        if channel.source not in cache:
+            cache[channel.source] = read_source(spec, channel.source, constants, data, notes)
+    zero = float(cache[spec.channels["states"].source].time[0])
+    signals = {
+        name: _signal(name, channel, cache[channel.source], spec, zero, report, notes)
+        for name, channel in spec.channels.items()
+    }
+    digest = hashlib.sha256(mapping.read_bytes() + spec.name.encode())
+    for source in cache.values():
+        for file in source.files:
+            digest.update(file.read_bytes())
+    recording = ArmRecording(
+        name=spec.name,
+        source=", ".join(dict.fromkeys(str(f) for s in cache.values() for f in s.files)),
+        sha256=digest.hexdigest(),
+        arm=_arm(spec, constants, mapping, data, notes),
+        states=signals["states"],
+        command=signals.get("command"),
+        commanded_effort=signals.get("commanded_effort"),
+    )
+    notes.extend(check_recording(recording))
+    raw = tuple(
+        name
+        for name, channel in spec.channels.items()
+        if "effort" in channel.quantities and channel.quantities["effort"].unit == "raw"
+    )
+    return ImportedRecording(recording, spec.role, tuple(report), tuple(notes), raw)
+
+
+def import_logs(mapping: Mapping, data: Path, out: Path | None) -> list[ImportedRecording]:
+    """Every recording of a mapping; written as `out/<name>.mcap` with an index, unless `out` is None.
+
+    Raises:
+        InputError: as `import_recording`; or a file of `out` exists already.
+    """
+    made = [import_recording(spec, mapping.path, data) for spec in mapping.recordings]
+    if out is None:
+        return made
+    index = out / INDEX
+    existing = [p for p in (*(out / f"{each.recording.name}.mcap" for each in made), index) if p.exists()]
+    if existing:
+        raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
+    for each in made:
+        about = {"imported_by": mapping.path.name, "role": each.role}
+        if each.raw:
+            about[RAW] = ", ".join(each.raw)
+        write_recording(each.recording, out / f"{each.recording.name}.mcap", custom_data=about)
+    roles = {r: [f"{e.recording.name}.mcap" for e in made if e.role == r] for r in ("fit", "held_out")}
+    index.write_text(json.dumps(roles, indent=2) + "\n")
+    return made
+
+
+def _constant(value: Any, where: str) -> Any:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where} is {value!r}, must be a number, a list or a matrix") from error
+    if array.ndim > 2 or not np.isfinite(array).all():
+        raise InputError(f"{where} is {value!r}, must be a finite number, list or matrix")
+    return float(array) if array.ndim == 0 else array
+
+
+def _signal(
+    name: str,
+    channel: ChannelSpec,
+    source: SourceData,
+    spec: RecordingSpec,
+    zero: float,
+    report: list[str],
+    notes: list[str],
+) -> JointSignal:
+    time, count, joints = source.time, len(source.time), len(spec.joints)
+    values: dict[str, np.ndarray] = {}
+    for quantity, one in channel.quantities.items():
+        if one.formulas:
+            parts = [evaluate(f, source.values, one.path) for f in one.formulas]
+            block = parts[0] if one.whole else np.column_stack([_column(p, count, one.path) for p in parts])
+            if one.whole and np.ndim(block) <= 1:
+                block = _column(block, count, one.path)[:, None] * np.ones(
+                    joints if np.ndim(block) == 0 else 1
+                )
+            block = np.asarray(block, dtype=float)
+            if block.shape != (count, joints):
+                raise InputError(
+                    f"{one.path} has shape {block.shape}, must be {(count, joints)}: one per joint"
+                )
+            values[quantity] = block * one.scale
+        else:
+            values[quantity] = np.gradient(values["position"], time, axis=0)
+        bad = ~np.isfinite(values[quantity])
+        if bad.any():
+            row, column = np.argwhere(bad)[0]
+            raise InputError(
+                f"{one.path}: {bad.sum()} numbers are not finite, first {spec.joints[column]} at"
+                f" {time[row] - zero:.4f} s; `missing` of a source says what to do with empty cells"
+            )
+        if one.filter is not None:
+            grid, on_grid, uneven = even(time, values[quantity])
+            smooth = low_pass(grid, on_grid, one.filter, f"{one.path}.filter")
+            values[quantity] = (
+                np.column_stack([np.interp(time, grid, c) for c in smooth.T]) if uneven else smooth
+            )
+    raw_rate = 1.0 / float(np.median(np.diff(time)))
+    time, values = resample(time, values, channel.resample, f"{channel.path}.resample")
+    rate = 1.0 / float(np.median(np.diff(time)))
+    if rate < 0.9 * raw_rate and channel.resample.filter is None:
+        notes.append(f"{name}: {raw_rate:.5g} Hz down to {rate:.5g} Hz without a filter; expect aliasing")
+    time = time - zero
+    if spec.time_range is not None:
+        low, high = spec.time_range
+        keep = (time >= (-np.inf if low is None else low)) & (time < (np.inf if high is None else high))
+        if not keep.any():
+            raise InputError(f"{spec.path}.time_range {list(spec.time_range)} s holds no sample of {name}")
+        time, values = time[keep], {q: block[keep] for q, block in values.items()}
+    report.extend(_describe(name, channel, time, values, raw_rate, spec.joints))
+    return JointSignal(time, **values)
+
+
+def _column(value: Any, count: int, where: str) -> np.ndarray:
+    array = np.asarray(value, dtype=float)
+    if array.ndim == 0 or array.shape == (1,):
+        return np.full(count, float(array.ravel()[0]))
+    if array.shape != (count,):
+        raise InputError(f"{where} gives shape {array.shape}, must be one number per sample, ({count},)")
+    return array
+
+
+def _describe(
+    name: str,
+    channel: ChannelSpec,
+    time: np.ndarray,
+    values: dict[str, np.ndarray],
+    raw_rate: float,
+    joints: tuple[str, ...],
+) -> list[str]:
+    rate = 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    plan = channel.resample.filter
+    how = f", Butterworth order {plan.order} zero-phase {plan.cutoff_hz:g} Hz" if plan is not None else ""
+    lines = [
+        f"{name} from {channel.source}: {len(time)} samples at {rate:.5g} Hz (log {raw_rate:.5g} Hz{how}),"
+        f" {time[0]:.3f} to {time[-1]:.3f} s"
+    ]
+    for quantity, block in values.items():
+        one = channel.quantities[quantity]
+        origin = "derivative of position" if not one.formulas else f"from {one.unit}"
+        if one.filter is not None:
+            origin += f", Butterworth order {one.filter.order} zero-phase {one.filter.cutoff_hz:g} Hz"
+        unit = "raw" if one.unit == "raw" else SI[quantity]
+        spans = ", ".join(f"{j} {c.min():.4g} .. {c.max():.4g}" for j, c in zip(joints, block.T, strict=True))
+        lines.append(f"  {quantity} [{unit}] ({origin}): {spans}")
+    return lines
+
+
+def _arm(
+    spec: RecordingSpec, constants: dict[str, Any], mapping: Path, data: Path, notes: list[str]
+) -> ArmDescription:
+    urdf = None if spec.urdf is None else _urdf(spec, mapping, data)
+    if urdf is not None and (missing := [j for j in spec.joints if j not in moving_joints(urdf)]):
+        raise InputError(
+            f"{spec.path}.urdf moves {list(moving_joints(urdf))}, it lacks {missing} of joints"
+            f" {list(spec.joints)}; names must be the same"
+        )
+    tolerances = Tolerances()
+    if spec.tolerances is not None:
+        tolerances, more = lenient_tolerances(spec.tolerances, f"{spec.path}.tolerances")
+        notes.extend(more)
+    controller = None
+    if spec.controller is not None:
+        where = f"{spec.path}.controller"
+        keys = Keys(spec.controller, where)
+        about = {
+            k: _numbers(v, constants, keys.at(k))
+            for k, v in keys.items().items()
+            if k not in ("gravity_compensation", "type", "joints")
+        }
+        about |= {k: v for k, v in keys.items().items() if k == "gravity_compensation"}
+        about |= {"type": LAW, "joints": list(spec.joints)}
+        parsed = parse_controller(json.dumps(about), where)
+        notes.extend(parsed.notes)
+        controller = parsed.controller
+    tool = None
+    if spec.tool is not None:
+        tool, more = parse_tool(json.dumps(spec.tool), f"{spec.path}.tool")
+        notes.extend(more)
+    return ArmDescription(spec.arm, spec.joints, urdf, controller, tool, tolerances)
+
+
+def _numbers(value: Any, constants: dict[str, Any], where: str) -> Any:
+    """Numbers or formulas over the constants, one or a list."""
+    if isinstance(value, list):
+        return [_numbers(each, constants, f"{where}[{k}]") for k, each in enumerate(value)]
+    return np.asarray(evaluate(value, constants, where), dtype=float).tolist()
+
+
+def _urdf(spec: RecordingSpec, mapping: Path, data: Path) -> str:
+    text = spec.urdf or ""
+    if not text.lstrip().startswith("<"):
+        places = [folder / text for folder in (data, mapping.parent)]
+        found = next((place for place in places if place.is_file()), None)
+        if found is None:
+            raise InputError(f"{spec.path}.urdf: no file {' or '.join(map(str, places))}")
+        text = found.read_text()
+    moving_joints(text)  # refuses what is no URDF
+    root = ElementTree.fromstring(text)
+    for link in root.findall("link"):
+        for part in [child for child in link if child.tag in spec.strip]:
+            link.remove(part)
+    return ElementTree.tostring(root, encoding="unicode")

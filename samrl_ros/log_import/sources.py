@@ -1,0 +1,163 @@
+"""One source of a mapping: its files read, rows without values dealt with, intermediate values computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.common.errors import InputError
+from samrl_ros.log_import.formulas import evaluate, names_in
+from samrl_ros.log_import.specs import RecordingSpec, SourceSpec
+from samrl_ros.log_import.tables import Table, read_table
+
+
+@dataclass(frozen=True, eq=False)
+class SourceData:
+    """What formulas of a channel can use."""
+
+    files: tuple[Path, ...]
+    time: np.ndarray  # (N,) [s], increasing
+    values: dict[str, Any]  # constants, columns (N,) or (N, K), intermediate values
+
+
+def read_source(
+    spec: RecordingSpec, name: str, constants: dict[str, Any], data: Path, notes: list[str]
+) -> SourceData:
+    """Read a source. Raises `InputError` naming key path, file, column and row."""
+    source = spec.sources[name]
+    paths = tuple(data / file for file in source.files)
+    tables = [read_table(path, source.csv, f"{source.path}.file") for path in paths]
+    columns = {
+        key: _column(tables[source.columns[key].file], source, key)
+        for key in sorted(_used(spec, name, constants))
+    }
+    count = _count(source, columns, tables)
+    time = _time(source, tables[0], count)
+    if len(time) != count:
+        raise InputError(f"{source.path}.time has {len(time)} samples, the columns {count}")
+    keep = _rows(spec, count)
+    if keep.sum() < 2:
+        raise InputError(f"{spec.path}.rows {spec.rows} leaves {keep.sum()} of {count} rows")
+    bad_time = keep & ~np.isfinite(time)
+    if bad_time.any():
+        raise InputError(f"{source.path}.time: row {int(np.flatnonzero(bad_time)[0])} has no time")
+    for key, values in columns.items():
+        keep &= _missing(source, key, values, time, keep, notes)
+    if source.time.drop_repeated:
+        ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
+        repeated = keep & (time <= np.concatenate([[-np.inf], ahead[:-1]]))
+        if repeated.any():
+            notes.append(f"{source.path}: {repeated.sum()} rows whose time does not increase are left out")
+            keep &= ~repeated
+    time = time[keep]
+    steps = np.flatnonzero(np.diff(time) <= 0)
+    if len(steps):
+        k = int(steps[0])
+        raise InputError(
+            f"{source.path}.time: goes from {time[k]:.6f} to {time[k + 1]:.6f} s at row"
+            f" {int(np.flatnonzero(keep)[k + 1])} ({len(steps)} such steps); `repeated: drop` leaves such"
+            " rows out, `rows` cuts the log"
+        )
+    values = {**constants, **{key: v if v.shape == (1,) else v[keep] for key, v in columns.items()}}
+    for key, formula in source.values.items():
+        values[key] = evaluate(formula, values, f"{source.path}.values.{key}")
+    return SourceData(paths, time, values)
+
+
+def _used(spec: RecordingSpec, name: str, constants: dict[str, Any]) -> set[str]:
+    """Columns that some formula needs; others may be broken without harm."""
+    source = spec.sources[name]
+    known = set(constants) | set(source.columns) | set(source.values)
+    wanted: set[str] = set()
+
+    def want(formula: str | float, where: str) -> None:
+        names = names_in(formula, where)
+        if unknown := sorted(names - known):
+            raise InputError(
+                f"{where}: {unknown[0]!r} is not known in source {name!r}; columns, values and constants are"
+                f" {sorted(known)}"
+            )
+        wanted.update(names)
+
+    for channel in spec.channels.values():
+        if channel.source == name:
+            for quantity in channel.quantities.values():
+                for formula in quantity.formulas:
+                    want(formula, quantity.path)
+    for key, formula in reversed(source.values.items()):
+        if key in wanted:
+            want(formula, f"{source.path}.values.{key}")
+    if both := sorted(set(constants) & set(source.columns)):
+        raise InputError(f"{source.path}.columns: {both} are names of constants as well; rename one")
+    return wanted & set(source.columns)
+
+
+def _column(table: Table, source: SourceSpec, key: str) -> np.ndarray:
+    column = source.columns[key]
+    values = table.numbers(column.column, f"{source.path}.columns.{key}")
+    return values.T if column.transpose else values
+
+
+def _count(source: SourceSpec, columns: dict[str, np.ndarray], tables: list[Table]) -> int:
+    lengths = {key: len(v) for key, v in columns.items() if v.shape != (1,)}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{source.path}: columns differ in length: {lengths}; use one source for each")
+    if not lengths:
+        raise InputError(f"{source.path}: no column is used, so it has no samples")
+    return next(iter(lengths.values()))
+
+
+def _time(source: SourceSpec, table: Table, count: int) -> np.ndarray:
+    spec = source.time
+    if spec.rate_hz is not None:
+        return np.arange(count) / spec.rate_hz + spec.offset_s
+    where = f"{source.path}.time.column"
+    name = str(spec.column)
+    values = table.times(name, where) if spec.iso else table.numbers(name, where) * spec.scale
+    if values.ndim != 1:
+        raise InputError(f"{where}: {name!r} has shape {values.shape}, must be one number per sample")
+    return values + spec.offset_s
+
+
+def _rows(spec: RecordingSpec, count: int) -> np.ndarray:
+    keep = np.ones(count, dtype=bool)
+    if spec.rows is not None:
+        begin, end = (None if v is None else int(v) for v in spec.rows)
+        keep[:] = False
+        keep[begin:end] = True
+    return keep
+
+
+def _missing(
+    source: SourceSpec, key: str, values: np.ndarray, time: np.ndarray, keep: np.ndarray, notes: list[str]
+) -> np.ndarray:
+    """Rows to keep for a column; `hold` and `linear` fill `values` in place."""
+    absent = ~np.isfinite(values if values.ndim == 1 else values.sum(axis=1))
+    everything = np.ones(len(keep), dtype=bool)
+    if values.shape == (1,) or not (absent & keep).any():
+        return everything
+    count, rule = int((absent & keep).sum()), source.columns[key].missing
+    where = f"{source.path}.columns.{key}"
+    if rule == "error":
+        raise InputError(
+            f"{where}: {count} cells are missing, first in row {int(np.flatnonzero(absent & keep)[0])}; set"
+            " `missing` to drop_row, hold or linear"
+        )
+    notes.append(f"{where}: {count} missing cells, {rule}")
+    if rule == "drop_row":
+        return ~absent
+    known = np.flatnonzero(~absent)
+    if not len(known):
+        raise InputError(f"{where}: all cells are missing")
+    flat = values if values.ndim == 2 else values[:, None]
+    for column in flat.T:  # views: the fill lands in `values`
+        if rule == "hold":
+            last = np.maximum.accumulate(np.where(absent, -1, np.arange(len(absent))))
+            column[absent] = column[np.maximum(last, 0)][absent]
+        else:
+            column[absent] = np.interp(time[absent], time[known], column[known])
+    place = np.arange(len(keep))
+    return (place >= known[0]) & ((place <= known[-1]) | (rule == "hold"))  # nothing to go by beyond

@@ -1,0 +1,42 @@
+"""Units a mapping may state, as factors to SI."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from samrl_core.common.errors import InputError
+
+_ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+_EFFORT = {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "kN m": 1e3, "N cm": 1e-2, "N": 1.0, "mN": 1e-3, "kN": 1e3}
+_POSITION = _ANGLE | _LENGTH
+UNITS: dict[str, dict[str, float]] = {
+    "position": _POSITION,
+    "velocity": {f"{u}/s": f for u, f in _POSITION.items()} | {"rpm": math.pi / 30},
+    "acceleration": {f"{u}/s2": f for u, f in _POSITION.items()},
+    "effort": _EFFORT | {"raw": 1.0},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+}
+SI = {
+    "position": "rad or m",
+    "velocity": "rad/s or m/s",
+    "acceleration": "rad/s2 or m/s2",
+    "effort": "N m or N",
+}
+_COUNTS = re.compile(r"^counts/(\d+(?:\.\d+)?)(/s2|/s)?$")  # counts of so many per revolution
+_COUNTS_OF = {"position": None, "velocity": "/s", "acceleration": "/s2"}
+
+
+def factor(quantity: str, unit: str, where: str) -> float:
+    """Factor from `unit` to SI. Raises `InputError` listing the units of the quantity."""
+    known = UNITS[quantity]
+    if unit in known:
+        return known[unit]
+    counts = _COUNTS.match(unit)
+    if counts and quantity in _COUNTS_OF and counts[2] == _COUNTS_OF[quantity] and float(counts[1]) > 0:
+        return 2 * math.pi / float(counts[1])
+    extra = f", or counts/N{_COUNTS_OF[quantity] or ''} (N per revolution)" if quantity in _COUNTS_OF else ""
+    raise InputError(
+        f"{where}: unit {unit!r} is unknown for {quantity}; use one of {', '.join(known)}{extra}"
+    )

@@ -1,0 +1,58 @@
+"""The nodes by name: settings and behaviour. The launch, the command line and the replay read this list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from samrl_core.common.errors import InputError
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+
+
+@dataclass(frozen=True)
+class NodeEntry:
+    """A node that hosts a behaviour."""
+
+    settings: type
+    behaviour: Callable[[Any, Outbox], Behaviour]
+
+
+def behaviour_nodes() -> dict[str, NodeEntry]:
+    """Nodes driven by messages alone; imported here because each pulls in its part of the core."""
+    from samrl_ros.nodes.manipulator import Manipulator, ManipulatorSettings
+    from samrl_ros.nodes.model_updater import ModelUpdater, ModelUpdaterSettings
+    from samrl_ros.nodes.residual_trainer import ResidualTrainer, ResidualTrainerSettings
+    from samrl_ros.nodes.supervisor import Supervisor, SupervisorSettings
+    from samrl_ros.nodes.view_planner import ViewPlannerNode, ViewPlannerSettings
+
+    return {
+        "manipulator": NodeEntry(ManipulatorSettings, Manipulator),
+        "view_planner": NodeEntry(ViewPlannerSettings, ViewPlannerNode),
+        "model_updater": NodeEntry(ModelUpdaterSettings, ModelUpdater),
+        "residual_trainer": NodeEntry(ResidualTrainerSettings, ResidualTrainer),
+        "supervisor": NodeEntry(SupervisorSettings, Supervisor),
+    }
+
+
+def all_settings() -> dict[str, Any]:
+    """Settings types by node."""
+    from samrl_ros.nodes.recorder_node import RecorderSettings
+    from samrl_ros.nodes.sim_bridge import SimBridgeSettings
+
+    settings: dict[str, Any] = {"sim_bridge": SimBridgeSettings}
+    settings |= {name: node.settings for name, node in behaviour_nodes().items()}
+    settings["recorder"] = RecorderSettings
+    return settings
+
+
+def entry(name: str) -> NodeEntry:
+    """One behaviour node.
+
+    Raises:
+        InputError: no such node.
+    """
+    nodes = behaviour_nodes()
+    if name not in nodes:
+        raise InputError(f"no node {name!r} with a behaviour; there are {', '.join(nodes)}")
+    return nodes[name]

@@ -1,0 +1,221 @@
+"""The commands on a study made by hand: no simulation."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from samrl_core.blind_test.engines.simulate import DivergedError
+from samrl_core.blind_test.scores.families import ARM_FAMILIES, without
+from samrl_core.blind_test.scores.study import Study, write_atomically
+from samrl_core.blind_test.worlds.plan import ForgeSettings
+from samrl_core.common import parallel
+from samrl_core.common.errors import InputError
+from samrl_ros.blind_test import study as forge_study
+from samrl_ros.cli.main import run
+from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, OK
+
+JOINT = "joint:panda_joint1"
+
+
+def put_world(study: Study, world: str, kind: str, family: str | None, severity: float = 0.75) -> None:
+    effects = [] if family is None else [
+        {"family": family, "place": JOINT, "form": "T0", "severity": severity, "onset": None,
+         "parameters": {}}
+    ]  # fmt: skip
+    label = {"schema": 1, "id": world, "set": kind, "engine": "pybullet", "arm": "tool_arm",
+             "programme": 0,
+             "effects": effects, "background": {"scale": 1.0}, "seed": 3}  # fmt: skip
+    write_atomically(study.label(world), json.dumps(label).encode())
+    time = np.linspace(0, 1, 5)
+    np.savez(
+        study.oracle(world),
+        time=time,
+        effect_effort=np.full((5, 1), 0.1),
+        scale_effort=np.ones(1),
+        oracle_shrink=0.9,
+    )
+    study.observations(world).mkdir(parents=True)
+
+
+def put_run(study: Study, stage: str, world: str, report: dict[str, Any] | None, code: int = 0) -> None:
+    folder = study.run_folder(stage, world)
+    folder.mkdir(parents=True)
+    (folder / "run.json").write_text(json.dumps({"exit_code": code, "seconds": 3.0, "output": "boom"}))
+    if report is not None:
+        (folder / "report.json").write_text(json.dumps(report))
+        np.savez(
+            folder / "resimulation.npz",
+            time=np.linspace(0, 1, 3),
+            effort_measured=np.zeros((3, 1)),
+            effort_nominal=np.ones((3, 1)),
+            effort_with_effect=np.full((3, 1), 0.2),
+        )
+
+
+def claim(family: str) -> dict[str, Any]:
+    named = {"family": family, "place": JOINT, "probability": 0.9, "parameters": {}}
+    return {"verdict": "effect", "where": [], "unexplained_fraction": 0.1, "effects": [named]}
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    made = Study(tmp_path / "study")
+    put_world(made, "w000", "single", "coulomb_friction")
+    put_world(made, "w001", "none", None)
+    put_world(made, "w002", "outside", "hum")
+    put_world(made, "w003", "single", "payload")
+    put_world(made, "w004", "single", "coulomb_friction")
+    made.seal([f"w00{k}" for k in (2, 0, 4, 1, 3)], {"seed": 2**40, "commit": None})
+    put_run(made, "diagnosis", "w000", claim("coulomb_friction"))
+    put_run(made, "diagnosis", "w001", {"verdict": "no_gap", "effects": []})
+    put_run(made, "diagnosis", "w002", {"verdict": "none_of_mine", "unexplained_fraction": 0.8})
+    put_run(made, "diagnosis", "w003", None, code=1)
+    put_run(made, "diagnosis", "w004", claim("viscous_friction"))
+    put_run(made, "baselines/argmin_rmse", "w000", claim("payload"))
+    return made
+
+
+def test_score_writes_json_page_and_pictures(study: Study, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["forge", "score", str(study.root)]) == OK
+    content = json.loads((study.root / "score.json").read_text())
+    scores = content["scores"]
+    assert (scores["which"]["top1_family"]["successes"], scores["which"]["top1_family"]["trials"]) == (1, 3)
+    assert scores["refusal"]["unknown_rejected"]["value"] == 1.0
+    assert scores["how_far"]["named_right"]["ratio"]["median"] == pytest.approx(0.8 / 0.9)
+    assert scores["how_far"]["all"]["ratio"]["n"] == 3  # the crashed one as well
+    assert [row["name"] for row in scores["baselines"]] == ["diagnosis, 1 worlds", "argmin_rmse"]
+    assert scores["baselines"][0]["top1_family"]["value"] == 1.0
+    assert scores["baselines"][1]["top1_family"]["value"] == 0.0
+    assert content["forge"]["sealed_sha256"] == study.published()["sealed_sha256"]
+    assert {w["id"]: w["verdict"] for w in content["worlds"]}["w003"] == "crashed"
+    assert (study.root / "score.html").stat().st_size > 10_000
+    assert (study.root / "score_severity.png").read_bytes()[:4] == b"\x89PNG"
+    assert "family right" in capsys.readouterr().out
+
+
+def test_score_refuses_a_changed_seal(study: Study, capsys: pytest.CaptureFixture[str]) -> None:
+    study.tar.write_bytes(study.tar.read_bytes() + b"\0")
+    assert run(["forge", "score", str(study.root)]) == INPUT_REFUSED
+    assert "was published" in capsys.readouterr().err
+    assert not (study.root / "score.json").exists()
+
+
+def test_score_refuses_unfinished_worlds_unless_told(study: Study) -> None:
+    (study.run_folder("diagnosis", "w000") / "run.json").unlink()
+    assert run(["forge", "score", str(study.root)]) == INPUT_REFUSED
+    assert run(["forge", "score", str(study.root), "--unfinished"]) == OK
+
+
+def test_withheld_worlds_are_scored_apart(study: Study) -> None:
+    chosen = forge_study.left_out(study, 2)
+    assert chosen == {"w000": "coulomb_friction", "w003": "payload"}  # one of each family first
+    assert forge_study.left_out(study, 2) == chosen
+    put_run(study, "left_out", "w000", {"verdict": "none_of_mine", "unexplained_fraction": 0.5})
+    put_run(study, "left_out", "w003", claim("coulomb_friction"))
+    assert run(["forge", "score", str(study.root)]) == OK
+    refusal = json.loads((study.root / "score.json").read_text())["scores"]["refusal"]
+    assert (refusal["left_out_rejected"]["successes"], refusal["left_out_rejected"]["trials"]) == (1, 2)
+
+
+def test_a_folder_belongs_to_one_forge(tmp_path: Path) -> None:
+    study = Study(tmp_path / "new")
+    forge_study.same_as_before(study, {"settings": {"seed": 1}, "commit": "abc"})
+    forge_study.same_as_before(study, {"settings": {"seed": 1}, "commit": "abc"})
+    assert forge_study.commit_before(study) == "abc"
+    with pytest.raises(InputError, match="other settings"):
+        forge_study.same_as_before(study, {"settings": {"seed": 2}, "commit": "abc"})
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match="not empty"):
+        forge_study.same_as_before(Study(tmp_path / "full"), {})
+
+
+@pytest.mark.parametrize("worlds", [1, 3, 4, 10, 37, 298, 1000])
+def test_shares_sum_up(worlds: int) -> None:
+    counts = forge_study.shares(worlds, asdict(ForgeSettings()))
+    assert sum(counts[k] for k in ("single", "none", "outside", "double")) == worlds
+    assert 0 <= counts["mujoco"] <= worlds
+    if worlds == 298:
+        usual = ForgeSettings()
+        assert (counts["single"], counts["none"], counts["mujoco"]) == (
+            usual.single,
+            usual.none,
+            usual.mujoco,
+        )
+
+
+def test_seed_comes_from_the_commit_unless_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subprocess, "run", lambda *a, **k: (_ for _ in ()).throw(OSError("no git")))
+    with pytest.raises(InputError, match="--seed or --commit"):
+        forge_study.head()
+
+
+def test_libraries_withhold_exactly_one_family() -> None:
+    assert Counter(ARM_FAMILIES).most_common(1)[0][1] == 1
+    assert len(ARM_FAMILIES) == 30
+    assert set(ARM_FAMILIES) - set(without("backlash")) == {"backlash"}
+
+
+def test_sweeping_leaves_finished_worlds(study: Study) -> None:
+    half = study.root / "obs" / ".w009.77"
+    half.mkdir()
+    (half / "A.mcap").write_text("half")
+    study.sweep("obs")
+    assert not half.exists()
+    assert study.made("w000")
+
+
+def _forging(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, asked: list[str], broken: list[str]
+) -> list[str]:
+    """The command for four worlds, of which those in `broken` fail with `error`."""
+
+    def pretend(work: object, items: list[Any], workers: int) -> Iterator[parallel.Done]:
+        for item in items:
+            asked.append(item.item.id)
+            if item.item.id in broken:
+                yield parallel.Done(item, error=error)
+                continue
+            put_world(Study(item.root), item.item.id, "none", None)
+            yield parallel.Done(item, 1.0)
+
+    monkeypatch.setattr(parallel, "in_processes", pretend)
+    return ["forge", "--out", str(tmp_path / "s"), "--seed", "4711", "--single", "2", "--none", "2",
+            "--outside", "0", "--double", "0", "--mujoco", "0"]  # fmt: skip
+
+
+def test_a_world_that_runs_away_is_left_out_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = _forging(tmp_path, monkeypatch, DivergedError("lag 9.99 rad"), [], ["w001"])
+    assert run(command) == OK
+    assert "ran away" in capsys.readouterr().out
+    published = Study(tmp_path / "s").published()
+    assert published["ran_away"] == ["w001"]
+    assert sorted(published["worlds"]) == ["w000", "w002", "w003"]
+
+
+def test_a_world_that_fails_stops_no_other_and_nothing_is_sealed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[str] = []
+    broken = ["w001"]
+    command = _forging(tmp_path, monkeypatch, OSError("no space left"), asked, broken)
+    assert run(command) == FAILED
+    said = capsys.readouterr().out
+    assert "w001" in said and "no space left" in said and "nothing is sealed" in said
+    assert len(asked) == 4 and not Study(tmp_path / "s").forge_file.exists()
+    broken.clear()
+    assert run(command) == OK
+    assert asked[4:] == ["w001"]
+    assert "4711" not in Study(tmp_path / "s").forge_file.read_text()  # the seed is sealed, not published
+    assert '"seed": 4711' in Study(tmp_path / "s").plan.read_text()

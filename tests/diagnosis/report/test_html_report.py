@@ -1,0 +1,225 @@
+"""report.html stands alone, escapes what it shows, and stays small; summary.png is a picture."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.report.figures import OVERLAY_COUNT, OVERLAY_POINTS, rms, thinned
+from samrl_core.diagnosis.report.html_report import to_html
+from samrl_core.diagnosis.report.html_where import cell_tone
+from samrl_core.diagnosis.report.json_report import read_report
+from samrl_core.diagnosis.report.summary_picture import to_png
+from samrl_core.diagnosis.report.write_report import write_report
+from samrl_core.diagnosis.result import VERDICTS, Diagnosis
+from tests.diagnosis.report import samples
+
+EVIL = "<script>alert(1)</script>\"'&$"
+LOADING = {"src", "href", "srcset", "data", "action", "poster", "background", "formaction"}
+
+
+class Page(HTMLParser):
+    """Tags, what they would load, and the content of script elements by id."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.loads: list[str] = []
+        self.scripts: dict[str, str] = {}
+        self.text = ""
+        self.ids: set[str] = set()
+        self._script: str | None = None
+        self._open: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        values = dict(attrs)
+        self.ids |= {values["id"] or ""} if "id" in values else set()
+        self.loads += [value or "" for name, value in attrs if name in LOADING]
+        assert not any(name.startswith("on") for name, _ in attrs)
+        if tag == "script":
+            self._script = values.get("id") or "main"
+            self.scripts[self._script] = ""
+        if tag not in ("meta", "link", "br", "img", "col"):
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag, f"</{tag}> closes something else"
+        if tag == "script":
+            self._script = None
+
+    def handle_data(self, data: str) -> None:
+        if self._script is not None:
+            self.scripts[self._script] += data
+        else:
+            self.text += data
+
+
+@cache
+def page_of(verdict: str) -> str:
+    return to_html(samples.diagnosis(verdict))
+
+
+@cache
+def evil() -> Diagnosis:
+    d = samples.diagnosis("ambiguous")
+    o, w, t = d.overlays[0], d.where[0], d.timelines[0]
+    place = f"joint:{EVIL}"
+    assert d.next_experiment is not None and d.heatmap is not None
+    return replace(
+        d,
+        arm=EVIL,
+        version=EVIL,
+        reasons=(EVIL,),
+        alarms=(EVIL,),
+        notes=(EVIL,),
+        where=(replace(w, place=place, recording=EVIL, channel=EVIL),),
+        effects=(replace(d.effects[0], place=place, form=EVIL),),
+        ambiguity_set=((f"backlash@{place}", f"{EVIL}@{place}"),),
+        next_experiment=replace(d.next_experiment, why=EVIL, file="next.yaml", programme={"name": EVIL}),
+        not_testable={EVIL: EVIL},
+        inputs=(replace(d.inputs[0], bag=EVIL),),
+        heatmap=replace(d.heatmap, places=(place, *d.heatmap.places[1:])),
+        timelines=(replace(t, recording=EVIL, energy={place: t.energy[samples.PLACES[0]]}, onset=3.0),),
+        curves=(
+            replace(
+                samples.friction_curve(np.random.default_rng(0)), effect=f"backlash@{place}", x_label=EVIL
+            ),
+        ),
+        overlays=(replace(o, recording=EVIL, joint=EVIL, quantity=EVIL, unit=EVIL),),
+        couplings=((EVIL, EVIL, EVIL, 0.5),),
+        settings={EVIL: EVIL},
+        timings={EVIL: 1.0},
+    )
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_page_is_whole_and_loads_nothing(verdict: str) -> None:
+    text = page_of(verdict)
+    page = Page(text)
+    assert page._open == []
+    assert [load for load in page.loads if not load.startswith("data:")] == []
+    assert not re.search(r"url\(|@import|https?://", re.sub(r'id="library">[^<]*', "", text))
+    assert "default-src 'none'" in text
+    assert page.tags.count("h1") == 1
+    assert len(text.encode()) < 6_000_000
+
+
+def test_the_plot_library_unpacks_to_itself() -> None:
+    packed = Page(page_of("effect")).scripts["library"]
+    assert "plotly.js v" in gzip.decompress(base64.b64decode(packed))[:200].decode()
+
+
+def test_names_cannot_break_out() -> None:
+    text = to_html(evil(), to_png(evil()))
+    page = Page(text)
+    assert "<script>alert" not in text
+    # Beside data there are two scripts, whatever the names hold: the library and the page's own.
+    data = [i for i in page.scripts if i not in ("library", "main")]
+    assert page.tags.count("script") == len(data) + 2
+    assert text.count("alert(1)") > 15
+    for name in data:
+        json.loads(page.scripts[name])
+        # What plotly draws, it reads as HTML of its own kind, so there names are escaped twice.
+        if name != "overlay-index":
+            assert "<script" not in page.scripts[name].replace("\\u003c", "<")
+    assert EVIL in page.text  # and people see the name as it is
+
+
+def test_facts_stand_in_the_page() -> None:
+    text = Page(page_of("effect")).text
+    headline = "Coulomb friction at joint panda_joint4 causes the gap"
+    figures = ("83 %", "79 to 86 %", "0.412 ± 0.031 N m", "Stribeck friction")
+    for fact in (headline, *figures, "What to do", "c" * 64, "3 samples with a repeated stamp", "no images"):
+        assert fact in text
+    ambiguous = Page(page_of("ambiguous")).text
+    assert "samrl excite next.yaml" in ambiguous and "from_hz: 1.0" in ambiguous
+    unknown = Page(page_of("none_of_mine")).text
+    assert "it would be wrong" in unknown and "repeats 12.0 times per turn" in unknown and "Alarms" in unknown
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_figure_has_its_data_and_every_overlay_its_entry(verdict: str) -> None:
+    d = samples.diagnosis(verdict)
+    text = page_of(verdict)
+    page = Page(text)
+    wanted = re.findall(r'data-figure="([^"]+)"', text)
+    assert len(wanted) == len(d.timelines) + len(d.curves) and set(wanted) <= set(page.scripts)
+    if d.overlays:
+        index = json.loads(page.scripts["overlay-index"])
+        assert {entry["id"] for entry in index} <= set(page.scripts) and len(index) == len(d.overlays)
+        assert ("overlay" in page.ids) and {"pick-recording", "pick-joint", "pick-quantity"} <= page.ids
+
+
+def test_the_worst_signal_of_the_named_joint_comes_first() -> None:
+    page = Page(page_of("effect"))
+    assert json.loads(page.scripts["overlay-index"])[0]["key"][:2] == [samples.HELD_OUT, "panda_joint4"]
+
+
+def test_many_long_recordings_stay_below_six_megabytes() -> None:
+    d = samples.diagnosis("effect")
+    copies = tuple(replace(o, recording=f"c{i}.mcap") for i in range(20) for o in d.overlays)
+    text = to_html(replace(d, overlays=copies))
+    assert len(copies) > OVERLAY_COUNT
+    assert len(text.encode()) < 6_000_000
+    assert f"{len(copies) - OVERLAY_COUNT} signals with smaller errors are left out" in text
+
+
+def test_thinning_keeps_spikes() -> None:
+    o = samples.overlays(np.random.default_rng(0))[0]
+    measured, nominal = o.measured.copy(), o.nominal.copy()
+    measured[12_345], nominal[6_789] = 50.0, -70.0
+    spiky = replace(o, measured=measured, nominal=nominal)
+    keep = thinned(spiky, OVERLAY_POINTS)
+    assert {12_345, 6_789, 0, len(o.time) - 1} <= set(keep.tolist())
+    assert len(keep) <= OVERLAY_POINTS + 2 and (np.diff(keep) > 0).all()
+
+
+def test_signals_with_gaps_are_drawn_and_measured() -> None:
+    d = samples.diagnosis("effect")
+    o = d.overlays[0]
+    measured = o.measured.copy()
+    measured[100:5000] = np.nan
+    holed = replace(o, measured=measured)
+    assert rms(holed.nominal, measured) == pytest.approx(rms(o.nominal[5000:], o.measured[5000:]), rel=0.05)
+    assert np.isnan(rms(None, measured)) and np.isnan(rms(o.nominal, np.full(len(measured), np.nan)))
+    Page(to_html(replace(d, overlays=(holed,))))
+
+
+def test_tones_begin_at_the_threshold() -> None:
+    tones = [cell_tone(v, 2.0) for v in (0.1, 1.6, 1.999, 2.0, 4.0, 40.0, 1e9)]
+    assert tones == sorted(tones) and tones[2] < 2 <= tones[3]
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_picture_is_a_png(verdict: str) -> None:
+    picture = to_png(samples.diagnosis(verdict))
+    assert picture.startswith(b"\x89PNG\r\n") and 5_000 < len(picture) < 600_000
+
+
+def test_all_files_are_written_together(tmp_path: Path) -> None:
+    paths = write_report(samples.diagnosis("ambiguous"), tmp_path / "out")
+    assert [p.name for p in paths] == ["report.json", "report.html", "summary.png", "next.yaml"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(p.name for p in paths)
+    assert read_report(paths[0])["next_experiment"]["file"] == "next.yaml"
+
+
+@pytest.mark.parametrize("name", ["/etc/next.yaml", "../next.yaml", "a/b.yaml"])
+def test_a_next_experiment_elsewhere_is_refused(name: str, tmp_path: Path) -> None:
+    d = samples.diagnosis("ambiguous")
+    assert d.next_experiment is not None
+    with pytest.raises(InputError, match="plain name"):
+        write_report(replace(d, next_experiment=replace(d.next_experiment, file=name)), tmp_path)
+    assert list(tmp_path.iterdir()) == []

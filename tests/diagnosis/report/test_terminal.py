@@ -1,0 +1,88 @@
+"""Ten lines, verdict first, and the same facts as the report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.report import words
+from samrl_core.diagnosis.report.gap_report import FAMILIES, family
+from samrl_core.diagnosis.report.terminal import LINES, WIDTH, summary
+from samrl_core.diagnosis.result import VERDICTS, Estimate
+from tests.diagnosis.report import samples
+
+FILES = ("report.json", "report.html", "summary.png")
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_at_most_ten_lines_that_fit(verdict: str) -> None:
+    lines = summary(samples.diagnosis(verdict), FILES)
+    assert 3 <= len(lines) <= LINES
+    assert max(map(len, lines)) <= WIDTH
+    assert lines[0].startswith(words.VERDICT_LABEL[verdict].upper())
+    assert all(name in lines[-1] for name in FILES)
+
+
+def test_everything_at_once_still_fits() -> None:
+    d = samples.diagnosis("ambiguous")
+    long = "x" * 300
+    many = replace(
+        d, effects=d.effects * 3, alarms=(long, long), nearest=samples.DELAY, reasons=(f"{long}\n{long}",)
+    )
+    lines = summary(replace(many, verdict="effect"), FILES)
+    assert len(lines) == LINES and max(map(len, lines)) <= WIDTH
+    assert not any("\n" in line for line in lines)
+    assert lines[-1].endswith("summary.png")
+
+
+def test_the_effect_is_named_with_its_parameters_and_how_far() -> None:
+    text = "\n".join(summary(samples.diagnosis("effect")))
+    assert "Coulomb friction at joint panda_joint4" in text
+    assert "coulomb_friction@joint:panda_joint4, probability 0.97: Fc = 0.412 ± 0.031 N m" in text
+    assert "shrinks by 83 % (79 to 86 %); +29 points on the runner-up" in text
+    assert "8 % of the excess energy remains" in text
+
+
+def test_an_ambiguous_gap_shows_the_set_and_the_next_recording() -> None:
+    text = "\n".join(summary(samples.diagnosis("ambiguous")))
+    assert "Backlash at joint panda_joint4 or Joint elasticity at joint panda_joint4" in text
+    assert "samrl excite next.yaml" in text
+    assert "which" not in text  # nothing is named
+
+
+def test_an_unknown_gap_names_nothing_and_warns_of_the_nearest() -> None:
+    text = "\n".join(summary(samples.diagnosis("none_of_mine")))
+    assert "Command delay at arm tool_arm, but it would be wrong" in text
+    assert "repeats 12.0 times per turn (+0.81)" in text
+
+
+@pytest.mark.parametrize(
+    ("estimate", "shown"),
+    [
+        (Estimate(0.412, "N m", (0.381, 0.443)), "0.412 ± 0.031 N m"),
+        (Estimate(8200.0, "N m/rad", (7100.0, 9400.0)), "8200 ± 1150 N m/rad"),
+        (Estimate(-3e-9, "s", (-4e-9, -2e-9)), "-3e-09 ± 1e-09 s"),
+        (Estimate(1.5, "", (1.5, 1.5)), "1.5"),
+        (Estimate(2.0, "s", (float("-inf"), float("inf"))), "2 s"),
+    ],
+)
+def test_digits_follow_the_interval(estimate: Estimate, shown: str) -> None:
+    assert words.parameter(estimate) == shown
+
+
+@pytest.mark.parametrize(
+    ("fraction", "shown"), [(0.999, "> 99 %"), (0.001, "< 1 %"), (0, "0 %"), (1, "100 %"), (None, "–")]
+)
+def test_per_cent_never_rounds_to_certainty(fraction: float | None, shown: str) -> None:
+    assert words.percent(fraction) == shown
+
+
+def test_every_family_of_the_catalogue_is_explained() -> None:
+    assert [f.number for f in FAMILIES.values()] == list(range(1, 50))
+    for name, f in FAMILIES.items():
+        assert f.name == name and f.title[0].isupper()
+        assert f.meaning.endswith(".") and f.remedy.endswith(".") and len(f.meaning) < 120
+    with pytest.raises(InputError, match="unknown family of effects 'gremlins'"):
+        family("gremlins")

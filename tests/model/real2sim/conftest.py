@@ -1,0 +1,28 @@
+"""The model, and a world to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.world.pybullet.world import PyBulletWorld
+from samrl_core.model.model import Model
+from samrl_core.studies.episodes.cell_driver import CellDriver
+from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
+
+
+@pytest.fixture(scope="session")
+def model() -> Model:
+    """Peg insertion in the default cell."""
+    return Model(task_named("peg_insertion"), default_cell())
+
+
+@pytest.fixture(scope="session")
+def driver(model: Model) -> Iterator[CellDriver]:
+    """A driver of a world with the default noise; reset it before use."""
+    world = PyBulletWorld(model.task, model.cell)
+    yield CellDriver(world, model.cell, world.scene.tool)
+    world.close()

@@ -89,7 +89,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from samrl_core.learning.residual.replay import Replay, ReplayInfo
-from tests.learn.small_cell import SMALL, random_step
+from tests.learning.small_cell import SMALL, random_step
 replay = Replay.write(Path(sys.argv[1]), ReplayInfo("peg_insertion", SMALL.intrinsics, 64))
 step = random_step(np.random.default_rng(0), 0, 0)
 while True:

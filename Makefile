@@ -4,12 +4,13 @@
 #   make bench   the cell's benchmark                  make docs   documents generated from code
 #   make bench-model   the model beside its peers, which it installs (Mitsuba needs Debian's libllvm19)
 #   make clean   remove .venv and caches (recordings in out/ stay)
-# Variables: PYTHON (3.11, or 3.12 with a self-built pybullet), TASK, SEED, EPISODES.
+# Variables: PYTHON (3.11, or 3.12 with a self-built pybullet), TASK, SEED, EPISODES, WORKERS (of the tests).
 
 PYTHON   ?= $(shell command -v python3.11 || command -v python3)
 TASK     ?= peg_insertion
 SEED     ?= 0
 EPISODES ?= 1
+WORKERS  ?= $(shell n=$$(nproc); echo $$((n < 8 ? n : 8)))
 
 VENV  := .venv
 BIN   := $(VENV)/bin
@@ -50,7 +51,8 @@ cell: $(BUILT)
 	exec $(BIN)/samrl cell --task $(TASK) --episodes $(EPISODES) --seed $(SEED) --out out/cell-$$n
 
 test: $(BUILT)
-	$(BIN)/python -m pytest -q -m "not slow"
+	$(BIN)/python -m pytest -q -m "not slow and not live" -n $(WORKERS)
+	$(BIN)/python -m pytest -q -m "live and not slow"
 	$(MAKE) check
 
 check: $(BUILT)

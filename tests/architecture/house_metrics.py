@@ -14,7 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.architecture.import_rules import circles, graph_of, imports_below, module_of
+from tests.architecture.import_rules import circles, graph_of, imports_below
 
 PACKAGES = ("samrl_core", "samrl_ros")
 SMALL = 40  # lines; a file below that may want to be part of another
@@ -87,7 +87,7 @@ def _defaults(tree: ast.AST) -> Iterator[tuple[str, object]]:
 
 
 def repeated_defaults(files: list[Path]) -> dict[tuple[str, object], int]:
-    """(name, number) stated as a default in more than one file. 0, 1, True and False say too little to count."""
+    """(name, number) stated as a default in more than one file; -1, 0, 1 and booleans are not counted."""
     stands = defaultdict(set)
     for file in files:
         for name, value in _defaults(ast.parse(file.read_text())):
@@ -132,7 +132,9 @@ def main(arguments: list[str]) -> None:
         print(f"{name:52s}" + "".join(f"{column[name]!s:>42s}" for column in columns))
     if len(roots) == 1:
         print("classes:", repeated_classes(product_files(roots[0])))
-        print("defaults:", {f"{n}={v}": c for (n, v), c in repeated_defaults(product_files(roots[0])).items()})
+        print(
+            "defaults:", {f"{n}={v}": c for (n, v), c in repeated_defaults(product_files(roots[0])).items()}
+        )
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from samrl_ros.bags.repair import repair
 from samrl_ros.contract.topics import arm_topic, cell_topic
 
 pytest.importorskip("rclpy")
-pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.timeout(420)]
+pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.live, pytest.mark.timeout(3600)]
 
 START_S = 240.0  # two cores, perhaps shared, and kernels to compile
 END_S = 45.0  # from the kill to the end of the process; summary and picture included

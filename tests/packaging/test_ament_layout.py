@@ -81,7 +81,7 @@ def test_a_fresh_environment_runs_the_cell_by_its_launcher(tmp_path: Path, edita
     link = prefix / "lib" / version / "site-packages" / "borrowed.pth"
     link.write_text(f"import site; site.addsitedir({sysconfig.get_path('platlib')!r})\n")
     source = ["-e", str(ROOT)] if editable else [str(ROOT)]
-    subprocess.run([python, "-m", "pip", "install", "-q", "--no-deps", *source], check=True, timeout=100)
+    subprocess.run([python, "-m", "pip", "install", "-q", "--no-deps", *source], check=True)
 
     assert executables_as_ros2run_finds_them(prefix) == EXECUTABLES
     result = subprocess.run(

@@ -110,7 +110,6 @@ def test_only_listed_topics_are_spoken_on_and_nothing_is_logged_as_error(three_a
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_a_whole_episode_succeeds_and_the_truth_agrees(whole_episode: Any) -> None:
     (outcome,) = whole_episode.on(OUTCOME)
     assert outcome.detected_success, outcome.reason

@@ -15,7 +15,7 @@ import pytest
 
 from samrl_core.common.errors import InputError
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.live]
 ROOT = Path(__file__).resolve().parents[2]
 ECHO = Path(__file__).with_name("echo_node.py")
 

@@ -308,7 +308,6 @@ def test_a_file_that_is_given_is_in_force_and_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_a_process_trains_publishes_and_saves(tmp_path: Path) -> None:
     """The real thing: steps go in, a version comes out; killed, it says so; started anew, it goes on."""
     cell = FakeCell(tmp_path, None, updates_per_step=2.0)

@@ -152,7 +152,6 @@ def test_a_case_whose_file_could_not_be_written_is_run_again(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_two_pushes_of_a_heavy_and_a_light_pancake(tmp_path: Path) -> None:
     """One case of each; a second run reads the first one's results."""
     arguments = ["--cases", "1", "--light", "1", "--out", str(tmp_path)]

@@ -219,7 +219,6 @@ def test_the_camera_is_where_it_is_held(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_an_episode_is_the_same_each_time() -> None:
     """Peg insertion with a held view, judged by truth; time is all that differs."""
     first, second = episode_cases(JOB)[0], episode_cases(JOB)[0]

@@ -13,6 +13,7 @@ from samrl_core.blind_test.scores.load import read_report
 from samrl_core.blind_test.scores.study import Study
 from samrl_core.common import parallel
 from samrl_core.common.errors import InputError
+from tests.waiting import PATIENCE_S
 
 SPY = """
 import json, os, pathlib, sys
@@ -37,7 +38,7 @@ def study_with(tmp_path: Path, code: int = 0, body: str = SPY) -> tuple[Study, J
     study.label("w1").write_text("secret")
     script = tmp_path / "spy.py"
     script.write_text(body.format(secret=str(study.label("w1")), code=code))
-    return study, Job(study.root, "w1", command=(sys.executable, str(script)), timeout_s=20)
+    return study, Job(study.root, "w1", command=(sys.executable, str(script)), timeout_s=PATIENCE_S)
 
 
 def test_the_process_has_the_recordings_and_not_the_labels(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_ros.cell.excite_cell import ARM_DISTANCE, CellPlayer
 from samrl_ros.cli.main import run as samrl
 from samrl_ros.contract.exit_codes import INPUT_REFUSED, INTERRUPTED, OK
+from tests.waiting import PATIENCE_S, wait_for
 
 
 def player(role: str, world: str = "pybullet") -> CellPlayer:
@@ -131,11 +131,9 @@ def test_interrupted_run_leaves_only_complete_bags(tmp_path):
         stderr=subprocess.STDOUT,
         text=True,
     )
-    deadline = time.monotonic() + 60
-    while not (out / "A.mcap").exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
+    wait_for((out / "A.mcap").exists, "the first bag", 0.05)
     process.send_signal(signal.SIGINT)
-    text, _ = process.communicate(timeout=60)
+    text, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == INTERRUPTED, text
     assert [p.name for p in out.iterdir()] == ["A.mcap"], text
     assert "A.mcap" in text

@@ -93,7 +93,6 @@ def test_truth_remembers_how_high_it_was_until_the_next_reset() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_expert_turns_it_over_from_everywhere() -> None:
     """20 starts."""
     found = episodes(TASK, CELL, TRUE, range(20), Pace())
@@ -102,7 +101,6 @@ def test_expert_turns_it_over_from_everywhere() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_a_careless_expert_still_has_a_chance() -> None:
     """A quarter of each action is noise: with sub-goals to come back to, most episodes still succeed."""
     found = episodes(TASK, CELL, TRUE, range(8), Pace(noise=0.25))

@@ -89,7 +89,6 @@ def test_the_eye_holds_the_thread() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_expert_threads_it_from_everywhere() -> None:
     """20 threads."""
     found = episodes(TASK, CELL, TRUE, range(20), Pace())
@@ -97,7 +96,6 @@ def test_expert_threads_it_from_everywhere() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_a_careless_expert_still_threads_it() -> None:
     """A quarter of each action is noise."""
     found = episodes(TASK, CELL, TRUE, range(8), Pace(noise=0.25))

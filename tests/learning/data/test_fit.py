@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from samrl_core.learning.sim.imitation import Imitation, fit_actor
 from samrl_core.learning.sim.value import Q_LOSSES, fit_q, likelihood, squared_error
 from samrl_core.policy.networks.networks import SensingQ, SimActor
 from tests.learning import tiny
+from tests.waiting import wait_for
 
 pytestmark = pytest.mark.timeout(400)  # seconds on a free core, but cores may be shared
 
@@ -77,10 +77,13 @@ def test_a_q_learns_which_actions_succeed(tmp_path: Path, loss: str) -> None:
 def test_killed_in_the_middle_it_ends_the_same(tmp_path: Path, whole: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     process = subprocess.Popen([sys.executable, tiny.__file__, str(tmp_path), "0.3"], env=environment)
-    checkpoint, until = tmp_path / CHECKPOINT, time.monotonic() + 300
-    while not checkpoint.exists() or load_checkpoint(checkpoint, "regression")[1]["step"] < 13:
-        assert process.poll() is None and time.monotonic() < until, "no checkpoint came"
-        time.sleep(0.1)
+    checkpoint = tmp_path / CHECKPOINT
+
+    def is_under_way() -> bool:
+        assert process.poll() is None, "it ended before its checkpoint"
+        return checkpoint.exists() and load_checkpoint(checkpoint, "regression")[1]["step"] >= 13
+
+    wait_for(is_under_way, "a checkpoint", 0.1)
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
     step = load_checkpoint(checkpoint, "regression")[1]["step"]

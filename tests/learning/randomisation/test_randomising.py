@@ -168,7 +168,6 @@ def test_a_group_moves_with_the_attributes_of_its_points() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", ["uniform", "adr"])
 def test_a_whole_training(name: str, tmp_path: Path) -> None:
     """As small as can be; stopped before the episodes, then the rest."""

@@ -261,7 +261,6 @@ def test_settings_out_of_range_are_refused(bad: dict) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)  # a quarter of a minute of processor time, on a machine that may be busy
 def test_it_learns_what_the_image_tells(tmp_path: Path) -> None:
     """The zero residual never succeeds, and one that ignores the image in half of the states at most.
 

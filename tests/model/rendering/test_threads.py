@@ -7,6 +7,7 @@ import threading
 import pytest
 
 from samrl_core.model.rendering.threads import in_threads, shares
+from tests.waiting import PATIENCE_S
 
 
 def test_shares_cover_all_once() -> None:
@@ -18,7 +19,7 @@ def test_shares_cover_all_once() -> None:
 
 
 def test_parts_run_at_the_same_time() -> None:
-    meet = threading.Barrier(3, timeout=10)
+    meet = threading.Barrier(3, timeout=PATIENCE_S)
     in_threads(lambda part: meet.wait() and None, shares(3, 3))
 
 

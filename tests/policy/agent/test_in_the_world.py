@@ -13,7 +13,6 @@ from samrl_core.studies.episodes.world_plant import WorldPlant
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_an_episode_of_peg_insertion(model: Model) -> None:
     """The camera moves, the peg goes in, the model says so, and it is true."""
     world = PyBulletWorld(model.task, model.cell)

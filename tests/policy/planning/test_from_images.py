@@ -9,7 +9,6 @@ from tests.policy.planning.from_images import solve
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", sorted(TASKS))
 def test_solves_from_images(name: str) -> None:
     """One start, to the end; the model says done when it is."""

@@ -21,7 +21,7 @@ from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.writer import BagWriter
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.live]
 STRING = "std_msgs/msg/String"
 JOINTS = "sensor_msgs/msg/JointState"
 TOOL, PHASE, STATES = "/cell/tool_arm/tool", "/cell/phase", "/cell/tool_arm/joint_states"

@@ -86,7 +86,7 @@ def import_command(
         bool, typer.Option("--check", help="Only say what each channel becomes; write nothing.")
     ] = False,
 ) -> None:
-    """Turn CSV, NPZ and MAT logs into bags, by a YAML mapping alone (msgs_docs/import.md)."""
+    """Turn CSV, NPZ and MAT logs into bags, by a YAML mapping alone (msgs_docs/guide/import.md)."""
     from samrl_ros.log_import.importer import INDEX, import_logs
     from samrl_ros.log_import.mapping import read_mapping
 

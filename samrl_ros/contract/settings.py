@@ -1,7 +1,7 @@
 """How a node's settings are declared: frozen dataclasses whose fields carry text, unit and range.
 
 `setting` is the one way to declare a field; `node_kit` turns it into a ROS parameter with descriptor
-and range, and `msgs_docs/parameters.md` is generated from it.
+and range, and `msgs_docs/reference/parameters.md` is generated from it.
 """
 
 from __future__ import annotations

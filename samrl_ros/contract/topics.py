@@ -1,6 +1,6 @@
 """The contract between processes: every topic with its type, QoS, rate, frame, unit and publisher.
 
-Plain data, no imports of ROS: tools that only read bags use it as well. `msgs_docs/topics.md` is
+Plain data, no imports of ROS: tools that only read bags use it as well. `msgs_docs/reference/topics.md` is
 generated from this table.
 """
 

@@ -174,7 +174,9 @@ def calibration(text: str) -> dict[str, Pose]:
             "camera_arm": _pose(data["base_in_world"]["camera_arm"]),
         }
     except (ValueError, KeyError, TypeError) as error:  # JSONDecodeError is a ValueError
-        raise InputError(f"cannot read the calibration ({error!r}); see msgs_docs/topics.md") from error
+        raise InputError(
+            f"cannot read the calibration ({error!r}); see msgs_docs/reference/topics.md"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -201,13 +203,13 @@ def announced_weights(text: str) -> AnnouncedWeights:
         )
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"cannot read the weights' announcement ({error!r}); see msgs_docs/topics.md"
+            f"cannot read the weights' announcement ({error!r}); see msgs_docs/reference/topics.md"
         ) from error
     texts = (found.task, found.sha256)
     numbers = (found.version, found.steps)
     right = all(type(n) is int and n >= 0 for n in numbers) and all(isinstance(t, str) for t in texts)
     if not right:
-        raise InputError(f"weights are announced as {data}; see msgs_docs/topics.md")
+        raise InputError(f"weights are announced as {data}; see msgs_docs/reference/topics.md")
     if found.version > 0 and not (found.file.is_absolute() and found.sha256):
         raise InputError(f"weights version {found.version} needs an absolute file and its sha256, has {data}")
     return found

@@ -1,1 +1,1 @@
-"""Logs of other tools (CSV, NPZ, MAT) to bags, by a YAML mapping alone. See msgs_docs/import.md."""
+"""Logs of other tools (CSV, NPZ, MAT) to bags, by a YAML mapping alone. See msgs_docs/guide/import.md."""

@@ -332,7 +332,7 @@ def test_the_command_line(log: Callable[..., None], tmp_path: Path) -> None:
 
 
 def test_the_worked_example_of_the_manual(tmp_path: Path) -> None:
-    page = (Path(__file__).resolve().parents[2] / "msgs_docs" / "import.md").read_text()
+    page = (Path(__file__).resolve().parents[2] / "msgs_docs" / "guide" / "import.md").read_text()
     (tmp_path / "mapping.yaml").write_text(page.split("```yaml\n")[1].split("```")[0])
     chain = "".join(
         f'<joint name="{joint}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'

@@ -42,7 +42,7 @@ def curve(folder: Path, seed: int, settings: RunSettings, play: Play) -> list[fl
 def test_a_correction_is_found_and_kept(tmp_path: Path, seeds: Sequence[int], spoilt: float) -> None:
     """A hole that is off by 2.2 +- 0.5 mm, also where a share of the episodes fails for no reason. Where
     updates see whole features, and leaving what was tried costs nothing, this leads nowhere: see
-    msgs_docs/residual.md.
+    msgs_docs/results/residual.md.
     """
     play = partial(kinematic_peg.play, spoilt=spoilt)
     settings = RunSettings(POINTS, evaluated=40)

@@ -3,7 +3,7 @@
     python -m samrl_core.blind_test.scores.calibrate --worlds 24 --out calibration.json
 
 Worlds are the diagnosis' own closed-loop simulations of the cell's recording programmes, never those of the
-forge: judged worlds must not have tuned what judges them. Figures are quoted in msgs_docs/gap_results.md.
+forge: judged worlds must not have tuned what judges them. Numbers: msgs_docs/results/blind_study.md.
 """
 
 from __future__ import annotations

@@ -1,0 +1,113 @@
+"""What a page names exists: links, anchors, files, modules, command lines and their options."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import io
+import re
+import shlex
+from functools import cache
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "bags").rglob("*.md"), *(ROOT / "msgs_docs").rglob("*.md")])
+IDS = [str(page.relative_to(ROOT)) for page in PAGES]
+EVERY_PAGE = pytest.mark.parametrize("page", PAGES, ids=IDS)
+
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+OUR_PATH = re.compile(r"(?<![\w./-])((?:samrl_core|samrl_ros|tests|msgs_docs|bags)/[\w./*-]*[\w*/])")
+MODULE = re.compile(r"python -m ([\w.]+)")
+COMMAND = re.compile(r"(?:^|[`$(&|] ?| {4})(samrl(?: [^`\n]*)?)", re.MULTILINE)
+GENERATED = re.compile(r"^bags/(local|emps|sts3215_backlash|run|c\b)")  # what a command of the page makes
+OUR_MODULES = ("samrl_core", "samrl_ros", "tests")
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, made as GitHub makes them."""
+    text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+    headings = re.findall(r"^#+ +(.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@EVERY_PAGE
+def test_links_and_pictures_exist(page: Path) -> None:
+    for link in LINK.findall(page.read_text()):
+        if "://" in link or link.startswith("mailto:"):
+            continue
+        target, _, anchor = unquote(link).partition("#")
+        file = (page.parent / target).resolve() if target else page
+        assert file.exists(), f"{page.name} links {link}"
+        assert file.is_relative_to(ROOT), f"{page.name} links {link}, outside the project"
+        if anchor and file.suffix == ".md":
+            assert anchor in anchors(file), f"{page.name} links {link}: no such heading"
+
+
+@EVERY_PAGE
+def test_files_and_folders_exist(page: Path) -> None:
+    for path in OUR_PATH.findall(page.read_text()):
+        if GENERATED.match(path):
+            continue
+        found = list(ROOT.glob(path)) if "*" in path else [ROOT / path]
+        assert found and all(file.exists() for file in found), f"{page.name} names {path}"
+
+
+@EVERY_PAGE
+def test_modules_that_are_run_exist(page: Path) -> None:
+    for module in MODULE.findall(page.read_text()):
+        if module.split(".")[0] in OUR_MODULES:
+            assert importlib.util.find_spec(module.rstrip(".")), f"{page.name} runs {module}"
+
+
+@cache
+def help_of(words: tuple[str, ...]) -> str:
+    """What `samrl WORDS --help` prints; empty if there is no such command."""
+    from samrl_ros.cli.main import run
+
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+        code = run([*words, "--help"])
+    return printed.getvalue() if code == 0 else ""
+
+
+def command_lines(text: str) -> list[str]:
+    """Command lines of a page that begin with `samrl`, without comments and what follows `&&`."""
+    lines = [line.split(" #")[0] for line in COMMAND.findall(text)]
+    return [line.split("&&")[0].split(" | ")[0].rstrip(" .,;:)") for line in lines]
+
+
+def why_not_accepted(line: str) -> str:
+    """What of a command line its help does not know; empty if nothing."""
+    words = shlex.split(line.split("--ros-args")[0])[1:]
+    command: tuple[str, ...] = ()
+    while "COMMAND [ARGS]" in help_of(command) and words and not words[0].startswith("-"):
+        command = (*command, words.pop(0))
+    known = help_of(command)
+    if not known:
+        return f"no command {' '.join(command)!r}"
+    options = {word.split("=")[0] for word in words if word.startswith("--")}
+    return ", ".join(f"no option {o}" for o in options if not re.search(rf"(?<![\w-]){o}(?![\w-])", known))
+
+
+@pytest.fixture(autouse=True)
+def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")  # help of a narrow terminal cuts the options' names
+    monkeypatch.setenv("TERMINAL_WIDTH", "200")
+
+
+@EVERY_PAGE
+def test_command_lines_are_accepted(page: Path) -> None:
+    for line in command_lines(page.read_text()):
+        reason = why_not_accepted(line)
+        assert not reason, f"{page.name}: {line!r}: {reason}"
+
+
+def test_command_lines_are_found_and_checked() -> None:
+    text = "a\n    samrl cell --sead 0\n```sh\nsamrl forge score study  # x\n```\nand `samrl effects FAMILY`."
+    found = command_lines(text)
+    assert found == ["samrl cell --sead 0", "samrl forge score study", "samrl effects FAMILY"]
+    assert [why_not_accepted(line) for line in found] == ["no option --sead", "", ""]
+    assert why_not_accepted("samrl fly") == "no command 'fly'"

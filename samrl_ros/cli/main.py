@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_core.policy.agent.policies import DEFAULT_POLICY
+from samrl_ros.cli.options import add_command
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
 
 app = typer.Typer(
@@ -162,74 +163,12 @@ def diagnose(
     raise typer.Exit(diagnose_bags(options))
 
 
-@app.command()
-def train(
-    task: Annotated[str, typer.Argument(help="Task to learn.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of this training; out/train-TASK by default. Goes on from it.")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of everything that is random.", min=0)] = 0,
-    device: Annotated[str, typer.Option(help="cpu, or cuda:0.")] = "cpu",
-    states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = 12_000,
-    rounds: Annotated[int, typer.Option(help="Of labelling the actor's own states.", min=0)] = 1,
-    episodes: Annotated[int, typer.Option(help="Episodes in the model for Q.", min=256)] = 512,
-    q_target: Annotated[
-        str, typer.Option(help="What Q learns: return (of an episode), or action (how near to the expert's).")
-    ] = "action",
-    q_loss: Annotated[
-        str, typer.Option(help="How: square (eq. 24), or likelihood (where most returns are near 0).")
-    ] = "square",
-    q_unit: Annotated[
-        float,
-        typer.Option(help="Error that leaves 1/e of an action's worth, in action limits (target action)."),
-    ] = 0.1,
-    actor_epochs: Annotated[int, typer.Option(help="Times that the actor sees every state.", min=1)] = 40,
-    q_epochs: Annotated[int, typer.Option(help="Times that Q sees every action.", min=1)] = 15,
-    batch_size: Annotated[int, typer.Option(help="Images per step.", min=1)] = 128,
-    max_actions: Annotated[int, typer.Option(help="Of an episode in the model; 0: the task's.", min=0)] = 0,
-    actor: Annotated[
-        Path | None, typer.Option(help="Weights of an actor: its Q is trained, and nothing before.")
-    ] = None,
-    kept: Annotated[
-        int, typer.Option(help="Images of each state, drawn once and kept in memory; 0: new ones.", min=0)
-    ] = 0,
-    workers: Annotated[
-        int, typer.Option(help="Processes for states, labels and episodes; 0: free cores.", min=0)
-    ] = 0,
-    visited: Annotated[
-        list[Path] | None,
-        typer.Option(help="States that a run of the cell found (its visited.npz); may be repeated."),
-    ] = None,
-    randomisation: Annotated[
-        str, typer.Option(help="What differs between models: real2sim, uniform, adr or simopt.")
-    ] = "real2sim",
-) -> None:
-    """Learn actor and sensing-aware Q of a task in the model, from nothing; resumable."""
-    from samrl_ros.cli.train import TrainOptions, train_task
-
-    folder = out or Path("out") / f"train-{task}"
-    options = TrainOptions(
-        task,
-        folder,
-        seed,
-        device,
-        states,
-        rounds,
-        episodes,
-        q_target,
-        q_loss,
-        q_unit,
-        actor_epochs,
-        q_epochs,
-        batch_size,
-        max_actions,
-        kept,
-        workers,
-        actor,
-        tuple(visited or ()),
-        randomisation,
-    )
-    raise typer.Exit(train_task(options))
+add_command(
+    app,
+    "train",
+    "samrl_ros.cli.train:train_task",
+    "Learn actor and sensing-aware Q of a task in the model, from nothing; resumable.",
+)
 
 
 @app.command()

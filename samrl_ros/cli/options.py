@@ -1,0 +1,89 @@
+"""A command's options follow from a dataclass: one option per field, its default the field's own.
+
+A field whose annotation carries `typer.Option` or `typer.Argument` becomes that option or argument:
+
+    states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = TrainSettings.states
+
+Fields without one are not on the command line and keep their defaults. `tuple[T, ...]` is an option that may
+be repeated. The dataclass and what it imports are loaded when the command is used, so that `samrl --help`
+stays quick.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import typer
+from typer.core import TyperCommand
+from typer.models import ParameterInfo
+
+
+def add_command(app: typer.Typer, name: str, target: str, help: str) -> None:
+    """Add a command that is loaded when it is used.
+
+    Args:
+        app: gets the command.
+        name: of the command.
+        target: `module:function`. The function's first parameter is annotated with a dataclass of options,
+            further ones are typer's own, such as `typer.Context`; it returns the exit code.
+        help: what the command does, in one line.
+    """
+
+    class LazyCommand(TyperCommand):
+        def get_params(self, ctx: Any) -> list[Any]:
+            if not self.params:
+                command = _loaded_command(target)
+                self.params, self.callback = command.params, command.callback
+            return super().get_params(ctx)
+
+    app.command(name, cls=LazyCommand, help=help)(lambda: None)
+
+
+def command_function(function: Callable[..., int]) -> Callable[..., None]:
+    """A typer callback from a function of a dataclass of options, see `add_command`."""
+    options_name, *others = inspect.signature(function).parameters.values()
+    hints = get_type_hints(function, include_extras=True)
+    settings = hints[options_name.name]
+    repeated: set[str] = set()
+    parameters = [one.replace(annotation=hints[one.name], kind=one.KEYWORD_ONLY) for one in others]
+    types = get_type_hints(settings, include_extras=True)
+    for field in dataclasses.fields(settings):
+        annotation = types[field.name]
+        if not any(isinstance(one, ParameterInfo) for one in getattr(annotation, "__metadata__", ())):
+            continue
+        default: Any = field.default
+        if field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
+        elif default is dataclasses.MISSING:
+            default = inspect.Parameter.empty
+        plain, *extras = get_args(annotation)
+        if get_origin(plain) is tuple and get_args(plain)[1:] == (...,):
+            repeated.add(field.name)
+            optional = list[get_args(plain)[0]] | None  # type: ignore[misc]
+            annotation = Annotated[(optional, *extras)]
+            default = inspect.Parameter.empty if default is inspect.Parameter.empty else list(default) or None
+        parameters.append(
+            inspect.Parameter(
+                field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
+            )
+        )
+
+    def run(**given: Any) -> None:
+        rest = {one.name: given.pop(one.name) for one in others}
+        values = {name: tuple(value or ()) if name in repeated else value for name, value in given.items()}
+        raise typer.Exit(function(settings(**values), **rest))
+
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {one.name: one.annotation for one in parameters}
+    return run
+
+
+def _loaded_command(target: str) -> Any:
+    module, _, name = target.partition(":")
+    app = typer.Typer(add_completion=False)
+    app.command()(command_function(getattr(importlib.import_module(module), name)))
+    return typer.main.get_command(app)

@@ -1,0 +1,102 @@
+"""Options of a command follow from a dataclass, and what the command line gives becomes one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer.testing import CliRunner
+
+from samrl_ros.cli.options import add_command, command_function
+from samrl_ros.cli.train import DEFAULTS, TrainOptions
+
+
+@dataclass(frozen=True)
+class ToyOptions:
+    """One of each kind."""
+
+    place: Annotated[str, typer.Argument(help="Where.")]
+    count: Annotated[int, typer.Option(help="How many.", min=1)] = 3
+    files: Annotated[tuple[Path, ...], typer.Option("--file", help="May be repeated.")] = ()
+    names: Annotated[tuple[str, ...], typer.Option("--name")] = ("a", "b")
+    flag: Annotated[bool, typer.Option("--flag")] = False
+    made: Annotated[list[int], typer.Option("--made")] = field(default_factory=lambda: [7])
+    hidden: tuple[str, ...] = ("stays",)
+
+
+CALLS: list[tuple[ToyOptions, object]] = []
+
+
+def toy(options: ToyOptions, context: typer.Context) -> int:
+    CALLS.append((options, context.obj))
+    return options.count
+
+
+def invoked(*arguments: str) -> tuple[int, str]:
+    CALLS.clear()
+    app = typer.Typer()
+    app.command("other")(lambda: None)
+    add_command(app, "toy", f"{__name__}:toy", "Play.")
+    result = CliRunner().invoke(app, list(arguments), obj="beside")
+    return result.exit_code, result.output
+
+
+def test_what_is_not_given_has_the_fields_default() -> None:
+    assert invoked("toy", "here")[0] == 3
+    assert CALLS == [(ToyOptions("here"), "beside")]
+
+
+def test_what_is_given_becomes_the_dataclass() -> None:
+    code, _ = invoked("toy", "here", "--count", "2", "--file", "x", "--file", "y", "--name", "c", "--flag")
+    assert code == 2
+    assert CALLS[0][0] == ToyOptions("here", 2, (Path("x"), Path("y")), ("c",), True)
+
+
+def test_limits_and_types_hold_as_with_any_command() -> None:
+    for arguments, why in (
+        (("toy", "here", "--count", "0"), "equal to 1"),
+        (("toy", "here", "--count", "one"), "one"),
+        (("toy",), "PLACE"),
+        (("toy", "here", "--hidden", "x"), "--hidden"),
+    ):
+        code, output = invoked(*arguments)
+        assert code == 2 and why.lower() in output.lower() and not CALLS
+
+
+def test_help_shows_text_limits_and_defaults() -> None:
+    code, output = invoked("toy", "--help")
+    assert code == 0
+    for text in ("Play.", "How many.", "x>=1", "default: 3", "May be repeated.", "Where."):
+        assert text in output
+    assert "hidden" not in output
+
+
+def test_a_function_can_be_a_command_at_once() -> None:
+    app = typer.Typer()
+    app.command()(command_function(toy))
+    CALLS.clear()
+    assert CliRunner().invoke(app, ["there"], obj=1).exit_code == 3 and CALLS == [(ToyOptions("there"), 1)]
+
+
+def test_the_list_of_commands_loads_none_of_them() -> None:
+    script = (
+        "import sys; from samrl_ros.cli.main import run; code = run(['--help']); "
+        "sys.exit('torch' in sys.modules or code)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0 and "train" in done.stdout
+
+
+def test_options_of_a_training_default_to_its_settings() -> None:
+    assert TrainOptions("peg_insertion").settings() == DEFAULTS
+
+
+def test_options_of_a_training_reach_its_settings() -> None:
+    options = TrainOptions("peg_insertion", batch_size=9, rounds=2, q_unit=0.3, actor_epochs=5, q_epochs=6)
+    settings = options.settings()
+    assert (settings.rounds, settings.acted.unit, settings.actor.epochs, settings.q.epochs) == (2, 0.3, 5, 6)
+    assert settings.actor.batch_size == settings.q.batch_size == 9

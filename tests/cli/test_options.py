@@ -59,8 +59,8 @@ def test_what_is_given_becomes_the_dataclass() -> None:
 def test_limits_and_types_hold_as_with_any_command() -> None:
     for arguments, why in (
         (("toy", "here", "--count", "0"), "equal to 1"),
-        (("toy", "here", "--count", "one"), "one"),
-        (("toy",), "PLACE"),
+        (("toy", "here", "--count", "one"), "--count"),
+        (("toy",), "Missing argument"),
         (("toy", "here", "--hidden", "x"), "--hidden"),
     ):
         code, output = invoked(*arguments)

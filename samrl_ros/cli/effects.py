@@ -47,10 +47,11 @@ def _find(family: str) -> Effect:
 def _show_one(effect: Effect, console: Console) -> None:
     lines = [
         f"{effect.number} {effect.family}: {effect.title}",
-        str(effect.__doc__).strip(),
+        effect.meaning,
+        f"remedy         {effect.remedy}",
         f"formula        {effect.formula}",
         f"acts on        {effect.acts_on}, at each {effect.place_kind}",
-        f"shown by       {effect.excitation}",
+        f"shown by       {effect.excitation} (samrl excite: {effect.experiment})",
         f"confused with  {', '.join(effect.confounded_with) or 'nothing known'}",
         f"source         {effect.source}",
     ]

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-ARM_FAMILIES: tuple[str, ...] = (
-    "coulomb_friction", "viscous_friction", "stribeck_friction", "load_dependent_friction", "presliding",
-    "friction_asymmetry", "position_dependent_friction", "gear_ripple", "thermal_friction", "backlash",
-    "joint_elasticity", "transmission_hysteresis", "reflected_inertia", "actuator_gain", "torque_saturation",
-    "torque_rate_limit", "command_low_pass", "command_delay", "packet_jitter", "controller_gain",
-    "encoder_offset", "encoder_eccentricity", "torque_sensor_error", "payload", "link_inertia", "base_tilt",
-    "mount_compliance", "cable", "kinematic_error", "base_to_base",
-)  # fmt: skip
+from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
+
+ARM_FAMILIES: tuple[str, ...] = (*(e.family for e in EFFECTS), *NOT_BY_JOINTS)
 
 
 def without(withheld: str) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ class Parameter:
     low: float  # plausible range of the catalogue (gap.md 5) for a Panda-class arm
     high: float
     meaning: str
+    bounded: bool = True  # an angle that may be anything has no plausible range
 
 
 @dataclass(frozen=True)
@@ -48,13 +49,19 @@ class Effect(ABC):
 
     family: ClassVar[str]
     number: ClassVar[int]
-    title: ClassVar[str]
+    title: ClassVar[str]  # starts a sentence
+    proper_name: ClassVar[bool] = False  # its title keeps its capital within a sentence
+    meaning: ClassVar[str]  # what it physically is, in one sentence, for whoever stands beside the machine
+    remedy: ClassVar[str]  # what to do about it, in one or two sentences
     formula: ClassVar[str]
     source: ClassVar[str]
-    acts_on: ClassVar[str]  # command, dynamics or reading (camera effects come later)
-    excitation: ClassVar[str]
+    acts_on: ClassVar[str]  # command, dynamics or reading
+    excitation: ClassVar[str]  # the motion that shows it, in words
+    experiment: ClassVar[str] = "slow"  # the excitation trajectory of the catalogue that shows it best
+    curve_over: ClassVar[str] = "effort"  # what the report plots it against: a key of `curves.AXES`
     confounded_with: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]]
+    renamed_shapes: ClassVar[tuple[str, ...]] = ()  # shapes that are reported under another name
     place_kind: ClassVar[str] = "joint"  # joint, link or arm
     prior_cost: ClassVar[float] = 0.0  # [nat] less likely before any data than other families
     least_share: ClassVar[float] = (
@@ -62,6 +69,11 @@ class Effect(ABC):
     )
     at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
     by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
+
+    @property
+    def running_title(self) -> str:
+        """The title as it stands within a sentence."""
+        return self.title if self.proper_name else self.title[:1].lower() + self.title[1:]
 
     def places(self, trial: Trial) -> tuple[str, ...]:
         """Contract places at which the effect may act on this arm."""

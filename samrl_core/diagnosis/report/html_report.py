@@ -10,8 +10,8 @@ from functools import cache
 
 from plotly.offline import get_plotlyjs
 
+from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.report import words
-from samrl_core.diagnosis.report.gap_report import FAMILIES
 from samrl_core.diagnosis.report.html_how_far import how_far_section
 from samrl_core.diagnosis.report.html_parts import (
     Markup,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import yaml
 
+from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.figures import curve_figure, figure_json
-from samrl_core.diagnosis.report.gap_report import FAMILIES
 from samrl_core.diagnosis.report.html_parts import (
     Markup,
     bar,

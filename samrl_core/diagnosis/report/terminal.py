@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from textwrap import wrap
 
+from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.report import words
-from samrl_core.diagnosis.report.gap_report import FAMILIES
 from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
 
 LINES = 10

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.report.gap_report import family
+from samrl_core.diagnosis.effects import FAMILIES, find_family
 from samrl_core.diagnosis.result import Diagnosis, Estimate, NamedEffect
 
 VERDICT_LABEL = {
@@ -25,8 +25,10 @@ def headline(d: Diagnosis) -> str:
         case "no_gap":
             return "Model and machine agree within the stated tolerances"
         case "effect":
-            causes = [f"{family(e.family).title} at {place(e.place)}" for e in d.effects]
-            return f"{_join(_lower_tail(causes), 'and')} {'causes' if len(causes) == 1 else 'cause'} the gap"
+            first, *more = (find_family(e.family) for e in d.effects)
+            titles = [first.title, *(f.running_title for f in more)]
+            causes = [f"{t} at {place(e.place)}" for t, e in zip(titles, d.effects, strict=True)]
+            return f"{_join(causes, 'and')} {'causes' if len(causes) == 1 else 'cause'} the gap"
         case "ambiguous":
             names = [name for group in d.ambiguity_set for name in group]
             return f"There is a gap with {len(names)} possible causes that these recordings cannot tell apart"
@@ -46,10 +48,7 @@ def place(name: str) -> str:
 def effect(name: str) -> str:
     """`backlash@joint:j4` as it is spoken: backlash at joint j4. Unknown families keep their name."""
     head, at, where = name.partition("@")
-    try:
-        title = family(head).title
-    except InputError:
-        title = head.replace("_", " ")
+    title = FAMILIES[head].title if head in FAMILIES else head.replace("_", " ")
     return f"{title} at {place(where)}" if at else title
 
 
@@ -144,12 +143,6 @@ def quantity(name: str) -> str:
 def _decimals(value: float, significant: int) -> int:
     """Decimals that show so many significant digits of a positive value."""
     return significant - 1 - math.floor(math.log10(value))
-
-
-def _lower_tail(names: list[str]) -> list[str]:
-    """Only the first of a row of names starts with a capital, proper names excepted."""
-    proper = ("Coulomb", "Stribeck")
-    return names[:1] + [n if n.startswith(proper) else n[:1].lower() + n[1:] for n in names[1:]]
 
 
 def _join(names: list[str], word: str) -> str:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from samrl_core.diagnosis.residuals.motion import Motion
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import Curve
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 
-OVER_VELOCITY = {
-    "coulomb_friction", "viscous_friction", "stribeck_friction", "friction_asymmetry", "thermal_friction",
-    "presliding", "load_dependent_friction",
-}  # fmt: skip
-OVER_POSITION = {
-    "position_dependent_friction", "gear_ripple", "cable", "encoder_eccentricity", "encoder_offset",
-    "base_tilt", "payload", "link_inertia",
-}  # fmt: skip
-OVER_ACCELERATION = {"reflected_inertia"}
+# What an effect may be plotted against, besides the effort.
+AXES: dict[str, tuple[str, Callable[[Motion], np.ndarray]]] = {
+    "velocity": ("velocity [rad/s]", lambda motion: motion.dq),
+    "position": ("position [rad]", lambda motion: motion.q),
+    "acceleration": ("acceleration [rad/s2]", lambda motion: motion.ddq),
+}
 MOST_POINTS = 4000
 BINS = 80
 
@@ -40,10 +40,10 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
             continue
         trial = likelihood.trials[r]
         sigma = trial.equations.sigma[channel][:, joint]
-        xs.append(_driver(trial, h.effect.family, joint)[1])
+        xs.append(_driver(trial, h.effect.curve_over, joint)[1])
         ys.append((rest[part] + own[part]) * sigma)
         fits.append(own[part] * sigma)
-    label = _driver(likelihood.trials[0], h.effect.family, joint)[0]
+    label = _driver(likelihood.trials[0], h.effect.curve_over, joint)[0]
     x, y, f = np.concatenate(xs), np.concatenate(ys), np.concatenate(fits)
     edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
     middle, mean = [], []
@@ -61,17 +61,14 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
     )  # fmt: skip
 
 
-def _driver(trial: Trial, family: str, joint: int) -> tuple[str, np.ndarray]:
+def _driver(trial: Trial, over: str, joint: int) -> tuple[str, np.ndarray]:
     """Label and values (N,) of the quantity that an effect is plotted against."""
     motion = trial.motion
-    if family in OVER_VELOCITY:
-        return "velocity [rad/s]", motion.dq[:, joint]
-    if family in OVER_POSITION:
-        return "position [rad]", motion.q[:, joint]
-    if family in OVER_ACCELERATION:
-        return "acceleration [rad/s2]", motion.ddq[:, joint]
-    if motion.u is not None:
-        return "commanded effort [N m]", motion.u[:, joint]
-    if motion.tau is not None:
-        return "effort [N m]", motion.tau[:, joint]
-    return "position [rad]", motion.q[:, joint]
+    if over == "effort":
+        if motion.u is not None:
+            return "commanded effort [N m]", motion.u[:, joint]
+        if motion.tau is not None:
+            return "effort [N m]", motion.tau[:, joint]
+        over = "position"
+    label, values = AXES[over]
+    return label, values(motion)[:, joint]

@@ -18,10 +18,8 @@ from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.likelihood import Likelihood, Regressors
 from samrl_core.diagnosis.residuals.trial import Trial
 
-SAME_AS_REPORTED = frozenset({"N", "k", "f", "z", "xs"})  # shapes that are reported under another name
 ONSET = "onset"  # shape of any effect that was switched on within the recordings [s]
 PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale with the arm
-UNBOUNDED = frozenset({"phase", "phi", "q0"})  # angles that may be anything
 BOUND_MARGIN = 0.02  # of the log range: a shape this close to its bound counts as on it
 
 
@@ -198,7 +196,7 @@ def implausible(h: Hypothesis, trial: Trial, amplitudes: np.ndarray) -> bool:
     ranges = {
         p.name: PLAUSIBLE * max(abs(p.low), abs(p.high))
         for p in h.effect.parameters
-        if p.unit in ("1", "rad") and p.name not in UNBOUNDED
+        if p.unit in ("1", "rad") and p.bounded
     }
     if not ranges:
         return False
@@ -209,7 +207,7 @@ def implausible(h: Hypothesis, trial: Trial, amplitudes: np.ndarray) -> bool:
 def on_bound(h: Hypothesis) -> list[str]:
     """Shapes that ended on a bound of their search."""
     out = []
-    reported = {p.name for p in h.effect.parameters} | SAME_AS_REPORTED
+    reported = {p.name for p in h.effect.parameters} | set(h.effect.renamed_shapes)
     for name, (low, high) in h.form.refine.items():
         if name in h.shape and name in reported:
             part = (np.log(h.shape[name]) - np.log(low)) / (np.log(high) - np.log(low))

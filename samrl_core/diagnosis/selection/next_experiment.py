@@ -26,15 +26,6 @@ from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis, hypothesi
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CANDIDATES = ("micro_reversals", "chirp", "static", "sweep", "slow", "multisine")
-# What splits rivals on arms for which no programme can be simulated here, by what they have in common.
-BY_FAMILY = {
-    "payload": "static", "torque_sensor_error": "static", "base_tilt": "static", "encoder_offset": "static",
-    "actuator_gain": "two_loads", "load_dependent_friction": "two_loads", "controller_gain": "two_gains",
-    "command_delay": "chirp", "command_low_pass": "chirp", "joint_elasticity": "chirp",
-    "mount_compliance": "chirp", "torque_rate_limit": "chirp", "backlash": "micro_reversals",
-    "presliding": "micro_reversals", "transmission_hysteresis": "micro_reversals", "gear_ripple": "sweep",
-    "position_dependent_friction": "sweep", "cable": "sweep", "encoder_eccentricity": "sweep",
-}  # fmt: skip
 DURATION_S = 12.0
 NAT_PER_CERTAINTY = 3.0  # discrimination [nat] at which 63 % are told apart
 FILE = "next.yaml"
@@ -72,7 +63,8 @@ def next_experiment(
         why = f"{pair} would differ by {best:.0f} nat in it; it shows {KINDS[file.kind].shows}"
         separates = float(1.0 - np.exp(-best / NAT_PER_CERTAINTY))
     else:
-        kinds = [BY_FAMILY.get(name.partition("@")[0], "slow") for name in names]
+        # What splits them elsewhere, by what most of them have in common.
+        kinds = [rivals[name][0].effect.experiment if name in rivals else "slow" for name in names]
         kind = max(set(kinds), key=kinds.count)
         file = ProgrammeFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
         why = f"{pair}: {KINDS[kind].shows}; chosen by rule, the arm's programmes cannot be simulated here"

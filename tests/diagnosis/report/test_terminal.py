@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import FAMILIES, find_family
 from samrl_core.diagnosis.report import words
-from samrl_core.diagnosis.report.gap_report import FAMILIES, family
 from samrl_core.diagnosis.report.terminal import LINES, WIDTH, summary
 from samrl_core.diagnosis.result import VERDICTS, Estimate
 from tests.diagnosis.report import samples
@@ -82,7 +82,7 @@ def test_per_cent_never_rounds_to_certainty(fraction: float | None, shown: str) 
 def test_every_family_of_the_catalogue_is_explained() -> None:
     assert [f.number for f in FAMILIES.values()] == list(range(1, 50))
     for name, f in FAMILIES.items():
-        assert f.name == name and f.title[0].isupper()
+        assert f.family == name and f.title[0].isupper()
         assert f.meaning.endswith(".") and f.remedy.endswith(".") and len(f.meaning) < 120
     with pytest.raises(InputError, match="unknown family of effects 'gremlins'"):
-        family("gremlins")
+        find_family("gremlins")

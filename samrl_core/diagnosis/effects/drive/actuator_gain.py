@@ -12,10 +12,16 @@ from samrl_core.diagnosis.residuals.trial import Trial
 class ActuatorGain(DriveTorque):
     """The drive turns commanded torque into another torque: torque constant, current scale."""
 
-    family, number, title = "actuator_gain", 14, "actuator gain"
+    family, number, title = "actuator_gain", 14, "Actuator torque gain"
+    meaning = "The drive delivers a fixed fraction more or less torque than it is told."
+    remedy = (
+        "Scale the torque constant in the model or recalibrate the drive; it acts on gravity compensation "
+        "too."
+    )
     formula = "tau = (1 + e) u"
     source = "drift of magnets and current sensors: +-10 %"
     excitation = "static poses and motion"
+    experiment = "two_loads"
     confounded_with = ("payload", "torque_sensor_error", "load_dependent_friction")
     parameters = (Parameter("e", "1", -0.3, 0.3, "relative error of the torque"),)
 
@@ -46,3 +52,6 @@ class ActuatorGain(DriveTorque):
         joints = self.joints_at(trial, place)
         gain = self.physical(trial, place, form, shape, amplitudes)["e"]
         return {"actuator_gain": at_joint(trial, joints, gain)}
+
+
+EFFECT = ActuatorGain()

@@ -21,10 +21,16 @@ JITTERY = "wandering"
 class CommandDelay(LateResponse):
     """What is commanded is done later; by a constant time, or by one that drifts and jumps about its mean."""
 
-    family, number, title = "command_delay", 18, "command delay"
+    family, number, title = "command_delay", 18, "Command delay"
+    meaning = "The command takes effect later than the model believes, by a fixed time."
+    remedy = (
+        "Add the delay to the model or shorten the chain (bus cycle, buffers, middleware); lower gains if it "
+        "cannot be helped."
+    )
     formula = "x(t) = x_in(t - T), T constant or T(t)"
     source = "PACE bounds 0-25 ms; bus and firmware buffers 1-10 ms, which fill and empty"
     excitation = "steps or chirp, at two gain sets"
+    experiment = "chirp"
     confounded_with = ("command_low_pass", "viscous_friction", "joint_elasticity")
     parameters = (Parameter("T", "s", 0.001, 0.025, "delay, its mean where it wanders"),)
     symbol = "T"
@@ -105,3 +111,6 @@ class CommandDelay(LateResponse):
         delay = self.physical(trial, place, form, shape, amplitudes)["T"]
         field = "command_delay" if form.startswith("command") else "effort_delay"
         return {field: at_joint(trial, joints, delay)}
+
+
+EFFECT = CommandDelay()

@@ -15,10 +15,13 @@ SECOND = "second order"
 class CommandLowPass(LateResponse):
     """A filter of first or second order between what is commanded and what is done."""
 
-    family, number, title = "command_low_pass", 17, "command low-pass"
+    family, number, title = "command_low_pass", 17, "Low-pass filter on the command"
+    meaning = "A filter between command and drive smooths and delays fast changes."
+    remedy = "Find the filter in controller or drive and model it with its cut-off, or raise the cut-off."
     formula = "x' = 2 pi fc (x_in - x), or Butterworth of second order: x'' = w (w (x_in - x) - sqrt(2) x')"
     source = "libfranka: first order, 100 Hz by default, up to 1000 Hz; drives: second-order torque filters"
     excitation = "chirp to 10-30 Hz"
+    experiment = "chirp"
     confounded_with = ("command_delay", "joint_elasticity", "torque_rate_limit")
     parameters = (Parameter("fc", "Hz", 0.5, 100.0, "cutoff frequency, at -3 dB"),)
     symbol = "fc"
@@ -47,3 +50,6 @@ class CommandLowPass(LateResponse):
         if form == "command":
             return {"command_cutoff": at_joint(trial, joints, shape["fc"], np.inf)}
         return {"effort_cutoff": at_joint(trial, joints, shape["fc"], np.inf)}
+
+
+EFFECT = CommandLowPass()

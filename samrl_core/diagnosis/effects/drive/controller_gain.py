@@ -12,11 +12,14 @@ from samrl_core.diagnosis.residuals.trial import Trial, add
 class ControllerGain(Effect):
     """The controller's gains are not those that it is described with."""
 
-    family, number, title = "controller_gain", 20, "controller gain"
+    family, number, title = "controller_gain", 20, "Controller gain"
+    meaning = "The controller runs with other stiffness or damping than described."
+    remedy = "Compare the gains on the machine with the description and correct whichever is wrong."
     formula = "u = (1 + eK) K (q_d - q) + (1 + eD) D (dq_d - dq) + ..."
     source = "gains scaled in firmware; +-30 %"
     acts_on = "dynamics"
     excitation = "steps, at two gain sets"
+    experiment = "two_gains"
     confounded_with = ("actuator_gain", "reflected_inertia")
     parameters = (
         Parameter("eK", "1", -0.5, 0.5, "relative error of the stiffness"),
@@ -92,3 +95,6 @@ class ControllerGain(Effect):
             "stiffness_scale": at_joint(trial, joints, 1.0 + amplitudes[0], 1.0),
             "damping_scale": at_joint(trial, joints, 1.0 + amplitudes[1], 1.0),
         }
+
+
+EFFECT = ControllerGain()

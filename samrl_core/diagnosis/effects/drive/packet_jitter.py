@@ -23,7 +23,11 @@ class PacketJitter(FixedResponse):
     Packets carry all joints: one joint alone is only named where the others deny that they share its holds.
     """
 
-    family, number, title = "packet_jitter", 19, "packet jitter or loss"
+    family, number, title = "packet_jitter", 19, "Late or lost command packets"
+    meaning = "Some commands arrive late or never, and the last one is held meanwhile."
+    remedy = (
+        "Check network, real-time priority and bus load; train or tune with the fitted rate of lost packets."
+    )
     formula = "u(t) = u(t_k), t_k the last that arrived"
     source = "1.4-1.7 % of packets late, at most 6.2 ms, measured on a Panda's link"
     acts_on = "command"
@@ -96,3 +100,6 @@ class PacketJitter(FixedResponse):
         share = age.late * np.exp(np.hypot(UNSEEN, np.sqrt(2.0 * few)) * rng.standard_normal())
         longest = age.longest(rng.uniform())
         return {"held": float(min(share, 1.0)), "longest": (longest + rng.uniform(-0.5, 1.0)) / age.rate}
+
+
+EFFECT = PacketJitter()

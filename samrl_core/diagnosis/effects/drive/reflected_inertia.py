@@ -14,10 +14,15 @@ LEAST_SHARE = 0.05  # of a joint's own inertia, from which a rotor counts when a
 class ReflectedInertia(DriveTorque):
     """Rotor inertia that the nominal model does not have."""
 
-    family, number, title = "reflected_inertia", 13, "reflected inertia"
+    family, number, title = "reflected_inertia", 13, "Reflected rotor inertia"
+    meaning = (
+        "The rotor's inertia seen through the gear differs from the model, which shows during acceleration."
+    )
+    remedy = "Correct the joint's armature in the model; check gear ratio and rotor inertia of the drive."
     formula = "tau_f = Ja ddq"
     source = "MuJoCo Menagerie panda.xml has armature 0.1"
     excitation = "multisine with high accelerations"
+    curve_over = "acceleration"
     confounded_with = ("link_inertia", "controller_gain", "actuator_gain")
     parameters = (Parameter("Ja", "kg m2", 0.01, 1.0, "rotor inertia seen at the joint, beyond nominal"),)
     at_every_joint = True
@@ -51,3 +56,6 @@ class ReflectedInertia(DriveTorque):
     ) -> dict[str, np.ndarray | float] | None:
         joints = self.joints_at(trial, place)
         return {"rotor_inertia": at_joint(trial, joints, amplitudes)}
+
+
+EFFECT = ReflectedInertia()

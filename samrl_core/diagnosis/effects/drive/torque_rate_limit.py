@@ -13,10 +13,13 @@ from samrl_core.diagnosis.residuals.trial import Trial
 class TorqueRateLimit(FixedResponse, DriveTorque):
     """The drive's torque cannot change faster than a rate."""
 
-    family, number, title = "torque_rate_limit", 16, "torque-rate limit"
+    family, number, title = "torque_rate_limit", 16, "Torque rate limit"
+    meaning = "The drive changes its torque only so fast, so steps turn into ramps."
+    remedy = "Add the rate limit to the model, and smooth the commands so that they stay below it."
     formula = "|dtau/dt| <= R"
     source = "libfranka: 1000 N m/s"
     excitation = "steps, fast reversals"
+    experiment = "chirp"
     confounded_with = ("command_low_pass", "command_delay", "torque_saturation")
     parameters = (Parameter("R", "N m/s", 5.0, 1000.0, "largest rate"),)
 
@@ -52,3 +55,6 @@ class TorqueRateLimit(FixedResponse, DriveTorque):
     ) -> dict[str, np.ndarray | float] | None:
         joints = self.joints_at(trial, place)
         return {"effort_rate_limit": at_joint(trial, joints, shape["R"], np.inf)}
+
+
+EFFECT = TorqueRateLimit()

@@ -17,7 +17,13 @@ MOST_LIMITED = 0.75  # share of samples beyond the limit
 class TorqueSaturation(FixedResponse, DriveTorque):
     """The drive gives less than is asked for, above a limit that the model does not know."""
 
-    family, number, title = "torque_saturation", 15, "torque saturation"
+    family, number, title = "torque_saturation", 15, "Torque saturation"
+    meaning = (
+        "The drive cannot exceed a torque that is lower than the model's limit, so fast moves are flattened."
+    )
+    remedy = (
+        "Set the model's effort limit to the fitted value, or slow the motion; check supply and drive limits."
+    )
     formula = "tau = clip(u, -L, L), or u / (1 + |u / L|^p)^(1/p) with a soft knee"
     source = "drive limits by firmware or supply; soft: iron and supply give way before they end"
     excitation = "fast moves with high torques"
@@ -73,3 +79,6 @@ class TorqueSaturation(FixedResponse, DriveTorque):
         # The simulator clips; a soft knee loses most where a clip at its asymptote begins to.
         joints = self.joints_at(trial, place)
         return {"effort_limit": at_joint(trial, joints, shape["L"], np.inf)}
+
+
+EFFECT = TorqueSaturation()

@@ -18,9 +18,20 @@ class CoulombFriction(ShaftFriction):
     """Dry friction of constant level."""
 
     family, number, title = "coulomb_friction", 1, "Coulomb friction"
+    proper_name = True
+    meaning = (
+        "A torque of constant size opposes the motion, so the joint needs a push to start and stops off "
+        "target."
+    )
+    remedy = (
+        "Add the friction level to the joint's model or compensate it in the controller; if it is far above "
+        "the datasheet, check brake, seal and lubrication."
+    )
     formula = "tau_f = Fc tanh(dq / v)"
     source = "Olsson et al. 1998, Friction models and friction compensation; ranges: Gaz et al. 2019 (Panda)"
     excitation = "slow sweeps in both directions, reversals"
+    curve_over = "velocity"
+    renamed_shapes = ("xs",)
     confounded_with = ("viscous_friction", "stribeck_friction", "backlash", "command_delay")
     parameters = (
         Parameter("Fc", "N m", 0.14, 1.5, "friction level"),
@@ -118,3 +129,6 @@ def _command(trial: Trial) -> np.ndarray:
     command = trial.motion.command
     assert command is not None and command.position is not None
     return trial.motion.reduce(command.position)
+
+
+EFFECT = CoulombFriction()

@@ -15,10 +15,15 @@ OFFSETS = {"offset ahead": 1.0, "offset behind": -1.0}  # of the speed at which 
 class FrictionAsymmetry(DriveTorque):
     """Dry friction with another level in each direction."""
 
-    family, number, title = "friction_asymmetry", 6, "friction asymmetry"
+    family, number, title = "friction_asymmetry", 6, "Direction-dependent friction"
+    meaning = "Friction differs between the two directions of motion."
+    remedy = (
+        "Give the model one level per direction; a large difference hints at a preloaded or damaged gear."
+    )
     formula = "tau_f = Fp for dq > 0, -Fn for dq < 0, or mean (tanh((dq + b) / v) - tanh(b / v))"
     source = "Gaz et al. 2019: velocity offsets -0.046 to 0.040 rad/s of the Panda's sigmoid friction"
     excitation = "the same poses in both directions"
+    curve_over = "velocity"
     confounded_with = ("torque_sensor_error", "coulomb_friction")
     parameters = (
         Parameter("mean", "N m", 0.0, 1.5, "(Fp + Fn) / 2"),
@@ -97,3 +102,6 @@ class FrictionAsymmetry(DriveTorque):
             if error < best[0]:
                 best = error, float(level), float(difference), float(width)
         return best[1:]
+
+
+EFFECT = FrictionAsymmetry()

@@ -15,10 +15,16 @@ DIRECTIONAL = "directional"  # gears lose more, or less, while the load drives t
 class LoadDependentFriction(DriveTorque):
     """Friction that grows with the transmitted torque, and is another when the load drives the motor."""
 
-    family, number, title = "load_dependent_friction", 4, "load-dependent friction"
+    family, number, title = "load_dependent_friction", 4, "Load-dependent friction"
+    meaning = "The gear rubs harder the more torque it transmits, so friction changes with pose and payload."
+    remedy = (
+        "Make the friction in the model a function of transmitted torque; do not tune it at one payload only."
+    )
     formula = "tau_f = Kl |tau| tanh(dq / v), or Kb |tau| tanh(dq / v) while tau dq < 0"
     source = "Duclos 2025, BAM: extended friction models for servo actuators (Kl 0-0.5; also directional)"
     excitation = "the same sweep at several loads"
+    experiment = "two_loads"
+    curve_over = "velocity"
     confounded_with = ("coulomb_friction", "payload", "actuator_gain")
     parameters = (
         Parameter("Kl", "1", 0.02, 0.5, "friction per transmitted torque, where the motor drives"),
@@ -66,3 +72,6 @@ class LoadDependentFriction(DriveTorque):
             "load_friction": at_joint(trial, joints, float(np.mean(amplitudes))),
             "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
         }
+
+
+EFFECT = LoadDependentFriction()

@@ -19,18 +19,23 @@ LEAST_CHANGE = 0.1  # likewise of a friction with a level, which for the rest is
 class PositionDependentFriction(DriveTorque):
     """Torque or friction that repeats with the joint's position: tight spots, eccentric bearings."""
 
-    family, number, title = "position_dependent_friction", 7, "position-dependent friction"
+    family, number, title = "position_dependent_friction", 7, "Position-dependent friction"
+    meaning = "Friction changes with joint angle and repeats there, as with a bent shaft or an uneven gear."
+    remedy = "Add a friction table over the angle; inspect the bearing at the angles where the curve peaks."
     formula = "tau_f = a sin(k q + phi) (tanh(dq / v) or 1), or (level + a sin(k q + phi) + 2k) tanh(dq / v)"
     source = (
         "harmonics shrink the gap of a real Panda by 0.15-0.2; friction over a turn as a Fourier series of "
         "low orders: Popovic and Goldenberg 1998; Garcia et al. 2002"
     )
     excitation = "slow sweep over the whole range, both ways"
+    experiment = "sweep"
+    curve_over = "position"
+    renamed_shapes = ("k",)
     confounded_with = ("cable", "gear_ripple", "payload")
     parameters = (
         Parameter("amplitude", "N m", 0.05, 0.5, "of the harmonic"),
         Parameter("order", "1/rad", 1.0, 12.0, "periods per 2 pi"),
-        Parameter("phase", "rad", -3.1416, 3.1416, "of the sine"),
+        Parameter("phase", "rad", -3.1416, 3.1416, "of the sine", bounded=False),
         Parameter("level", "N m", 0.0, 1.5, "mean over the turn, of a friction that is one everywhere"),
     )
 
@@ -102,3 +107,6 @@ def _rows(form: str, angle: np.ndarray) -> np.ndarray:
 def _wave(form: str, angle: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
     """Torque or friction [N m] over an angle."""
     return np.asarray(amplitudes @ _rows(form, angle))
+
+
+EFFECT = PositionDependentFriction()

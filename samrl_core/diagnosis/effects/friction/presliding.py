@@ -16,13 +16,22 @@ YIELDS = (0.25, 0.75, 1.25, 1.75)  # of xs: springs of equal strength that yield
 class Presliding(DriveTorque):
     """Friction that builds up over a small displacement, like a spring, before it slides."""
 
-    family, number, title = "presliding", 5, "presliding"
+    family, number, title = "presliding", 5, "Presliding friction"
+    meaning = (
+        "Before it slides, the contact bends like a stiff lossy spring, so tiny moves show hysteresis loops."
+    )
+    remedy = (
+        "Use a friction model with a bristle state (LuGre, Dahl) if millirad accuracy or contact matters."
+    )
     formula = "dz/dt = dq - |dq| z / xs, tau_f = Fc z / xs, or springs that yield one after another"
     source = (
         "Dahl 1968; Canudas de Wit et al. 1995 (LuGre); generalised Maxwell slip: Iwan 1966, "
         "Al-Bender, Lampaert and Swevers 2005"
     )
     excitation = "reversals of milliradians"
+    experiment = "micro_reversals"
+    curve_over = "velocity"
+    renamed_shapes = ("xs",)
     confounded_with = ("coulomb_friction", "joint_elasticity", "transmission_hysteresis", "backlash")
     parameters = (
         Parameter("Fc", "N m", 0.05, 1.5, "level when sliding"),
@@ -64,3 +73,6 @@ class Presliding(DriveTorque):
             "coulomb": at_joint(trial, joints, amplitudes[0]),
             "presliding_stiffness": at_joint(trial, joints, amplitudes[0] / shape["xs"]),
         }
+
+
+EFFECT = Presliding()

@@ -17,12 +17,16 @@ class StribeckFriction(DriveTorque):
     """Dry friction that drops as the film builds up: stick-slip at crawling speed."""
 
     family, number, title = "stribeck_friction", 3, "Stribeck friction"
+    proper_name = True
+    meaning = "Friction is higher near standstill than at speed, which makes slow motion stick and slip."
+    remedy = "Model friction with its falling part at low speed, or keep slow moves above the Stribeck speed."
     formula = "tau_f = (Fc + (Fs - Fc) s(|dq| / vs)) tanh(dq / v), s(x) = exp(-x^d) or 1 / (1 + x^2)"
     source = (
         "Armstrong-Helouvry et al. 1994 (d 1 to 2); Hess and Soom 1990 (rational); "
         "a Panda joint 7 drops from 0.52 to 0.30 N m by 0.15 rad/s"
     )
     excitation = "crawl at 0.01-0.2 rad/s"
+    curve_over = "velocity"
     confounded_with = ("coulomb_friction", "presliding")
     parameters = (
         Parameter("Fc", "N m", 0.0, 1.5, "level at speed"),
@@ -77,3 +81,6 @@ class StribeckFriction(DriveTorque):
             "stribeck_drop": at_joint(trial, joints, amplitudes[1]),
             "stribeck_velocity": at_joint(trial, joints, shape["vs"] * wide, 0.1),
         }
+
+
+EFFECT = StribeckFriction()

@@ -16,13 +16,19 @@ WORKED = "by its work"
 class ThermalFriction(DriveTorque):
     """Dry friction that changes as the joint warms up, with time or by its own motion."""
 
-    family, number, title = "thermal_friction", 9, "thermal friction drift"
+    family, number, title = "thermal_friction", 9, "Friction that drifts with temperature"
+    meaning = "Friction falls or rises while the drive warms up."
+    remedy = (
+        "Warm the arm up before recording or learning, or let the model's friction follow time or "
+        "temperature."
+    )
     formula = "tau_f = (Finf + (F0 - Finf) exp(-x)) tanh(dq / v), x = t / T or T dx/dt = |dq| / vw - x"
     source = (
         "Bittencourt et al. 2010: friction of a robot joint over load and temperature; heat from the "
         "friction's own work: Simoni et al. 2015, friction modeling with temperature effects for robots"
     )
     excitation = "the same move, cold and warm"
+    curve_over = "velocity"
     confounded_with = ("coulomb_friction", "payload")
     parameters = (
         Parameter("Finf", "N m", 0.0, 1.5, "level when warm"),
@@ -104,3 +110,6 @@ def _with_time(time: np.ndarray, level: np.ndarray) -> tuple[float, float, float
         if error < best[0] and warm > 0:
             best = error, float(warm), float(rise), float(constant)
     return best[1:]
+
+
+EFFECT = ThermalFriction()

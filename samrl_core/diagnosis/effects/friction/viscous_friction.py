@@ -12,10 +12,16 @@ from samrl_core.diagnosis.residuals.trial import Trial
 class ViscousFriction(ShaftFriction):
     """Friction in proportion to speed."""
 
-    family, number, title = "viscous_friction", 2, "viscous friction"
+    family, number, title = "viscous_friction", 2, "Viscous friction"
+    meaning = "A torque that grows in proportion to joint speed brakes the motion."
+    remedy = (
+        "Set the joint's damping in the model to the fitted value; it depends on grease and temperature, so "
+        "measure again warm."
+    )
     formula = "tau_f = Fv dq"
     source = "ranges: Gaz et al. 2019; MuJoCo Menagerie panda.xml has damping 1"
     excitation = "several cruise speeds"
+    curve_over = "velocity"
     confounded_with = ("coulomb_friction", "command_delay", "controller_gain")
     parameters = (Parameter("Fv", "N m s/rad", 0.05, 2.0, "friction per speed"),)
     at_every_joint = True
@@ -58,3 +64,6 @@ class ViscousFriction(ShaftFriction):
     ) -> dict[str, np.ndarray | float] | None:
         joints = self.joints_at(trial, place)
         return {"viscous": at_joint(trial, joints, amplitudes)}
+
+
+EFFECT = ViscousFriction()

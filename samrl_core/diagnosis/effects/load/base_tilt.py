@@ -12,12 +12,16 @@ from samrl_core.diagnosis.residuals.trial import Trial
 class BaseTilt(Effect):
     """The base does not stand upright: gravity pulls from elsewhere."""
 
-    family, number, title = "base_tilt", 26, "base tilt"
+    family, number, title = "base_tilt", 26, "Tilt of the base"
+    meaning = "The arm stands at an angle, so gravity pulls in another direction than the model thinks."
+    remedy = "Level the base, or set gravity's direction in model and controller to the fitted one."
     formula = "gravity rotated by (ax, ay) about the base's x and y"
     source = "mounting plates: 0-2 degrees"
     acts_on = "dynamics"
     place_kind = "arm"
     excitation = "turn the first joint fully, hold"
+    experiment = "static"
+    curve_over = "position"
     confounded_with = ("encoder_offset", "torque_sensor_error", "payload")
     parameters = (
         Parameter("ax", "rad", -0.035, 0.035, "about the base's x"),
@@ -50,3 +54,6 @@ class BaseTilt(Effect):
         g = trial.rigid.gravity_vector
         axis = np.array([amplitudes[0], amplitudes[1], 0.0])
         return {"gravity": g - np.cross(axis, g)}
+
+
+EFFECT = BaseTilt()

@@ -19,17 +19,21 @@ CENTRES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the travel, likewise
 class Cable(Effect):
     """A cable outside the arm pulls a joint back, with some friction of its own."""
 
-    family, number, title = "cable", 28, "cable or hose"
+    family, number, title = "cable", 28, "Cable or hose"
+    meaning = "A cable or hose pulls on the joint like a spring, with some hysteresis."
+    remedy = "Reroute or fasten it with slack; if it must stay, add its stiffness to the joint."
     formula = (
         "tau_c = k y + c y |y| + h z(q), y = q - q0 or what of it is beyond the slack; z: Dahl's bristle"
     )
     source = "dress packs: 0-2 N m/rad; hysteresis: Dahl 1968; toe region of ropes and hoses: Costello 1997"
     acts_on = "dynamics"
     excitation = "sweep of the wrist"
+    experiment = "sweep"
+    curve_over = "position"
     confounded_with = ("position_dependent_friction", "payload", "encoder_offset")
     parameters = (
         Parameter("k", "N m/rad", 0.05, 3.0, "stiffness, of a slack cable where it gets taut"),
-        Parameter("q0", "rad", -3.2, 3.2, "rest position, or middle of the slack"),
+        Parameter("q0", "rad", -3.2, 3.2, "rest position, or middle of the slack", bounded=False),
         Parameter("h", "N m", 0.0, 0.5, "half height of the loop"),
     )
 
@@ -119,3 +123,6 @@ class Cable(Effect):
             "cable_rest": at_joint(trial, joints, constant / k),
             "cable_friction": at_joint(trial, joints, amplitudes[2]),
         }
+
+
+EFFECT = Cable()

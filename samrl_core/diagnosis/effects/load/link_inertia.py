@@ -12,12 +12,15 @@ from samrl_core.diagnosis.residuals.trial import Trial
 class LinkInertia(Effect):
     """A link's mass, centre of mass or inertia is not the model's."""
 
-    family, number, title = "link_inertia", 25, "link inertia"
+    family, number, title = "link_inertia", 25, "Link inertia"
+    meaning = "A link's mass, centre of mass or inertia differs from the model."
+    remedy = "Correct the link's inertial values in the model, and look for parts mounted on the link."
     formula = "inertial parameters of the link + delta"
     source = "CAD against weighed parts: 1-5 %"
     acts_on = "dynamics"
     place_kind = "link"
     excitation = "exciting trajectories over the whole workspace"
+    curve_over = "position"
     confounded_with = ("payload", "reflected_inertia", "cable")
     parameters = (
         Parameter("mass", "kg", -1.0, 1.0, "beyond nominal; base parameters only are seen"),
@@ -65,3 +68,6 @@ class LinkInertia(Effect):
 
 def _matrix(p: np.ndarray) -> np.ndarray:
     return np.array([[p[4], p[5], p[7]], [p[5], p[6], p[8]], [p[7], p[8], p[9]]])
+
+
+EFFECT = LinkInertia()

@@ -16,13 +16,20 @@ LEAST_SHIFT = 1e-5  # [m/N]
 class MountCompliance(Effect):
     """The stand gives way and swings under the arm's own reactions."""
 
-    family, number, title = "mount_compliance", 27, "mount compliance"
+    family, number, title = "mount_compliance", 27, "Compliant mount"
+    meaning = "Table or stand gives way and swings when the arm accelerates."
+    remedy = "Stiffen or bolt the stand; otherwise model it as a spring and damper and avoid its frequency."
     formula = "base angle x'' + 2 z w x' + w^2 x = w^2 M / k"
     source = "light stands and tables: 3-30 Hz"
     acts_on = "dynamics"
     place_kind = "arm"
     prior_cost = 2.0  # as of other deflections
     excitation = "impulses, chirp; a camera on another stand"
+    experiment = "chirp"
+    renamed_shapes = (
+        "f",
+        "z",
+    )
     confounded_with = ("joint_elasticity", "base_tilt")
     parameters = (
         Parameter("frequency", "Hz", 2.0, 30.0, "natural frequency with the arm on it"),
@@ -70,3 +77,6 @@ class MountCompliance(Effect):
         self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
     ) -> dict[str, float]:
         return {"frequency": shape["f"], "damping": shape["z"], "compliance": float(np.max(amplitudes))}
+
+
+EFFECT = MountCompliance()

@@ -12,12 +12,16 @@ from samrl_core.diagnosis.residuals.trial import Trial
 class Payload(Effect):
     """The arm carries another mass at its flange than the model knows."""
 
-    family, number, title = "payload", 24, "payload"
+    family, number, title = "payload", 24, "Payload"
+    meaning = "The mass at the flange, or where it is centred, differs from what the model carries."
+    remedy = "Weigh the tool and enter mass and centre of mass; look for forgotten adapters or cables."
     formula = "inertial parameters of the last link + (m, m c, I)"
     source = "identification of payloads: Swevers et al. 2007"
     acts_on = "dynamics"
     place_kind = "arm"
     excitation = "static holds in five poses, wrist turns"
+    experiment = "static"
+    curve_over = "position"
     confounded_with = ("actuator_gain", "torque_sensor_error", "link_inertia", "base_tilt")
     parameters = (
         Parameter("mass", "kg", 0.05, 3.0, "beyond the nominal tool"),
@@ -59,3 +63,6 @@ class Payload(Effect):
         delta = np.zeros((trial.joints, 10))
         delta[-1] = amplitudes
         return {"inertial_delta": delta}
+
+
+EFFECT = Payload()

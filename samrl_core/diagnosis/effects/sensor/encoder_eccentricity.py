@@ -18,16 +18,21 @@ LEAST_WAVE = (
 class EncoderEccentricity(Effect):
     """The reading errs once per turn of the link or of its motor, or a few times."""
 
-    family, number, title = "encoder_eccentricity", 22, "encoder eccentricity"
+    family, number, title = "encoder_eccentricity", 22, "Encoder eccentricity"
+    meaning = "The encoder disc is off centre, so the reading errs periodically, once per turn."
+    remedy = "Add the periodic correction to the reading or have the encoder aligned."
     formula = "q_read = q + a sin(n q + phi)"
     source = "ring off centre by micrometres; up to 0.2 mrad on good encoders"
     acts_on = "reading"
     excitation = "slow rotation over the whole range"
+    experiment = "sweep"
+    curve_over = "position"
+    renamed_shapes = ("k",)
     confounded_with = ("encoder_offset", "gear_ripple")
     parameters = (
         Parameter("a", "rad", 0.0001, 0.01, "amplitude"),
         Parameter("harmonic", "1/rad", 1.0, 160.0, "n, periods per 2 pi"),
-        Parameter("phi", "rad", -3.1416, 3.1416, "phase"),
+        Parameter("phi", "rad", -3.1416, 3.1416, "phase", bounded=False),
     )
 
     def unobservable(self, trial: Trial) -> str | None:
@@ -77,3 +82,6 @@ class EncoderEccentricity(Effect):
             "encoder_amplitude": at_joint(trial, joints, np.hypot(a, b)),
             "encoder_phase": at_joint(trial, joints, np.arctan2(b, a)),
         }
+
+
+EFFECT = EncoderEccentricity()

@@ -12,11 +12,15 @@ from samrl_core.diagnosis.residuals.trial import Trial
 class EncoderOffset(Effect):
     """A joint reads a constant angle too much; the arm hangs elsewhere than it says."""
 
-    family, number, title = "encoder_offset", 21, "encoder offset"
+    family, number, title = "encoder_offset", 21, "Encoder offset"
+    meaning = "The joint's zero is off by a constant angle: it believes it stands where it does not."
+    remedy = "Recalibrate the joint's zero; confirm with an outside measurement of the tool's position."
     formula = "q_read = q + e"
     source = "0.001-0.02 rad; PACE bounds 0.1 rad"
     acts_on = "reading"
     excitation = "many poses; an external pose"
+    experiment = "static"
+    curve_over = "position"
     confounded_with = ("base_tilt", "payload", "kinematic_error")
     parameters = (Parameter("e", "rad", 0.001, 0.1, "offset of the reading"),)
 
@@ -45,3 +49,6 @@ class EncoderOffset(Effect):
     ) -> dict[str, np.ndarray | float] | None:
         joints = self.joints_at(trial, place)
         return {"encoder_offset": at_joint(trial, joints, amplitudes[0])}
+
+
+EFFECT = EncoderOffset()

@@ -15,11 +15,14 @@ MOST_GAIN = 0.34
 class TorqueSensorError(Effect):
     """The link-side torque sensor has another gain or zero, drifts, or warms up."""
 
-    family, number, title = "torque_sensor_error", 23, "torque-sensor error"
+    family, number, title = "torque_sensor_error", 23, "Torque sensor error"
+    meaning = "The torque reading has a wrong zero or a wrong scale."
+    remedy = "Zero the sensor in an unloaded pose and check its scale with a known load."
     formula = "tau_read = (1 + g) tau + b (+ d t or + w exp(-t / T))"
     source = "biases of -0.43 to 0.05 N m seen on a Panda; warm-up drift of strain gauges: Keil 2017"
     acts_on = "reading"
     excitation = "static poses"
+    experiment = "static"
     confounded_with = ("payload", "base_tilt", "actuator_gain")
     parameters = (
         Parameter("g", "1", -0.2, 0.2, "gain error"),
@@ -99,3 +102,6 @@ class TorqueSensorError(Effect):
             "sensor_bias": at_joint(trial, joints, found["b"]),
             "sensor_drift": at_joint(trial, joints, found["d"]),
         }
+
+
+EFFECT = TorqueSensorError()

@@ -19,10 +19,13 @@ LEAST_GAP = 8e-5  # [rad] below it a gap is smaller than what encoders of arms r
 class Backlash(Deflection):
     """Lost motion: the link is free within a gap, and jumps when the load changes sides."""
 
-    family, number, title = "backlash", 10, "backlash"
+    family, number, title = "backlash", 10, "Backlash"
+    meaning = "The gear has play: at load reversal the motor turns a little before the link follows."
+    remedy = "Model the dead zone or preload the joint; if it exceeds the datasheet, have the gear serviced."
     formula = "q_link within q_motor +- b, free between, on a stiff flank beyond"
     source = "Nordin and Gutman 2002, Controlling mechanical systems with backlash"
     excitation = "load reversals, with both sides observed"
+    experiment = "micro_reversals"
     confounded_with = ("joint_elasticity", "transmission_hysteresis", "coulomb_friction")
     parameters = (Parameter("b", "rad", 0.0001, 0.02, "half width of the gap"),)
 
@@ -80,3 +83,6 @@ class Backlash(Deflection):
             "joint_stiffness": at_joint(trial, joints, shape["K"], np.inf),
             "joint_damping": at_joint(trial, joints, shape["d"]),
         }
+
+
+EFFECT = Backlash()

@@ -15,15 +15,25 @@ LINES = "two lines"  # per turn of a wave generator, and twice
 class GearRipple(DriveTorque):
     """Torque that repeats many times per turn: teeth, poles, flexspline."""
 
-    family, number, title = "gear_ripple", 8, "gear torque ripple"
+    family, number, title = "gear_ripple", 8, "Gear torque ripple"
+    meaning = "Tooth meshing adds a torque that oscillates with motor angle at a fixed count per turn."
+    remedy = (
+        "Add the ripple with its order and amplitude, or filter at that order; avoid speeds where it meets a "
+        "resonance."
+    )
     formula = "tau_f = A sin(N q + phi) (+ A2 sin(2 N q + phi2)), lost between command and sensor"
     source = "harmonic drives ripple at 2 and 4 per wave-generator turn; ratio about 100"
     excitation = "constant slow speed, two or three levels"
+    experiment = "sweep"
+    curve_over = "position"
+    renamed_shapes = ("N",)
     confounded_with = ("position_dependent_friction", "encoder_eccentricity")
     parameters = (
         Parameter("amplitude", "N m", 0.02, 0.5, "of the ripple's first line"),
         Parameter("order", "1/rad", 15.0, 420.0, "periods per 2 pi"),
-        Parameter("phase", "rad", -3.1416, 3.1416, "of the torque that is lost; pi more if added"),
+        Parameter(
+            "phase", "rad", -3.1416, 3.1416, "of the torque that is lost; pi more if added", bounded=False
+        ),
     )
 
     def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
@@ -86,3 +96,6 @@ def _peaks(trial: Trial, joint: int, count: int = 4) -> list[float]:
         if len(best) == count:
             break
     return best
+
+
+EFFECT = GearRipple()

@@ -19,10 +19,13 @@ DAMPING_S = 0.002  # of stiffness: lightly damped
 class JointElasticity(TorqueDeflection):
     """The joint twists under torque, like a spring between motor and link."""
 
-    family, number, title = "joint_elasticity", 11, "joint elasticity"
+    family, number, title = "joint_elasticity", 11, "Joint elasticity"
+    meaning = "The transmission twists under load like a spring, so link and motor angle differ and resonate."
+    remedy = "Model the joint with its stiffness, and keep control bandwidth and motions below the resonance."
     formula = "q_link = q_motor - x, tau = K x or K x (1 + (K x / F)^2), with the link swinging on K"
     source = "Spong 1987; hardening: Tuttle and Seering 1996; harmonic drives of this size: 5e3-2e4 N m/rad"
     excitation = "chirp of 1-20 Hz"
+    experiment = "chirp"
     confounded_with = ("backlash", "command_delay", "mount_compliance")
     parameters = (
         Parameter("K", "N m/rad", 500.0, 50000.0, "joint stiffness, of a hardening spring at no twist"),
@@ -97,3 +100,6 @@ def hardened(torque: np.ndarray, level: float) -> np.ndarray:
     """
     root = np.sqrt(3.0) / 2.0
     return level / root * np.sinh(np.arcsinh(3.0 * root * torque / level) / 3.0)
+
+
+EFFECT = JointElasticity()

@@ -17,10 +17,13 @@ LEAST_TURN = 0.2  # of the spring's stiffness, that a turn must add: less is a p
 class TransmissionHysteresis(TorqueDeflection):
     """The joint twists under torque with a loop that does not depend on the rate."""
 
-    family, number, title = "transmission_hysteresis", 12, "transmission hysteresis"
+    family, number, title = "transmission_hysteresis", 12, "Transmission hysteresis"
+    meaning = "The transmission's twist depends on the load's history and traces a loop at any speed."
+    remedy = "Add a hysteresis state to the transmission, or approach targets always from one side."
     formula = "tau = K x + ts z(x); or x = a z, dz = dtau / ts (1 - z sgn dtau), with x = q_motor - q_link"
     source = "Bouc-Wen family; harmonic drives: Tjahjowidodo et al. 2013"
     excitation = "quasi-static load cycles"
+    experiment = "micro_reversals"
     confounded_with = ("presliding", "backlash", "joint_elasticity")
     parameters = (
         Parameter("a", "rad", 0.0001, 0.005, "half height of the loop"),
@@ -85,3 +88,6 @@ class TransmissionHysteresis(TorqueDeflection):
             "hysteresis_amplitude": at_joint(trial, joints, amplitudes[0]),
             "hysteresis_torque": at_joint(trial, joints, shape["ts"], 1.0),
         }
+
+
+EFFECT = TransmissionHysteresis()

@@ -1,0 +1,179 @@
+"""Families of the contract that have no effect in the library: joint channels cannot show them.
+
+An entry leaves this list when the family gets an effect of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class UnmodelledFamily:
+    """A family of the contract in words; `reason` says why an arm's recordings cannot show it."""
+
+    number: int
+    family: str
+    title: str  # starts a sentence
+    meaning: str
+    remedy: str
+    reason: str = ""  # only of families of an arm: those of cameras and contacts are no matter of its joints
+
+    @property
+    def running_title(self) -> str:
+        """The title as it stands within a sentence."""
+        return self.title[:1].lower() + self.title[1:]
+
+
+UNMODELLED: tuple[UnmodelledFamily, ...] = (
+    UnmodelledFamily(
+        29,
+        "kinematic_error",
+        "Kinematic error",
+        "Link lengths or joint axes differ from the model, so the tool misses while every joint is on "
+        "target.",
+        "Calibrate the arm's geometry with an outside measurement over many poses.",
+        "a wrong length leaves joint channels as they are; needs an external pose (camera)",
+    ),
+    UnmodelledFamily(
+        30,
+        "base_to_base",
+        "Transform between the bases",
+        "The two arms do not stand to each other as the model says.",
+        "Measure the transform again, with touch points or with the camera from several poses.",
+        "needs both arms to see one another (camera)",
+    ),
+    UnmodelledFamily(
+        31,
+        "contact_friction",
+        "Contact friction",
+        "Touching surfaces slip earlier or later than the model thinks.",
+        "Set the friction coefficient of this pair of materials, measured at several normal forces.",
+    ),
+    UnmodelledFamily(
+        32,
+        "contact_stiffness",
+        "Contact stiffness",
+        "Contact is softer or harder than modelled, so force rises and rebounds differently.",
+        "Set the stiffness and damping of this pair, measured with taps at several speeds.",
+    ),
+    UnmodelledFamily(
+        33,
+        "clearance",
+        "Clearance of the fit",
+        "Hole and peg leave more or less room than the model.",
+        "Measure both parts and correct the geometry; wear makes it grow.",
+    ),
+    UnmodelledFamily(
+        34,
+        "grip_slip",
+        "Slip in the grip",
+        "The held object moves between the fingers under load.",
+        "Raise the gripping force or roughen the fingers; otherwise let the model allow the slip.",
+    ),
+    UnmodelledFamily(
+        35,
+        "tool_compliance",
+        "Compliant tool",
+        "The tool bends under load, so that its tip lags behind the flange.",
+        "Stiffen the tool, or model it as a spring of the fitted stiffness.",
+    ),
+    UnmodelledFamily(
+        36,
+        "object_mass",
+        "Mass of the object",
+        "The handled object weighs, or is balanced, otherwise than modelled.",
+        "Weigh the object and correct its mass and centre of mass.",
+    ),
+    UnmodelledFamily(
+        37,
+        "thread_stiffness",
+        "Stiffness of the thread",
+        "The thread stretches or bends otherwise than modelled.",
+        "Set its stretch and bending stiffness from a hanging and a pulling test.",
+    ),
+    UnmodelledFamily(
+        38,
+        "eye_friction",
+        "Friction at the eye",
+        "The thread drags at the needle's eye, or air moves it.",
+        "Measure the drag by slow insertion, and shield the scene from draught.",
+    ),
+    UnmodelledFamily(
+        39,
+        "hand_eye",
+        "Hand-eye calibration",
+        "The camera does not sit on the flange where the model says.",
+        "Repeat the hand-eye calibration with at least ten varied poses, and check the camera's screws.",
+    ),
+    UnmodelledFamily(
+        40,
+        "intrinsics",
+        "Camera intrinsics",
+        "Focal length or image centre differ from the calibration.",
+        "Calibrate the camera again at the resolution that is in use.",
+    ),
+    UnmodelledFamily(
+        41,
+        "lens_distortion",
+        "Lens distortion",
+        "Straight lines bend towards the image's edge more or less than calibrated.",
+        "Calibrate the distortion with targets that reach the image's corners.",
+    ),
+    UnmodelledFamily(
+        42,
+        "depth_scale",
+        "Depth scale",
+        "Depth readings are off by a factor or an offset.",
+        "Calibrate depth on a plane at three or more known distances.",
+    ),
+    UnmodelledFamily(
+        43,
+        "depth_noise",
+        "Depth noise",
+        "Depth scatters more or less than the model's noise.",
+        "Set the noise level in the model, and check lighting and the camera's projector.",
+    ),
+    UnmodelledFamily(
+        44,
+        "depth_dropout",
+        "Missing depth",
+        "Pixels lose their depth at edges, slopes and shiny surfaces otherwise than modelled.",
+        "Model the dropout over angle and material, or change view or surface.",
+    ),
+    UnmodelledFamily(
+        45,
+        "camera_latency",
+        "Camera latency",
+        "Images are older than their stamps say.",
+        "Correct the stamps by the fitted time, or use the camera's hardware clock.",
+    ),
+    UnmodelledFamily(
+        46,
+        "clock_offset",
+        "Clock offset or drift",
+        "Two devices' clocks disagree, and more so with time.",
+        "Synchronise the clocks (PTP, NTP) or correct the stamps when reading.",
+    ),
+    UnmodelledFamily(
+        47,
+        "rolling_shutter",
+        "Rolling shutter or motion blur",
+        "Rows are exposed one after another or for long, so that fast views shear or smear.",
+        "Shorten the exposure, move slower while looking, or model the row time.",
+    ),
+    UnmodelledFamily(
+        48,
+        "lighting",
+        "Lighting and exposure",
+        "The scene's brightness or colour differs from the model.",
+        "Fix exposure and white balance, and shield or model the light.",
+    ),
+    UnmodelledFamily(
+        49,
+        "object_geometry",
+        "Geometry of the object",
+        "The object's shape or size differs from its mesh.",
+        "Measure or scan the object and correct its mesh; check the segmentation at its edges.",
+    ),
+)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world import make_world
@@ -51,13 +51,14 @@ class LocalGraph:
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)  # overrides per node
     truth_file: Path | None = None
     world_kind: str = "pybullet"
+    cell: str = DEFAULT_CELL
     listener: Callable[[str, Any], None] = lambda topic, message: None
     queue: deque[tuple[str, Any]] = field(default_factory=deque)
     calls: deque[tuple[str, Any, Callable[[Any], None]]] = field(default_factory=deque)
     logs: list[tuple[str, str, str]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        task, cell = task_named(self.task), default_cell()
+        task, cell = task_named(self.task), cell_named(self.cell)
         self.world = make_world(self.world_kind, task, cell)
         log = TruthLog(self.truth_file, self.world) if self.truth_file else None
         self.bridge = BridgeCore(
@@ -72,7 +73,7 @@ class LocalGraph:
         )
         self.nodes: dict[str, Behaviour] = {}
         for name, entry in behaviour_nodes().items():
-            settings = entry.settings(**{"task": self.task, **self.settings.get(name, {})})
+            settings = entry.settings(**{"task": self.task, "cell": self.cell, **self.settings.get(name, {})})
             self.nodes[name] = entry.behaviour(settings, LocalOutbox(self, name))
         self._hears: dict[str, list[Behaviour]] = defaultdict(list)
         for node in self.nodes.values():

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world import WORLDS
 from samrl_core.common.errors import InputError
@@ -50,6 +51,7 @@ class CellOptions:
     real_time_factor: float = 1.0  # upper bound, 0 for as fast as it goes
     max_actions: int = 0  # 0 for the task's own
     world: str = "pybullet"
+    cell: str = DEFAULT_CELL  # arms and camera
     params: Path | None = None  # a parameter file laid over ours
     node_args: tuple[str, ...] = ()  # further --ros-args
 
@@ -70,10 +72,11 @@ def prepare(options: CellOptions) -> Path:
         The parameter file.
 
     Raises:
-        InputError: an unknown task, an out folder in use or not writable, a
+        InputError: an unknown task or cell, an out folder in use or not writable, a
             parameter file that does not fit. Nothing is written then.
     """
     task_named(options.task)
+    cell_named(options.cell)
     if options.layout not in LAYOUTS:
         raise InputError(f"--layout is {options.layout!r}, must be one of {', '.join(LAYOUTS)}")
     if options.view and importlib.util.find_spec("foxglove") is None:
@@ -89,7 +92,7 @@ def prepare(options: CellOptions) -> Path:
     if options.policy == "learned" or options.strategy == "q":
         _require_weights(options)
     if options.residual is not None:
-        _require_residual(options.task, options.residual)
+        _require_residual(options, options.residual)
     overlay: dict[str, dict[str, Any]] = {}
     if options.params is not None:
         overlay = load_parameters(options.params, NODE_ORDER)
@@ -111,11 +114,10 @@ def prepare(options: CellOptions) -> Path:
 
 def _require_weights(options: CellOptions) -> None:
     """Load once what the view planner will load: seconds into a run is late for a refusal."""
-    from samrl_core.cell.robots.cells.panda_rizon import default_cell
     from samrl_core.policy.agent.settings import trained_networks
 
     try:
-        trained_networks(options.task, default_cell(), options.weights)
+        trained_networks(options.task, cell_named(options.cell), options.weights)
     except InputError as error:
         raise InputError(
             f"--policy {options.policy} with --strategy {options.strategy} needs trained networks: {error}; "
@@ -123,12 +125,11 @@ def _require_weights(options: CellOptions) -> None:
         ) from error
 
 
-def _require_residual(task: str, file: Path) -> None:
-    from samrl_core.cell.robots.cells.panda_rizon import default_cell
+def _require_residual(options: CellOptions, file: Path) -> None:
     from samrl_core.policy.networks.weights import load_weights
 
     try:
-        load_weights(file, "residual_actor", task, default_cell())
+        load_weights(file, "residual_actor", options.task, cell_named(options.cell))
     except InputError as error:
         raise InputError(f"--residual: {error}") from error
 
@@ -174,6 +175,8 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
                 f"--residual {options.residual} stays as it is, the parameter file gives residual_trainer a "
                 f"training; leave out --residual, or train and folder"
             )
+    for owned in ours.values():
+        owned["cell"] = ("--cell", options.cell)
     if not options.update:  # a model as it starts knows nothing of when a task is done
         ours["supervisor"]["believe"] = ("--no-update", False)
     merged: dict[str, Any] = {}

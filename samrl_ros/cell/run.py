@@ -7,13 +7,13 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError, SamrlError
@@ -202,7 +202,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         highlight=False,
     )
     console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)
-    _keep_visited(out, task, console)
+    _keep_visited(options, task, console)
     picture = out / "contact_sheet.png"
     try:
         draw_contact_sheet(out / "bag", picture, episode=summary["episodes"][0]["episode"] if n else 0)
@@ -212,20 +212,19 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     console.print(f"picture: {picture}", highlight=False)
 
 
-def _keep_visited(out: Path, task: Task, console: Console) -> None:
+def _keep_visited(options: CellOptions, task: Task, console: Console) -> None:
     """Line 16 of Algorithm 1: what Real2Sim found, for `samrl train --visited`."""
-    from samrl_core.cell.robots.cells.panda_rizon import default_cell
     from samrl_core.learning.states.visited import save_visited
     from samrl_ros.cell.visited_states import visited_in_bag
 
     try:
-        found = visited_in_bag(out / "bag", task, default_cell())
+        found = visited_in_bag(options.out / "bag", task, cell_named(options.cell))
     except InputError as error:
         console.print(f"[yellow]no visited states:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return
     if len(found):
-        save_visited(out / VISITED, found)
-        console.print(f"visited: {out / VISITED}", highlight=False)
+        save_visited(options.out / VISITED, found)
+        console.print(f"visited: {options.out / VISITED}", highlight=False)
 
 
 def _line(episode: dict[str, Any]) -> str:

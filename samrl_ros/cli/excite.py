@@ -12,8 +12,8 @@ from rich.progress import Progress, TextColumn
 from rich.table import Table
 
 from samrl_core.cell.excitation import KINDS, SETS, ProgrammeFile, Run, file_runs, set_run
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
-from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
+from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_ros.cell.excite_cell import CellPlayer, payloads
@@ -31,6 +31,7 @@ def excite(
     seed: int,
     duration_s: float,
     world: str = "pybullet",
+    cell_name: str = DEFAULT_CELL,
 ) -> int:
     """Play the sets, or programme files, and leave one bag of each in `out`; returns the exit code.
 
@@ -40,7 +41,8 @@ def excite(
         InputError: a file that is refused, an arm that does not fit it, or a bag that exists.
         LimitError: a motion that the arm must not make.
     """
-    runs = _runs(programmes, which, arm, seed, duration_s)
+    task, cell = task_named(TASK), cell_named(cell_name)
+    runs = _runs(programmes, which, arm, seed, duration_s, cell)
     targets = [
         (out / role / f"{run.name}.mcap" if _mixed(runs) else out / f"{run.name}.mcap") for role, run in runs
     ]
@@ -48,7 +50,6 @@ def excite(
         if path.exists():
             raise InputError(f"{path} exists; choose another --out or move it away")
     console = Console(width=None if sys.stdout.isatty() else 120)
-    task, cell = task_named(TASK), default_cell()
     table = Table(title="recordings")
     for column in ("bag", "arm", "length", "stiffness", "load", "farthest from command"):
         table.add_column(column, no_wrap=column == "bag")
@@ -107,14 +108,18 @@ def _mixed(runs: list[tuple[str, Run]]) -> bool:
 
 
 def _runs(
-    programmes: Sequence[Path], which: str | None, arm: str | None, seed: int, duration_s: float
+    programmes: Sequence[Path],
+    which: str | None,
+    arm: str | None,
+    seed: int,
+    duration_s: float,
+    cell: CellSpec,
 ) -> list[tuple[str, Run]]:
     if arm is not None and arm not in ROLES:
         raise InputError(f"--arm is {arm!r}; choose {' or '.join(ROLES)}")
     choices = {"all": "ABC", "ALL": "ABC"} | {letter: letter for letter in SETS}
     if which is not None and which.upper() not in choices:
         raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}")
-    cell = default_cell()
     loads = payloads(task_named(TASK), cell)
     runs: list[tuple[str, Run]] = []
     if which is not None or not programmes:

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_core.policy.agent.policies import DEFAULT_POLICY
 from samrl_ros.cli.options import add_command
@@ -59,6 +60,7 @@ def cell(
     ] = 1.0,
     max_actions: Annotated[int, typer.Option(help="Actions per episode, 0 for the task's limit.", min=0)] = 0,
     world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
+    cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL,
     params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None,
 ) -> None:
     """Run the two-arm cell on a task, and leave a bag, a summary and a picture."""
@@ -79,6 +81,7 @@ def cell(
         real_time_factor=real_time_factor,
         max_actions=max_actions,
         world=world,
+        cell=cell,
         params=params,
         node_args=context.obj or (),
     )
@@ -114,6 +117,7 @@ def excite(
     seed: Annotated[int, typer.Option(help="Of the sets' motions and the world's noise.", min=0)] = 0,
     duration: Annotated[float, typer.Option(help="Length of each set [s].", min=1.0, max=600.0)] = 15.0,
     world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
+    cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL,
     kinds: Annotated[bool, typer.Option("--list", help="Only list the kinds of programme file.")] = False,
 ) -> None:
     """Run recording programmes on the cell, into bags that can be diagnosed."""
@@ -122,7 +126,7 @@ def excite(
     if kinds:
         Console().print(excite_command.kinds_table())
         return
-    code = excite_command.excite(tuple(programmes or ()), sets, arm, out, seed, duration, world)
+    code = excite_command.excite(tuple(programmes or ()), sets, arm, out, seed, duration, world, cell)
     raise typer.Exit(code)
 
 

@@ -12,7 +12,7 @@ from samrl_core.cell.control.cartesian import straight_line
 from samrl_core.cell.control.guard import CommandGuard
 from samrl_core.cell.control.trajectory_rules import TrajectoryPoint, check_trajectory
 from samrl_core.cell.robots.arm_model import Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
@@ -35,6 +35,7 @@ class ManipulatorSettings:
     """Settings of `manipulator`."""
 
     task: str = setting("peg_insertion", "task whose tool is held")
+    cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     max_velocity_scaling: float = setting(0.4, "fraction of the joint velocity limits", range=(0.01, 1.0))
     max_acceleration_scaling: float = setting(0.4, "fraction of the acceleration limits", range=(0.01, 1.0))
     max_jerk_scaling: float = setting(0.2, "fraction of the jerk limits", range=(0.01, 1.0))
@@ -56,7 +57,7 @@ class Manipulator(Behaviour):
     def __init__(self, settings: ManipulatorSettings, outbox: Outbox) -> None:
         self._settings = settings
         self._outbox = outbox
-        cell = default_cell()
+        cell = cell_named(settings.cell)
         tool = task_named(settings.task).scene(cell).tool
         self._tip_in_flange = tool.tip_in_flange
         motion = MotionSettings(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
@@ -29,6 +29,7 @@ class ModelUpdaterSettings:
     """Settings of `model_updater`."""
 
     task: str = setting("peg_insertion", "task whose scene the model holds")
+    cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     enabled: bool = setting(True, "false leaves the model as it starts: for ablations")
     max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
 
@@ -43,7 +44,7 @@ class ModelUpdater(Behaviour):
     def __init__(self, settings: ModelUpdaterSettings, outbox: Outbox) -> None:
         self._outbox = outbox
         self._task = task_named(settings.task)
-        cell = default_cell()
+        cell = cell_named(settings.cell)
         self._model = Model(self._task, cell)
         self._updating = Updating(self._model, settings.enabled, lambda text: outbox.log("error", text))
         self._frames = assembly.PatientAssembler(cell, settings.max_bad_frames, outbox.log)

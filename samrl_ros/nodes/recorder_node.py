@@ -42,6 +42,7 @@ class RecorderSettings:
         ("",), "topics to record; empty for all that samrl_ros.contract.topics marks"
     )
     task: str = setting("", "name of the task, kept in the bag")
+    cell: str = setting("", "name of the cell, kept in the bag")
     record_on_start: bool = setting(True, "open a bag when the node becomes active")
 
 
@@ -150,7 +151,8 @@ class RecorderNode(CellNode):
             raise InputError(f"already recording to {self._recorder.status()['bag']}; stop it first")
         out = Path(self._settings.out)
         folder = out if self._bags == 0 else out.with_name(f"{out.name}_{self._bags}")
-        about = {"schema": "1", "task": self._settings.task, "samrl_version": _version()}
+        about = {"schema": "1", "task": self._settings.task, "cell": self._settings.cell}
+        about["samrl_version"] = _version()
         writer = BagWriter(folder, compression=self._settings.compression, custom_data=about)
         self._recorder = Recorder(writer)
         self._bags += 1

@@ -15,7 +15,7 @@ import numpy as np
 from std_msgs.msg import String
 
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
@@ -47,6 +47,7 @@ class ResidualTrainerSettings:
     """Settings of `residual_trainer`."""
 
     task: str = setting("peg_insertion", "task that the residual belongs to")
+    cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     train: bool = setting(False, "collect transitions and train; false keeps the residual as it is")
     folder: str = setting("", "where replay, training and weights lie; kept across runs, empty for none")
     residual: str = setting("", "a trained residual's weight file to act with, in place of train and folder")
@@ -97,7 +98,7 @@ class ResidualTrainer(Behaviour):
             return
         if not settings.folder:
             raise InputError("train needs `folder`: the replay and the training must outlive this process")
-        cell, task = default_cell(), task_named(settings.task)
+        cell, task = cell_named(settings.cell), task_named(settings.task)
         self._cell = cell
         self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._tip_in_flange = task.scene(cell).tool.tip_in_flange

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, final
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world import make_world
@@ -34,6 +34,7 @@ class SimBridgeSettings:
     """Settings of `sim_bridge`."""
 
     task: str = setting("peg_insertion", "task whose scene is laid out")
+    cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     world: str = setting("pybullet", "simulator behind the border", choices=("pybullet", "mock"))
     real_time_factor: float = setting(
         1.0, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0)
@@ -82,7 +83,7 @@ class SimBridge(CellNode):
 
     def set_up(self, settings: SimBridgeSettings) -> None:
         """See `CellNode`."""
-        task, cell = task_named(settings.task), default_cell()
+        task, cell = task_named(settings.task), cell_named(settings.cell)
         self._world = make_world(settings.world, task, cell)
         log = TruthLog(Path(settings.evaluation_file), self._world) if settings.evaluation_file else None
         for topic in TOPICS.values():

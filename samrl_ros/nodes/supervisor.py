@@ -11,7 +11,7 @@ from samrl_msgs.srv import StartEpisode
 from std_msgs.msg import String
 
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
@@ -35,6 +35,7 @@ class SupervisorSettings:
     """Settings of `supervisor`."""
 
     task: str = setting("peg_insertion", "task to run")
+    cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     episodes: int = setting(1, "episodes to run", range=(1, 1_000_000))
     seed: int = setting(0, "seed of the first episode; each next one adds 1", range=(0, 2**31 - 1))
     max_actions: int = setting(0, "actions per episode, 0 for the task's own limit", range=(0, 100_000))
@@ -66,7 +67,7 @@ class Supervisor(Behaviour):
         self._settings = settings
         self._outbox = outbox
         self._task = task_named(settings.task)
-        cell = default_cell()
+        cell = cell_named(settings.cell)
         tool = self._task.scene(cell).tool
         self._names = cell.tool_arm.joint_names
         self._parameters = tuple(spec.name for spec in self._task.parameters())

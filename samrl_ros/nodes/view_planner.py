@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import ToolAction, ViewTarget
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
@@ -38,6 +38,7 @@ class ViewPlannerSettings:
     """Settings of `view_planner`."""
 
     task: str = setting("peg_insertion", "task whose scene the model holds")
+    cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     policy: str = setting(
         DEFAULT_POLICY,
         "nominal action: of the trained actor, or of a plan through the model",
@@ -84,7 +85,7 @@ class ViewPlannerNode(Behaviour):
         self._settings = settings
         self._outbox = outbox
         self._task = task_named(settings.task)
-        cell = default_cell()
+        cell = cell_named(settings.cell)
         self._cell = cell
         self._parameters = tuple(spec.name for spec in self._task.parameters())
         model = Model(self._task, cell)

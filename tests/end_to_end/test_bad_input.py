@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError
 from samrl_core.policy.networks.networks import ResidualActor
 from samrl_core.policy.networks.weights import WeightsInfo, save_weights, shipped
@@ -39,6 +39,7 @@ def refused(capfd: pytest.CaptureFixture[str], arguments: list[str], code: int =
         (["--strategy", "q", "--weights", "/no/such"], 3, ("/no/such", "--policy optimised")),
         (["--residual", "/no/such"], 3, ("--residual", "/no/such")),
         (["--residual", str(shipped("peg_insertion", "sensing_q"))], 3, ("sensing_q", "residual_actor")),
+        (["--cell", "nope"], 3, ("'nope'", "panda_rizon")),
         (["--world", "nope"], 3, ("'nope'", "pybullet, mock")),
         (["--layout", "nope"], 3, ("'nope'", "split, processes, threads")),
         (["--episodes", "0"], 2, ("--episodes", "1")),
@@ -116,6 +117,7 @@ def test_all_defaults_as_a_parameter_file_change_nothing(tmp_path: Path) -> None
         options = CellOptions(task="peg_insertion", episodes=3, seed=4, out=tmp_path / name, params=params)
         runs[name] = yaml.safe_load(prepare(options).read_text())
     assert runs["with"]["/cell/manipulator"]["ros__parameters"]["leash"] == 0.01
+    assert {body["ros__parameters"]["cell"] for body in runs["without"].values()} == {"panda_rizon"}
     for node, body in runs["without"].items():
         for key, value in body["ros__parameters"].items():
             expected = str(value).replace("/without/", "/with/") if isinstance(value, str) else value
@@ -146,7 +148,7 @@ def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
     assert blind["/cell/supervisor"]["ros__parameters"]["believe"] is False
     assert blind["/cell/model_updater"]["ros__parameters"]["enabled"] is False
     file, training = tmp_path / "residual.safetensors", tmp_path / "training.yaml"
-    about = WeightsInfo("residual_actor", "peg_insertion", default_cell().intrinsics, 0.003, 0)
+    about = WeightsInfo("residual_actor", "peg_insertion", cell_named().intrinsics, 0.003, 0)
     save_weights(file, ResidualActor(0.003), about)
     mine = replace(options, residual=file, out=tmp_path / "mine")
     written = yaml.safe_load(prepare(mine).read_text())["/cell/residual_trainer"]["ros__parameters"]

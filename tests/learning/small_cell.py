@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.pose import look_at
 from samrl_core.learning.residual.replay import Step
 
 SIZE = 16  # [px]
-SMALL = replace(default_cell(), intrinsics=Intrinsics.from_fov(SIZE, SIZE, math.radians(42.0)))
+SMALL = replace(cell_named(), intrinsics=Intrinsics.from_fov(SIZE, SIZE, math.radians(42.0)))
 
 
 def random_step(rng: np.random.Generator, episode: int, step: int) -> Step:

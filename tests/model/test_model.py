@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.peg_insertion.task import BODY, PegInsertion
 from samrl_core.cell.types.camera import Camera, Intrinsics
 from samrl_core.cell.types.pose import look_at
@@ -16,7 +16,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model, world_to_camera
 from samrl_core.model.scene.settings import ModelSettings
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = PegInsertion()
 VALUES = (0.515, -0.01)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
@@ -33,7 +33,7 @@ from tests.ros.bag_files import record
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
-TASK, CELL = task_named("peg_insertion"), default_cell()
+TASK, CELL = task_named("peg_insertion"), cell_named()
 REQUEST, STATE = cell_topic("supervisor/request"), cell_topic("model_updater/state")
 TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
 WEIGHTS = cell_topic("residual_trainer/weights")

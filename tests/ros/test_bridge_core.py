@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import ArmCommand
 from samrl_core.cell.world import make_world
@@ -26,7 +26,7 @@ class Rig:
     def __init__(self) -> None:
         from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
 
-        self.cell, task = default_cell(), task_named("peg_insertion")
+        self.cell, task = cell_named(), task_named("peg_insertion")
         self.world = make_world("mock", task, self.cell)
         self.said: list[tuple[str, Any]] = []
         self.logs: list[tuple[str, str]] = []

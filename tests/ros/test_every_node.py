@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError, SamrlError
@@ -57,9 +57,9 @@ def joint_state(role: str, stamp_ns: int) -> Any:
     from samrl_core.cell.types.observation import ArmReading
     from samrl_ros.conversions import to_message
 
-    position = task_named("peg_insertion").start_joints(default_cell())[role]
+    position = task_named("peg_insertion").start_joints(cell_named())[role]
     zeros = np.zeros(position.size)
-    names = default_cell().arm(role).joint_names
+    names = cell_named().arm(role).joint_names
     return to_message.joint_state(ArmReading(stamp_ns, position, zeros, zeros), names)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.camera import Intrinsics
@@ -26,7 +26,7 @@ from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
-CELL = default_cell()
+CELL = cell_named()
 EXECUTED, OUTCOME = cell_topic("manipulator/executed_action"), cell_topic("supervisor/outcome")
 REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("view_planner/nominal_action")
 FRAME = "camera_color_optical_frame"

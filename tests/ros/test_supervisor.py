@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.model.model import Model
@@ -45,7 +45,7 @@ class Outbox:
 
 @pytest.fixture(scope="module")
 def estimate() -> Any:
-    return initial_estimate(Model(TASK, default_cell()))
+    return initial_estimate(Model(TASK, cell_named()))
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
@@ -17,7 +17,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.studies.episodes.differing_world import differing_cell, differing_world, trained_offset
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
-TASK, CELL = task_named("peg_insertion"), default_cell()
+TASK, CELL = task_named("peg_insertion"), cell_named()
 
 
 def moved(world: SimulatedWorld) -> tuple[np.ndarray, list[float], Observation]:

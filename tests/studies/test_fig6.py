@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
@@ -18,7 +18,7 @@ from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.view_maps import rank_correlation, reachable, regret, view_grid
 from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
-MODEL = Model(task_named("peg_insertion"), default_cell())
+MODEL = Model(task_named("peg_insertion"), cell_named())
 
 
 def test_regret_and_correlation_of_small_maps() -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.pose import Pose
 from samrl_core.policy.view.view_reach import ViewReach
 from samrl_core.studies.paper.table1.held_views import HeldView, held_views, ranked_views, spread_views
 
-TASK, CELL = task_named("peg_insertion"), default_cell()
+TASK, CELL = task_named("peg_insertion"), cell_named()
 
 
 @pytest.fixture(scope="module")

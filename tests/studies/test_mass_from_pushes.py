@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE
 from samrl_core.cell.world.pose_sensor import PoseSensor
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
@@ -30,7 +30,7 @@ from samrl_core.studies.model.mass_from_pushes import (
 )
 from samrl_core.studies.model.push_driver import PushDriver, PushSettings
 
-CELL = default_cell()
+CELL = cell_named()
 MASS, FRICTION = 0.7, 0.35
 TASK = pushing_scene(MASS, FRICTION)
 DISC = Disc(TASK.pancake_radius, TASK.pancake_thickness, TASK.pancake_radius - TASK.pancake_rounding)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError
 from samrl_core.policy.networks.networks import SensingQ, SimActor
 from samrl_core.policy.networks.weights import WeightsInfo, save_weights, weights_name
@@ -44,7 +44,7 @@ def weights(tmp_path: Path) -> Path:
     for seed in (1, 2):
         generator = torch.Generator().manual_seed(seed)
         for kind, network in (("sim_actor", SimActor(0.01, generator)), ("sensing_q", SensingQ(generator))):
-            info = WeightsInfo(kind, TASK, default_cell().intrinsics, 0.01, seed)
+            info = WeightsInfo(kind, TASK, cell_named().intrinsics, 0.01, seed)
             path = folder / f"seed-{seed}" / weights_name(TASK, kind)
             path.parent.mkdir(parents=True, exist_ok=True)
             save_weights(path, network, info)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, ReachError
 from samrl_core.policy.networks.networks import ResidualActor
@@ -127,7 +127,7 @@ def test_ablations(tmp_path: Path, with_residual: bool) -> None:
     file = weights / f"{TASK}_residual_actor.safetensors"
     if with_residual:
         figures = {"offset_x": 0.001, "offset_y": 0.0, "offset_z": -0.002}
-        lens = default_cell().intrinsics
+        lens = cell_named().intrinsics
         info = WeightsInfo("residual_actor", TASK, lens, 0.003, 0, figures)
         save_weights(file, ResidualActor(0.003), info)
     options = Options(tmp_path, tasks=(TASK,), count=2, workers=1, weights=weights)
@@ -209,7 +209,7 @@ def test_the_camera_is_where_it_is_held(monkeypatch: pytest.MonkeyPatch) -> None
         return SimpleNamespace(ended="done")
 
     monkeypatch.setattr(world_episodes, "run_episode", episode)
-    start = world_episodes.task_named(TASK).start_joints(world_episodes.default_cell())["camera_arm"]
+    start = world_episodes.task_named(TASK).start_joints(world_episodes.cell_named())["camera_arm"]
     stops = (start + 0.03, start + 0.05)
     condition = Condition("optimised", HELD, view_period=2)
     job = EpisodeJob("k", TASK, "held", condition, 2, 0, tuple(tuple(s.tolist()) for s in stops))

@@ -19,7 +19,7 @@ import numpy as np
 
 from samrl_core.cell.excitation.excitation_trajectory import programme
 from samrl_core.cell.robots.arm_model import Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
@@ -43,7 +43,7 @@ WIDE = 1.0 / 3.0  # of the worlds have backgrounds of up to twice the stated tol
 
 def trials_of(role: str, number: int, duration_s: float) -> list[Trial]:
     """Nominal recordings of an arm's programmes with the noise of the cell's sensors."""
-    spec = default_cell().arm(role)
+    spec = cell_named().arm(role)
     payload = Payload(TOOL.mass, TOOL.center_of_mass, TOOL.inertia)
     controller = ArmController(
         spec.joint_names,

@@ -11,7 +11,7 @@ from samrl_core.blind_test.engines.arm_body import ArmBody, read_arm_body, with_
 from samrl_core.blind_test.worlds.world_cache import Arrays, kept
 from samrl_core.cell.excitation.excitation_trajectory import gains, programme
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
@@ -51,7 +51,7 @@ def nominal_arm(role: str) -> NominalArm:
     Raises:
         InputError: a URDF that does not fit.
     """
-    cell = default_cell()
+    cell = cell_named()
     held = PegInsertion().scene(cell).tool
     tool = {
         "tool_arm": Tool(held.mass, held.center_of_mass, held.inertia),

@@ -54,6 +54,7 @@ class RobotSpec:
 class CellSpec:
     """The two-arm cell as calibrated (nominal)."""
 
+    name: str
     tool_arm: RobotSpec
     camera_arm: RobotSpec
     tool_base_in_world: Pose

@@ -15,7 +15,7 @@ from samrl_core.cell.excitation.catalogue import KINDS
 from samrl_core.cell.excitation.runs import Run, file_runs
 from samrl_core.cell.excitation.trajectory_file import ProgrammeFile
 from samrl_core.cell.robots.arm_model import Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import robot_with_joints
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import SamrlError
@@ -47,9 +47,9 @@ def next_experiment(
     joints = tuple(
         dict.fromkeys(n.partition(":")[2] for n in (h.place for h, _ in rivals.values()) if n[:6] == "joint:")
     )
-    spec = default_cell().arm(arm.role)
+    spec = robot_with_joints(arm.joints)
     scored: list[tuple[float, ProgrammeFile]] = []
-    if spec.joint_names == arm.joints:
+    if spec is not None:
         for kind in CANDIDATES:
             file = ProgrammeFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
             try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.model.model import Model
@@ -13,7 +13,7 @@ from samrl_core.model.model import Model
 @cache
 def model_of(task: str) -> Model:
     """The task's model."""
-    return Model(task_named(task), default_cell())
+    return Model(task_named(task), cell_named())
 
 
 @cache

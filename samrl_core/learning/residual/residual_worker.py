@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_core.common.folder_lock import folder_lock
@@ -64,7 +64,7 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)
     try:
         with folder_lock(options.folder, BEFORE_S):
-            settings, cell = read_settings(options.folder), default_cell()
+            settings, cell = read_settings(options.folder), cell_named()
             encoder = nominal_encoder(options.task, cell, options.weights)
             training = ResidualTraining(
                 options.folder, options.task, cell, encoder, settings, lambda text: print(text, flush=True)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import SamrlError
 from samrl_core.common.folder_lock import folder_lock
 from samrl_core.common.workers import free_cores, worker_pool
@@ -68,7 +68,7 @@ def prepare_states(
     """
     s = settings or ExploreSettings()
     info = DataInfo(
-        "states", task, default_cell().intrinsics, seed, count, shard_size, _recorded(task, s, given, drawn)
+        "states", task, cell_named().intrinsics, seed, count, shard_size, _recorded(task, s, given, drawn)
     )
     data = ShardFolder(folder, info)
     _fill(data, _shard, lambda k: (task, info, k, s, given, drawn), workers, progress)
@@ -112,7 +112,7 @@ def label_all(
         InputError: the folder holds labels of other states, or damaged ones.
     """
     digest = hashlib.sha256(np.hstack([values, tips]).astype("<f8").tobytes()).hexdigest()
-    cell = default_cell()
+    cell = cell_named()
     info = DataInfo("labels", task, cell.intrinsics, 0, len(values), shard_size, {"states_sha256": digest})
     data = ShardFolder(folder, info)
 

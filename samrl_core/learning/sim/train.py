@@ -27,7 +27,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.folder_lock import folder_lock
@@ -101,11 +101,11 @@ class _Training:
         visited: Sequence[Path],
     ) -> None:
         self.task, self.folder, self.settings, self.tell = task_named(task), folder, settings, tell
-        self.given = None if given is None else load_weights(given, "sim_actor", task, default_cell())
+        self.given = None if given is None else load_weights(given, "sim_actor", task, cell_named())
         parts = [load_visited(path, task) for path in visited]
         seen = VisitedStates.joined(parts) if parts else None
         self.starts = seen.starts(self.task) if seen and settings.randomisation == REAL2SIM else None
-        self.model = Model(self.task, default_cell())
+        self.model = Model(self.task, cell_named())
         self.randomising = Randomising(self.model, settings, folder, seen, tell, given is not None)
         self._check_folder("" if given is None else sha256_of(given), [sha256_of(path) for path in visited])
         self.renderer = BatchRenderer(self.model, settings.device)

@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.evaluation import judged_now
@@ -70,7 +70,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             settings: physics and noise of the world.
             render_mode: None or "rgb_array".
             real_cell: the cell as it is in the world, which no observation tells; those are made by the
-                calibration of `default_cell`.
+                calibration of `cell_named`.
             max_actions: of an episode, 0 for the task's.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -78,7 +78,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if max_actions < 0:
             raise InputError(f"max_actions is {max_actions}, must be at least 0")
         self.render_mode = render_mode
-        self._task, self._cell = task_named(task), default_cell()
+        self._task, self._cell = task_named(task), cell_named()
         self._max_actions = max_actions or self._task.max_actions
         self._world = PyBulletWorld(self._task, real_cell or self._cell, settings)
         self._motion = ToolMotion(self._world, self._task, self._cell, PERIOD_S)
@@ -167,5 +167,5 @@ def differing_env(task: str, offset: Sequence[float], render_mode: str | None = 
     if np.shape(offset) != (3,) or not np.isfinite(offset).all():
         raise InputError(f"offset is {offset}, must be three finite numbers [m]")
     world = Place(task, DEFAULT_POLICY, None, (offset[0], offset[1], offset[2]))
-    real = differing_cell(default_cell(), world.offset)
+    real = differing_cell(cell_named(), world.offset)
     return CellEnv(task, differing_settings(), render_mode, real, world.max_actions)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.evaluation import judged_now
@@ -91,7 +91,7 @@ class Stage:
 
     def __init__(self, place: Place) -> None:
         """Builds the model and compiles what the agent needs."""
-        self._cell, self._task = default_cell(), task_named(place.task)
+        self._cell, self._task = cell_named(), task_named(place.task)
         self._offset = place.offset
         self._settings = AgentSettings(policy=place.policy, strategy=STRATEGY_OF[place.policy])
         self._networks: Networks | None = None

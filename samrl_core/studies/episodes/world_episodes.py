@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.evaluation import judged_now
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
@@ -118,7 +118,7 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
 @cache
 def _model(task: str) -> Model:
     # One thread: the cores are shared out by processes.
-    return Model(task_named(task), default_cell(), ModelSettings(threads=1))
+    return Model(task_named(task), cell_named(), ModelSettings(threads=1))
 
 
 @cache

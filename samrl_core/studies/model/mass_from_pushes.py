@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.cell.world.pose_sensor import PoseSensor
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
@@ -82,7 +82,7 @@ def pushing_scene(mass: float, friction: float) -> SpatulaFlipping:
 
 def push_twice(case: Case, seed: int, settings: IdentifySettings) -> list[PushRecord]:
     """Records of both pushes, each from a scene laid anew."""
-    cell, task = default_cell(), pushing_scene(case.mass, case.friction)
+    cell, task = cell_named(), pushing_scene(case.mass, case.friction)
     world = PyBulletWorld(task, cell)
     driver = PushDriver(cell, task.scene(cell).tool, PushSettings())
     records = []

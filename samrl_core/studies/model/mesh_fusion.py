@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.camera import Camera, Intrinsics
 from samrl_core.cell.types.pose import look_at
@@ -163,7 +163,7 @@ def run(
     name: str, seed: int, count: int, fusion: FusionSettings, settings: RefineSettings
 ) -> tuple[Result, Row]:
     """Photographs, fuses, updates and judges one body."""
-    cell = default_cell()
+    cell = cell_named()
     body = next(b for b in task_named(BODIES[name]).scene(cell).bodies if b.name == name)
     photos = BodyPhotos(body)
     vertices = body.body_in_world.apply(body.mesh.vertices)

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.cell.types.observation import Observation
@@ -69,7 +69,7 @@ class Bench:
 
     def __init__(self, study: Study) -> None:
         """Builds both."""
-        cell = default_cell()
+        cell = cell_named()
         self.study = study
         self.model = Model(study.task, cell)
         self.world = PyBulletWorld(study.task, cell)

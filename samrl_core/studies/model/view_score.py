@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from scipy.stats import binomtest, wilcoxon
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.atomic_file import write_whole
@@ -141,7 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
 
     torch.set_num_threads(1)  # images are too small to share; waiting threads cost more than they save
-    cell, task = default_cell(), task_named(options.task)
+    cell, task = cell_named(), task_named(options.task)
     model = Model(task, cell)
     real2sim, planner = Real2Sim(model), ViewPlanner(model, cell, task)
     planner.prepare()

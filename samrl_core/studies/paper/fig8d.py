@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS
 from samrl_core.common.errors import InputError
 from samrl_core.policy.networks.weights import load_weights, sha256_of, weights_file
@@ -62,7 +62,7 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
     residual = file if file.is_file() else None
     offset = (0.0, 0.0, 0.0)
     if residual is not None:
-        _, info = load_weights(residual, "residual_actor", task, default_cell())
+        _, info = load_weights(residual, "residual_actor", task, cell_named())
         offset = trained_offset(info.figures)
     possible = {n: c for n, c in ABLATIONS.items() if residual is not None or not c.residual}
     missing = [name for name in options.conditions if name not in possible]

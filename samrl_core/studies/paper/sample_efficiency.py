@@ -23,7 +23,7 @@ from typing import Any
 
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS
 from samrl_core.common.workers import worker_pool
 from samrl_core.learning.residual.step_features import nominal_encoder
@@ -156,7 +156,7 @@ def _train(
 ) -> None:
     """One training from where it was left; `kept` hears of each point that its weights lie there."""
     folder = options.out / "runs" / f"{job.place.task}-{job.seed}"
-    cell = default_cell()
+    cell = cell_named()
     encoder = nominal_encoder(job.place.task, cell, job.place.weights)
     run = ResidualRun(folder, job.place, cell, encoder, job.seed, job.settings, player, options.device)
     try:
@@ -185,7 +185,7 @@ def judged_at(job: Job, point: int, out: Path, player: Play) -> Case:
     """
     task = job.place.task
     file = weights_at(out, task, job.seed, point)
-    found, info = evaluated_file(player, job.place, job.seed, job.settings, file, default_cell())
+    found, info = evaluated_file(player, job.place, job.seed, job.settings, file, cell_named())
     return {
         "key": job.key(point),
         "task": task,

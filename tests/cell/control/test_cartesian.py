@@ -8,7 +8,7 @@ import pytest
 from samrl_core.cell.control.cartesian import straight_line
 from samrl_core.cell.control.smoother import JointSmoother
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, LimitError
@@ -63,7 +63,7 @@ def test_bad_numbers_are_refused(displacement: list[float], spacing: float) -> N
 
 
 def test_smoothed_line_of_the_tool_arm_bows_little_and_ends_where_asked() -> None:
-    cell, rng = default_cell(), np.random.default_rng(0)
+    cell, rng = cell_named(), np.random.default_rng(0)
     spec = cell.tool_arm
     arm = ArmModel(spec, cell.tool_base_in_world, None)
     start = arm.flange_in_base(spec.home)

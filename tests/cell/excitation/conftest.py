@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from samrl_core.cell.robots.arm_model import Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
 from samrl_core.cell.tasks import task_named
 
@@ -20,7 +20,7 @@ class CarryingArm:
 
 
 def _arms() -> dict[str, CarryingArm]:
-    cell = default_cell()
+    cell = cell_named()
     tool = task_named("peg_insertion").scene(cell).tool
     loads = {
         "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),

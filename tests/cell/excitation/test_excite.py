@@ -13,7 +13,7 @@ import pytest
 
 from samrl_core.cell.excitation import ProgrammeFile, Run, file_runs, set_run
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.pose import Pose
 from samrl_ros.cell.excite_cell import ARM_DISTANCE, CellPlayer
@@ -23,7 +23,7 @@ from tests.waiting import PATIENCE_S, wait_for
 
 
 def player(role: str, world: str = "pybullet") -> CellPlayer:
-    return CellPlayer(role, task_named("peg_insertion"), default_cell(), world, 0)
+    return CellPlayer(role, task_named("peg_insertion"), cell_named(), world, 0)
 
 
 def play(arm, run: Run, world: str = "pybullet"):
@@ -84,7 +84,7 @@ def test_the_other_arm_waits_out_of_the_way(arm, letter):
                 mine = self._lines[self._role].points(q)[0]
                 seen.append(np.linalg.norm(mine[:, None] - waiting[None], axis=2).min())
 
-    watching = Watching(arm.role, task_named("peg_insertion"), default_cell(), "mock", 0)
+    watching = Watching(arm.role, task_named("peg_insertion"), cell_named(), "mock", 0)
     watching.record(set_run(letter, arm.spec, arm.payload, 1, 1.5), lambda *_: None)
     assert min(seen) > ARM_DISTANCE - 0.03
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots import ROBOTS
+from samrl_core.cell.robots.cells import robots
 from samrl_core.cell.robots.geometry import Capsules, clearance, link_shapes, segment_distance
 from samrl_core.cell.robots.urdf import with_urdf
 from samrl_core.cell.types.pose import Pose
@@ -21,7 +21,7 @@ def _at(x: float, y: float, z: float) -> Pose:
     return Pose(np.array([x, y, z]), np.array([0.0, 0.0, 0.0, 1.0]))
 
 
-@pytest.mark.parametrize("spec", ROBOTS.values(), ids=ROBOTS)
+@pytest.mark.parametrize("spec", robots().values(), ids=robots())
 def test_every_link_but_the_flange_has_shapes(spec) -> None:
     shapes = link_shapes(spec)
     assert len(shapes) == 8
@@ -29,7 +29,7 @@ def test_every_link_but_the_flange_has_shapes(spec) -> None:
 
 
 def test_mesh_is_refused(tmp_path: Path) -> None:
-    spec = ROBOTS["panda"]
+    spec = robots()["panda"]
     path = tmp_path / "mesh.urdf"
     path.write_text(spec.urdf.read_text().replace('<box size="0.14 0.12 0.11"/>', '<mesh filename="a.stl"/>'))
     with pytest.raises(InputError, match="mesh"):
@@ -37,7 +37,7 @@ def test_mesh_is_refused(tmp_path: Path) -> None:
 
 
 def test_sphere_becomes_a_cylinder(tmp_path: Path) -> None:
-    spec = ROBOTS["panda"]
+    spec = robots()["panda"]
     path = tmp_path / "sphere.urdf"
     path.write_text(spec.urdf.read_text().replace('<box size="0.14 0.12 0.11"/>', '<sphere radius="0.1"/>'))
     part = link_shapes(with_urdf(spec, path))["panda_link0"][1]
@@ -110,4 +110,4 @@ def test_nothing_is_infinitely_far() -> None:
 
 def test_shapes_without_a_pose_are_refused() -> None:
     with pytest.raises(InputError, match="panda_link0"):
-        Capsules.of_arm(link_shapes(ROBOTS["panda"]), {})
+        Capsules.of_arm(link_shapes(robots()["panda"]), {})

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots import ROBOTS
 from samrl_core.cell.robots.arm_model import ArmModel
+from samrl_core.cell.robots.cells import robots
 from samrl_core.cell.robots.inverse_kinematics import draw_seeds, solve_ik, solve_ik_multi
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, ReachError
 
 
-@pytest.fixture(params=ROBOTS)
+@pytest.fixture(params=robots())
 def arm(request: pytest.FixtureRequest) -> ArmModel:
-    return ArmModel(ROBOTS[request.param], Pose.identity(), None)
+    return ArmModel(robots()[request.param], Pose.identity(), None)
 
 
 def _assert_at(arm: ArmModel, q: np.ndarray, target: Pose) -> None:

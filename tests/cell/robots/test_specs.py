@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots import ROBOTS
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named, robots
 from samrl_core.cell.robots.geometry import Capsules, clearance, link_shapes
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.robots.urdf import check_robot, with_urdf
 from samrl_core.common.errors import InputError
 
-every_arm = pytest.mark.parametrize("spec", ROBOTS.values(), ids=ROBOTS)
+every_arm = pytest.mark.parametrize("spec", robots().values(), ids=robots())
 
 
 @every_arm
@@ -55,7 +54,7 @@ def test_inertias_are_physical(spec: RobotSpec) -> None:
 
 @every_arm
 def test_mass_matrix_is_positive_everywhere(spec: RobotSpec) -> None:
-    arm = ArmModel(spec, default_cell().tool_base_in_world, None)
+    arm = ArmModel(spec, cell_named().tool_base_in_world, None)
     rng = np.random.default_rng(0)
     for q in rng.uniform(spec.limits.lower, spec.limits.upper, (200, 7)):
         assert np.linalg.eigvalsh(arm.mass_matrix(q)).min() > 0
@@ -65,7 +64,7 @@ def test_mass_matrix_is_positive_everywhere(spec: RobotSpec) -> None:
 @pytest.mark.parametrize("loaded", [False, True])
 def test_impedance_law_is_stable_when_sampled(role: str, loaded: bool) -> None:
     """Spectral radius of one period (law held, then semi-implicit Euler) below 1 over the joint range."""
-    cell = default_cell()
+    cell = cell_named()
     spec = cell.arm(role)
     load = {
         "tool_arm": Payload(0.78, np.array([0.0, 0.0, 0.06]), np.diag([0.0035, 0.0035, 0.0018])),
@@ -82,7 +81,7 @@ def test_impedance_law_is_stable_when_sampled(role: str, loaded: bool) -> None:
 
 
 def test_names_are_unique_over_the_cell() -> None:
-    cell = default_cell()
+    cell = cell_named()
     roots = [ElementTree.parse(cell.arm(role).urdf).getroot() for role in ("tool_arm", "camera_arm")]
     for kind in ("link", "joint"):
         names = [e.get("name") for root in roots for e in root.findall(kind)]
@@ -90,14 +89,14 @@ def test_names_are_unique_over_the_cell() -> None:
 
 
 def test_tool_arm_home_puts_the_tip_above_the_block() -> None:
-    cell = default_cell()
+    cell = cell_named()
     flange = ArmModel(cell.tool_arm, cell.tool_base_in_world, None).flange_in_world(cell.tool_arm.home)
     np.testing.assert_allclose(flange.rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-5)
     np.testing.assert_allclose(flange.apply(np.array([0.0, 0.0, 0.1634])), [0.5, 0.0, 0.14], atol=1e-5)
 
 
 def test_camera_arm_home_looks_at_the_task() -> None:
-    cell = default_cell()
+    cell = cell_named()
     arm = ArmModel(cell.camera_arm, cell.camera_base_in_world, None)
     camera = arm.flange_in_world(cell.camera_arm.home) @ cell.camera_in_flange
     target_in_camera = camera.inverse().apply(np.array([0.5, 0.0, 0.03]))
@@ -108,7 +107,7 @@ def test_camera_arm_home_looks_at_the_task() -> None:
 
 
 def test_arms_at_home_touch_neither_each_other_nor_the_table() -> None:
-    cell = default_cell()
+    cell = cell_named()
     sets = []
     for role in ("tool_arm", "camera_arm"):
         poses = ArmModel(cell.arm(role), cell.base_in_world(role), None).link_poses_in_world(
@@ -133,12 +132,12 @@ def test_payload_must_be_possible(spec: RobotSpec) -> None:
 
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere"):
-        with_urdf(ROBOTS["panda"], tmp_path / "nowhere.urdf")
+        with_urdf(robots()["panda"], tmp_path / "nowhere.urdf")
 
 
 def test_other_arms_file_is_refused() -> None:
     with pytest.raises(InputError, match="panda_link0"):
-        with_urdf(ROBOTS["panda"], ROBOTS["rizon4"].urdf)
+        with_urdf(robots()["panda"], robots()["rizon4"].urdf)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +153,7 @@ def test_other_arms_file_is_refused() -> None:
     ],
 )
 def test_broken_file_is_refused(tmp_path: Path, old: str, new: str, match: str) -> None:
-    spec = ROBOTS["panda"]
+    spec = robots()["panda"]
     text = spec.urdf.read_text()
     assert old in text
     path = tmp_path / "broken.urdf"
@@ -164,7 +163,7 @@ def test_broken_file_is_refused(tmp_path: Path, old: str, new: str, match: str) 
 
 
 def test_broken_spec_is_refused() -> None:
-    spec = ROBOTS["panda"]
+    spec = robots()["panda"]
     with pytest.raises(InputError, match="home"):
         check_robot(replace(spec, home=np.full(7, 3.0)))
     with pytest.raises(InputError, match="armature"):
@@ -173,7 +172,7 @@ def test_broken_spec_is_refused() -> None:
 
 @pytest.mark.parametrize("bad", [np.zeros(6), np.zeros((1, 7)), np.array([0, 0, np.nan, 0, 0, 0, 0.0])])
 def test_bad_joints_are_refused(bad: np.ndarray) -> None:
-    cell = default_cell()
+    cell = cell_named()
     arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
     good = cell.tool_arm.home
     for call in (arm.flange_in_base, arm.flange_in_world, arm.link_poses_in_world, arm.jacobian, arm.gravity):

@@ -10,8 +10,8 @@ import numpy as np
 import pybullet
 import pytest
 
-from samrl_core.cell.robots import ROBOTS
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
+from samrl_core.cell.robots.cells import robots
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.pose import Pose
 
@@ -50,10 +50,10 @@ def _with_payload(spec: RobotSpec, folder: Path) -> Path:
     return path
 
 
-@pytest.fixture(params=[(n, loaded) for n in ROBOTS for loaded in (False, True)], ids=str)
+@pytest.fixture(params=[(n, loaded) for n in robots() for loaded in (False, True)], ids=str)
 def pair(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Pair]:
     name, loaded = request.param
-    spec = ROBOTS[name]
+    spec = robots()[name]
     client = pybullet.connect(pybullet.DIRECT)
     pybullet.setGravity(0, 0, -9.81, physicsClientId=client)
     body = pybullet.loadURDF(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.needle_threading.task import NEEDLE, NeedleThreading
 from samrl_core.cell.tasks.needle_threading.thread import crossing_distance, length_below, point_at
 from samrl_core.cell.tasks.needle_threading.tool import capsule_inertia
@@ -66,7 +66,7 @@ def test_capsules_weigh_what_solids_do() -> None:
 
 def test_scene_is_as_declared() -> None:
     """Ten links of 0.5 g on the bare hand; the needle stands on the table and leaves its eye free."""
-    scene = TASK.scene(default_cell())
+    scene = TASK.scene(cell_named())
     assert len(scene.tool.chain) == 10
     assert sum(link.mass for link in scene.tool.chain) == pytest.approx(0.005)
     assert scene.tool.mass == pytest.approx(0.73)
@@ -182,4 +182,4 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match="needs 20 finite angles"):
         from samrl_core.cell.tasks.chain import link_poses
 
-        link_poses(TASK.scene(default_cell()).tool.chain, Pose.identity(), np.zeros(3))
+        link_poses(TASK.scene(cell_named()).tool.chain, Pose.identity(), np.zeros(3))

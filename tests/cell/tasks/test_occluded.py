@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.geometry import Capsules, clearance
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, plain_name, task_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
@@ -26,7 +26,7 @@ from samrl_core.policy.networks.networks import SimActor
 from samrl_core.policy.networks.weights import WeightsInfo, load_weights, save_weights
 from samrl_core.policy.view.view_reach import ReachSettings, ViewReach
 
-CELL = default_cell()
+CELL = cell_named()
 Variant = PegInsertion | SpatulaFlipping | NeedleThreading
 EVERY = pytest.mark.parametrize("name", sorted(OCCLUDED_TASKS))
 ANGLES = 2 * np.pi * np.arange(16) / 16

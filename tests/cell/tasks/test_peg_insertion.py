@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.cell.tasks.peg_insertion.board import PAINT
 from samrl_core.cell.tasks.peg_insertion.task import BODY, PegInsertion
@@ -75,7 +75,7 @@ def test_draws_stay_in_the_range_and_fill_it() -> None:
 
 def test_tool_hangs_together() -> None:
     """Tip where the cell's geometry says, mass of hand and peg, a physical inertia."""
-    tool = TASK.scene(default_cell()).tool
+    tool = TASK.scene(cell_named()).tool
     np.testing.assert_allclose(tool.tip_in_flange.position, [0, 0, 0.1634], atol=1e-12)
     assert tool.mass == pytest.approx(0.78)
     moments = np.linalg.eigvalsh(tool.inertia)
@@ -159,7 +159,7 @@ def test_impossible_settings_are_refused() -> None:
 
 def test_a_moved_base_is_refused() -> None:
     """hole_x would mean two things."""
-    cell = replace(default_cell(), tool_base_in_world=Pose.from_rpy(np.array([0.1, 0, 0]), (0, 0, 0)))
+    cell = replace(cell_named(), tool_base_in_world=Pose.from_rpy(np.array([0.1, 0, 0]), (0, 0, 0)))
     with pytest.raises(InputError, match="world's origin"):
         TASK.scene(cell)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.spatula_flipping.pancake import BAKED_COLOR, RAW_COLOR, SIDES, disc_mesh
 from samrl_core.cell.tasks.spatula_flipping.task import LIP, PANCAKE, SpatulaFlipping
 from samrl_core.cell.tasks.task import Ending
@@ -52,7 +52,7 @@ def test_disc_is_closed_wound_outwards_and_has_two_faces() -> None:
 
 def test_scene_is_as_declared() -> None:
     """Pancake of 80 g, flat before the lip; a tool whose parts weigh what they should."""
-    scene = TASK.scene(default_cell())
+    scene = TASK.scene(cell_named())
     pancake, lip = scene.bodies
     assert (pancake.name, lip.name) == (PANCAKE, LIP)
     assert pancake.mass == 0.080 and lip.mass == 0.0
@@ -65,7 +65,7 @@ def test_scene_is_as_declared() -> None:
 
 def test_the_tip_is_the_blades_leading_edge() -> None:
     """Middle of the blade's front face, and the lowest part of it when the hand points down."""
-    tool = TASK.scene(default_cell()).tool
+    tool = TASK.scene(cell_named()).tool
     blade = tool.parts[0]
     assert isinstance(blade, Box)
     front = blade.part_in_body.apply(np.array([blade.half_extents[0], 0.0, 0.0]))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.peg_insertion.board import board_body
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.pose import Pose, look_at
@@ -15,7 +15,7 @@ from samrl_core.cell.world.pybullet.body_photos import BodyPhotos
 
 PLACE = Pose(np.array([0.5, 0.1, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
 BODY = board_body("board", 0.012, 0.06, 0.04, PLACE, 1, 0.3)
-CAMERA = Camera(default_cell().intrinsics, look_at(np.array([0.8, 0.2, 0.3]), np.array([0.5, 0.1, 0.02])))
+CAMERA = Camera(cell_named().intrinsics, look_at(np.array([0.8, 0.2, 0.3]), np.array([0.5, 0.1, 0.02])))
 
 
 @pytest.fixture(scope="module")

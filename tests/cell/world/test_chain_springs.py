@@ -6,7 +6,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.chain import holding_torque, link_poses
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.types.pose import Pose
@@ -15,7 +15,7 @@ from samrl_core.cell.world.pybullet.chain_springs import ChainSprings, ChainStat
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.settings import NOISELESS
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = NeedleThreading()
 CHAIN = TASK.scene(CELL).tool.chain
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -9,7 +9,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import OCCLUDED_TASKS
 from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.cell.world.evaluation import true_values
@@ -18,7 +18,7 @@ from samrl_core.cell.world.settings import NOISELESS
 from samrl_core.cell.world.world import Truth
 from tests.cell.world.sub_goal_expert import Pace, episodes
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = SpatulaFlipping()
 TRUE = partial(true_values, TASK)
 FAR = (7, 11)  # seeds of starts 72 mm to the right and 54 mm to the left

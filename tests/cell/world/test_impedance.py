@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import ArmCommand
@@ -15,7 +15,7 @@ from samrl_core.cell.world.pybullet.impedance import impedance_effort
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.settings import NOISELESS
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = task_named("peg_insertion")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.types.pose import Pose
@@ -13,7 +13,7 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.settings import NOISELESS
 from tests.cell.world.scripted_expert import Episode, insert, move_joints, tool_model
 
-CELL = default_cell()
+CELL = cell_named()
 
 
 def episodes(clearance: float, seeds: range, noise: float = 0.0) -> list[Episode]:

@@ -9,7 +9,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
@@ -20,7 +20,7 @@ from samrl_core.cell.world.settings import NOISELESS
 from samrl_core.common.errors import InputError
 from tests.cell.world.scripted_expert import DOWN, move_joints
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = task_named("peg_insertion")
 
 

@@ -9,7 +9,7 @@ import pybullet
 import pytest
 
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.tasks.needle_threading.task import NEEDLE, NeedleThreading
 from samrl_core.cell.tasks.needle_threading.thread import crossing_distance
@@ -20,7 +20,7 @@ from samrl_core.cell.world.settings import NOISELESS
 from tests.cell.world.scripted_expert import DOWN, move_joints
 from tests.cell.world.sub_goal_expert import Pace, episodes, follow
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = NeedleThreading()
 TRUE = partial(true_values, TASK)
 

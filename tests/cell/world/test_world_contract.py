@@ -10,7 +10,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.cell.types.camera import Camera
@@ -20,7 +20,7 @@ from samrl_core.cell.world import WORLDS, make_world
 from samrl_core.cell.world.world import SimulatedWorld
 from samrl_core.common.errors import InputError
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = task_named("peg_insertion")
 
 

@@ -20,7 +20,7 @@ import pytest
 import safetensors.torch
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
@@ -46,12 +46,12 @@ class Kind:
 
 
 def _write_weights(path: Path) -> None:
-    info = WeightsInfo("sim_actor", TASK, default_cell().intrinsics, 0.01, 4, {"error_mm": 0.5}, "abc")
+    info = WeightsInfo("sim_actor", TASK, cell_named().intrinsics, 0.01, 4, {"error_mm": 0.5}, "abc")
     save_weights(path, SimActor(0.01, torch.Generator().manual_seed(1)), info)
 
 
 def _read_weights(path: Path) -> Any:
-    network, info = load_weights(path, "sim_actor", TASK, default_cell())
+    network, info = load_weights(path, "sim_actor", TASK, cell_named())
     return plain(network.state_dict()), asdict(info)
 
 
@@ -69,7 +69,7 @@ def _read_checkpoint(path: Path) -> Any:
     return plain(tensors), about
 
 
-SHARDS = DataInfo("states", TASK, default_cell().intrinsics, 3, 4, 4, {"explore": {"slots": [1, 2]}})
+SHARDS = DataInfo("states", TASK, cell_named().intrinsics, 3, 4, 4, {"explore": {"slots": [1, 2]}})
 SHARD = {"shard": 0, "file": "states-00000.npz", "count": 4, "sha256": "x"}
 REPLAY = ReplayInfo(TASK, SMALL.intrinsics, 4)
 

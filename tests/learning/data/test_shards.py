@@ -9,13 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.shards import MANIFEST, DataInfo, ShardFolder
 
-INFO = DataInfo(
-    "states", "peg_insertion", default_cell().intrinsics, 3, 10, 4, {"explore": {"slots": (1, 2)}}
-)
+INFO = DataInfo("states", "peg_insertion", cell_named().intrinsics, 3, 10, 4, {"explore": {"slots": (1, 2)}})
 
 
 def arrays(shard: int) -> dict[str, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.images.appearance import LookSettings, draw_looks, own_looks
@@ -24,7 +24,7 @@ COUNT = 3
 
 @cache
 def scene(name: str) -> tuple[Model, SceneFrames, BatchRenderer]:
-    model = Model(task_named(name), default_cell())
+    model = Model(task_named(name), cell_named())
     return model, SceneFrames(model), BatchRenderer(model, chunk=2)
 
 

@@ -63,14 +63,14 @@ def test_too_many_are_refused_before_they_are_drawn(monkeypatch: pytest.MonkeyPa
 
 
 def test_drawings_of_real_scenes_differ_and_repeat() -> None:
-    from samrl_core.cell.robots.cells.panda_rizon import default_cell
+    from samrl_core.cell.robots.cells import cell_named
     from samrl_core.cell.tasks import task_named
     from samrl_core.learning.images.batch_render import BatchRenderer
     from samrl_core.learning.images.rendered_samples import RenderedSamples, Scenes
     from samrl_core.learning.states.frames import SceneFrames
     from samrl_core.model.model import Model
 
-    model = Model(task_named("peg_insertion"), default_cell())
+    model = Model(task_named("peg_insertion"), cell_named())
     frames = SceneFrames(model)
     tip = frames.start_tip
     values = np.array([p.nominal for p in model.task.parameters()])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.samples import ACTION, IMAGE
@@ -29,7 +29,7 @@ VIEW = np.array([0.6, 0.6, 0.35, 0.5, 0.0, 0.08])
 
 @cache
 def renderer() -> BatchRenderer:
-    return BatchRenderer(Model(task_named("peg_insertion"), default_cell()), chunk=3)
+    return BatchRenderer(Model(task_named("peg_insertion"), cell_named()), chunk=3)
 
 
 @cache

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.images.appearance import own_looks
@@ -33,7 +33,7 @@ from samrl_core.policy.view.views import draw_views
 
 @cache
 def model_of(name: str) -> Model:
-    return Model(task_named(name), default_cell())
+    return Model(task_named(name), cell_named())
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))

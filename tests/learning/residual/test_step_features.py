@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.observation import ArmReading, Frame, Observation
 from samrl_core.common.errors import InputError
@@ -71,9 +71,9 @@ def test_later_steps_are_taken_in_and_lost_ones_go(tmp_path: Path) -> None:
 
 
 def test_the_nominal_policys_encoder_is_known_by_its_weights(tmp_path: Path) -> None:
-    peg, again = (nominal_encoder("peg_insertion", default_cell()) for _ in range(2))
-    variant = nominal_encoder("peg_insertion_occluded", default_cell())
-    thread = nominal_encoder("needle_threading", default_cell())
+    peg, again = (nominal_encoder("peg_insertion", cell_named()) for _ in range(2))
+    variant = nominal_encoder("peg_insertion_occluded", cell_named())
+    thread = nominal_encoder("needle_threading", cell_named())
     assert fingerprint(peg) == fingerprint(again) == fingerprint(variant) != fingerprint(thread)
     with pytest.raises(InputError, match="peg_insertion"):
-        nominal_encoder("peg_insertion", default_cell(), tmp_path)
+        nominal_encoder("peg_insertion", cell_named(), tmp_path)

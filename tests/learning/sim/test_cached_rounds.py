@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.errors import InputError
@@ -84,7 +84,7 @@ def test_finished_groups_need_no_renderer(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_labels_are_kept_part_by_part(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
-    model = Model(task_named(TASK), default_cell())
+    model = Model(task_named(TASK), cell_named())
     values = np.array([model.task.start_values(rng) for _ in range(5)])
     tips = np.tile(SceneFrames(model).start_tip, (5, 1)) - rng.uniform(0.0, 0.05, (5, 1)) * [0.0, 0.0, 1.0]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.images.appearance import LookSettings
@@ -34,7 +34,7 @@ COUNT = 3
 
 @cache
 def renderer() -> BatchRenderer:
-    return BatchRenderer(Model(task_named("peg_insertion"), default_cell()))
+    return BatchRenderer(Model(task_named("peg_insertion"), cell_named()))
 
 
 @cache

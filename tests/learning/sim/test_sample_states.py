@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.sample_states import draw_states
@@ -118,7 +118,7 @@ def test_estimates_err_as_set(model: Model) -> None:
     [("needle_threading", {"above", "thread_1"}), ("spatula_flipping", {"behind", "under"})],
 )
 def test_other_tasks(name: str, stages: set[str]) -> None:
-    model = Model(task_named(name), default_cell())
+    model = Model(task_named(name), cell_named())
     settings = ExploreSettings(slots=2, wander_share=0.0, visit_share=0.0, exact_share=1.0)
     states = drawn(model, 26, 1, settings)
     check(model, states, 26)

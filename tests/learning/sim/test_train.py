@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.fit_settings import FitSettings
 from samrl_core.learning.sim.train import CONFIG, train
@@ -114,7 +114,7 @@ def test_a_killed_training_goes_on(tmp_path: Path, q_target: str) -> None:
     assert one == two
     for kind in ("sim_actor", "sensing_q"):
         one, two = (
-            load_weights(tmp_path / f / f"{TASK}_{kind}.safetensors", kind, TASK, default_cell())
+            load_weights(tmp_path / f / f"{TASK}_{kind}.safetensors", kind, TASK, cell_named())
             for f in ("one", "two")
         )
         for name, value in one[0].state_dict().items():
@@ -154,8 +154,8 @@ def test_the_q_of_a_given_actor(tmp_path: Path) -> None:
     given = shipped(TASK, "sim_actor")
     train(TASK, tmp_path, SMALL, lambda at, row: told.append(at), given)
     assert "states" not in told and "actor-0" not in told and "q" in told
-    kept, _ = load_weights(tmp_path / given.name, "sim_actor", TASK, default_cell())
-    wanted, _ = load_weights(given, "sim_actor", TASK, default_cell())
+    kept, _ = load_weights(tmp_path / given.name, "sim_actor", TASK, cell_named())
+    wanted, _ = load_weights(given, "sim_actor", TASK, cell_named())
     for name, value in wanted.state_dict().items():
         torch.testing.assert_close(kept.state_dict()[name], value, rtol=0.0, atol=0.0)
     with pytest.raises(InputError, match="given_actor"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.pybullet.body_photos import BodyPhotos
 from samrl_core.common.errors import InputError
@@ -20,7 +20,7 @@ from samrl_core.studies.model.mesh_fusion import BODIES, TARGET_M, Judge, camera
 
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_twelve_photos_give_the_body(name: str) -> None:
-    cell = default_cell()
+    cell = cell_named()
     body = next(b for b in task_named(BODIES[name]).scene(cell).bodies if b.name == name)
     photos = BodyPhotos(body)
     vertices = body.body_in_world.apply(body.mesh.vertices)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.model import Model
@@ -17,7 +17,7 @@ from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 @pytest.fixture(scope="session")
 def model() -> Model:
     """Peg insertion in the default cell."""
-    return Model(task_named("peg_insertion"), default_cell())
+    return Model(task_named("peg_insertion"), cell_named())
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
@@ -32,7 +32,7 @@ class Bench:
 
     def __init__(self, name: str) -> None:
         """Built once per module."""
-        self.task, cell = task_named(name), default_cell()
+        self.task, cell = task_named(name), cell_named()
         self.model = Model(self.task, cell)
         self.world = PyBulletWorld(self.task, cell)
         self.driver = CellDriver(self.world, cell, self.world.scene.tool)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
@@ -135,7 +135,7 @@ def test_cloud_moves_with_the_body(model: Model, driver: CellDriver) -> None:
 
 def test_a_screen_keeps_its_colours() -> None:
     """It covers the block in part. Three scenes from the start view: only the block is painted."""
-    model = Model(task_named("peg_insertion_occluded"), default_cell())
+    model = Model(task_named("peg_insertion_occluded"), cell_named())
     world = PyBulletWorld(model.task, model.cell)
     behind, real2sim = CellDriver(world, model.cell, world.scene.tool), Real2Sim(model)
     before = found = initial_estimate(model)

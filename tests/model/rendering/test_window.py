@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.pose import look_at
@@ -14,7 +14,7 @@ from samrl_core.model.model import Model
 from samrl_core.model.rendering.window import Window, whole_image, window_around
 from samrl_core.model.scene.settings import ModelSettings
 
-CELL = default_cell()
+CELL = cell_named()
 K = CELL.intrinsics
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.chain import chain_points, link_poses
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
@@ -23,7 +23,7 @@ from samrl_core.model.scene.chain_skin import chain_skin
 from samrl_core.model.scene.meshes import capsule_mesh, face_normals, part_mesh, revolved_mesh
 from samrl_core.model.scene.settings import ModelSettings
 
-CELL = default_cell()
+CELL = cell_named()
 TASK = NeedleThreading()
 CHAIN = TASK.scene(CELL).tool.chain
 TIP = Pose.from_rpy(np.array([0.5, 0.02, 0.27]), (3.1, 0.05, -0.1))

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.world.evaluation import true_values
@@ -18,7 +18,7 @@ from samrl_core.model.task_dynamics.rigid_task_dynamics import TaskPhysics
 from samrl_core.model.task_dynamics.task_dynamics import TaskState
 from tests.cell.world.sub_goal_expert import Pace, follow
 
-CELL = default_cell()
+CELL = cell_named()
 SAMPLE = 24  # steps of the physics between two samples, 0.1 s
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
@@ -22,7 +22,7 @@ from samrl_core.model.task_dynamics.solids import part_at, ring_of, solids_of
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics, TaskState
 
 torch.set_num_threads(1)
-CELL = default_cell()
+CELL = cell_named()
 TIP = np.array([0.5, 0.01, 0.3])
 SHORT = TaskPhysicsSettings(rest_s=0.0)
 

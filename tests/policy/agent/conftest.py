@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.camera import Camera
@@ -61,7 +61,7 @@ class ModelPlant:
 
 @pytest.fixture(scope="session")
 def model() -> Model:
-    return Model(task_named("peg_insertion"), default_cell())
+    return Model(task_named("peg_insertion"), cell_named())
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.chain import chain_points, link_poses
 from samrl_core.model.model import Model
@@ -16,7 +16,7 @@ RADIUS = 0.002  # of the thread [m]
 
 
 def thread() -> tuple[Model, np.ndarray, torch.Tensor, torch.Tensor]:
-    model = Model(task_named("needle_threading"), default_cell())
+    model = Model(task_named("needle_threading"), cell_named())
     values = model.task.start_values(np.random.default_rng(4))
     target = torch.from_numpy(np.asarray(model.task.view_region().target))
     return model, values, torch.from_numpy(model.initial_colors()), target

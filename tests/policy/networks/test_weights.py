@@ -11,13 +11,13 @@ import safetensors.torch
 import torch
 from torch import nn
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.common.errors import InputError
 from samrl_core.policy.networks.networks import ResidualActor, SensingQ, SimActor, TwinCritic
 from samrl_core.policy.networks.weights import WeightsInfo, load_weights, save_weights, sha256_of, shipped
 
-CELL = default_cell()
+CELL = cell_named()
 INFO = WeightsInfo("sim_actor", "peg_insertion", CELL.intrinsics, 0.01, 4, {"error_mm": 0.5}, "abc")
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.pose import Pose
@@ -47,7 +47,7 @@ class Outcome:
 
 def solve(name: str, seed: int) -> Outcome:
     """One episode."""
-    task, cell = task_named(name), default_cell()
+    task, cell = task_named(name), cell_named()
     tool = task.scene(cell).tool
     world = PyBulletWorld(task, cell)
     driver = CellDriver(world, cell, tool)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.cell.tasks.task import Task
@@ -19,7 +19,7 @@ from samrl_core.policy.planning.trajectory import TrajectorySettings, optimise
 from tests.cell.world.scripted_expert import Episode
 from tests.cell.world.sub_goal_expert import Choice, Pace, episodes
 
-CELL = default_cell()
+CELL = cell_named()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.geometry import Capsules
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
@@ -22,7 +22,7 @@ REACH = ReachSettings(azimuths=3, elevations=1, distances=1)
 @pytest.fixture(scope="module")
 def thread() -> tuple[NeedleThreading, ViewReach, np.ndarray]:
     """The task, its reach and the tool arm's start."""
-    task, cell = NeedleThreading(), default_cell()
+    task, cell = NeedleThreading(), cell_named()
     return task, ViewReach(cell, task, REACH), task.start_joints(cell)["tool_arm"]
 
 
@@ -53,7 +53,7 @@ def test_a_thing_beside_the_thread_is_too_near_only_when_it_hangs_there(thread) 
 def test_views_of_thread_and_pancake_are_scored(thread) -> None:
     """Finite, and no view tells less than nothing."""
     for name in ("needle_threading", "spatula_flipping"):
-        task, cell = task_named(name), default_cell()
+        task, cell = task_named(name), cell_named()
         model = Model(task, cell)
         planner = ViewPlanner(model, cell, task, ViewPlannerSettings(reach=REACH, finalists=1))
         start = task.start_joints(cell)

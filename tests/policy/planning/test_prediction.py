@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
@@ -17,7 +17,7 @@ from samrl_core.model.real2sim.prediction import PredictionSettings, likeliest, 
 from samrl_core.model.real2sim.real2sim import Estimate
 from samrl_core.model.task_dynamics.choose import dynamics_of
 
-CELL = default_cell()
+CELL = cell_named()
 
 
 def estimate(task: Task, values: np.ndarray, deviation: float) -> Estimate:

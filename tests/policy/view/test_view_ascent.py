@@ -12,7 +12,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.pose import Pose, look_at
 from samrl_core.common.errors import InputError
@@ -215,7 +215,7 @@ def test_network_image_of_one_pixel_turned() -> None:
 
 def test_goes_to_where_the_target_can_be_seen() -> None:
     """Behind a screen the present view is worth nothing, whatever Q says."""
-    hidden = Model(task_named("needle_threading_occluded"), default_cell())
+    hidden = Model(task_named("needle_threading_occluded"), cell_named())
     estimate, joints = initial_estimate(hidden), hidden.task.start_joints(hidden.cell)
     found = {}
     for least in (0.0, 0.5):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS
 from samrl_core.cell.tasks.peg_insertion.task import BODY
 from samrl_core.common.errors import InputError
@@ -74,7 +74,7 @@ def test_the_world_of_the_sample_efficiency() -> None:
     # The camera stands 3 cm farther along x than the calibration has it, so that all seems that much nearer.
     moved = [np.median(images[1][k] - images[0][k]) for k in (3, 4, 5)]
     np.testing.assert_allclose(moved, -offset / XYZ_UNIT, atol=0.03)
-    plain = CellEnv("peg_insertion", real_cell=differing_cell(default_cell(), offset), max_actions=2)
+    plain = CellEnv("peg_insertion", real_cell=differing_cell(cell_named(), offset), max_actions=2)
     plain.reset(seed=3)
     still = np.zeros(3, dtype=np.float32)
     assert not plain.step(still)[3] and plain.step(still)[3]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.learning.images.appearance import LookSettings
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
@@ -85,7 +85,7 @@ def fixed_views(reach: ViewReach, task: str) -> list[View]:
     """Views of the grid that may be held: clear as an episode begins, at the nominal values."""
     plan = task_named(task)
     nominal = np.array([p.nominal for p in plan.parameters()])
-    tool = plan.start_joints(default_cell())["tool_arm"]
+    tool = plan.start_joints(cell_named())["tool_arm"]
     return reach.clear_views(reach.obstacles(tool, nominal))
 
 

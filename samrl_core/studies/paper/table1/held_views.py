@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.geometry import Capsules
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import CellSpec
@@ -34,7 +34,7 @@ def held_views(task: Task, cell: CellSpec | None = None) -> tuple[HeldView, ...]
 
     The camera arm gets there by way of others, straight in joint space from each to the next, and clear.
     """
-    cell = cell or default_cell()
+    cell = cell or cell_named()
     reach = ViewReach(cell, task)
     start = task.start_joints(cell)
     nominal = np.array([p.nominal for p in task.parameters()])

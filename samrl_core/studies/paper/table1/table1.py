@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.cell.robots.cells.panda_rizon import default_cell
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, task_named
 from samrl_core.common.share import Share
 from samrl_core.policy.agent.settings import trained_networks
@@ -72,7 +72,7 @@ def run_table(options: Options, tell: Tell, settings: TableSettings = SETTINGS) 
     """
     trainings = _trainings(options.weights)
     for task, weights in itertools.product(options.tasks, trainings):
-        trained_networks(task, default_cell(), weights)  # before anything is run
+        trained_networks(task, cell_named(), weights)  # before anything is run
     rows = [Row(*which) for which in itertools.product(options.tasks, trainings, NOISES)]
     table = _Table(options, tell, settings)
     best = table.best_views(rows)
@@ -97,7 +97,7 @@ class _Table:
         self._log = CaseLog(options.out)
         self.count = options.count or settings.episodes
         self._views = {
-            task: fixed_views(ViewReach(default_cell(), task_named(task), settings.views.reach), task)
+            task: fixed_views(ViewReach(cell_named(), task_named(task), settings.views.reach), task)
             for task in options.tasks
         }
 

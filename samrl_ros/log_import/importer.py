@@ -16,11 +16,11 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.keys import Keys
+from samrl_ros.log_import.mapping import Mapping
 from samrl_ros.log_import.resampling import even, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source
-from samrl_ros.log_import.specs import ChannelSpec, Mapping, RecordingSpec
-from samrl_ros.log_import.units import SI
+from samrl_ros.log_import.specs import QuantitySpec, RecordingSpec
+from samrl_ros.log_import.units import DEFAULT_UNIT, SI, factor
 from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
 from samrl_ros.recordings.read import RAW, moving_joints
 from samrl_ros.recordings.write import write_recording
@@ -56,13 +56,12 @@ def import_recording(spec: RecordingSpec, mapping: Path, data: Path) -> Imported
         name: _constant(value, f"{spec.path}.constants.{name}") for name, value in spec.constants.items()
     }
     cache: dict[str, SourceData] = {}
-    for channel in spec.channels.values():
-        if channel.source not in cache:
-            cache[channel.source] = read_source(spec, channel.source, constants, data, notes)
-    zero = float(cache[spec.channels["states"].source].time[0])
+    for source in map(spec.source_of, spec.channels):
+        if source not in cache:
+            cache[source] = read_source(spec, source, constants, data, notes)
+    zero = float(cache[spec.source_of("states")].time[0])
     signals = {
-        name: _signal(name, channel, cache[channel.source], spec, zero, report, notes)
-        for name, channel in spec.channels.items()
+        name: _signal(name, spec, cache[spec.source_of(name)], zero, report, notes) for name in spec.channels
     }
     digest = hashlib.sha256(mapping.read_bytes() + spec.name.encode())
     for source in cache.values():
@@ -120,49 +119,37 @@ def _constant(value: Any, where: str) -> Any:
 
 
 def _signal(
-    name: str,
-    channel: ChannelSpec,
-    source: SourceData,
-    spec: RecordingSpec,
-    zero: float,
-    report: list[str],
-    notes: list[str],
+    name: str, spec: RecordingSpec, source: SourceData, zero: float, report: list[str], notes: list[str]
 ) -> JointSignal:
+    channel, where = spec.channels[name], f"{spec.path}.channels.{name}"
+    plan = channel.resample or spec.resample
     time, count, joints = source.time, len(source.time), len(spec.joints)
     values: dict[str, np.ndarray] = {}
     for quantity, one in channel.quantities.items():
-        if one.formulas:
-            parts = [evaluate(f, source.values, one.path) for f in one.formulas]
-            block = parts[0] if one.whole else np.column_stack([_column(p, count, one.path) for p in parts])
-            if one.whole and np.ndim(block) <= 1:
-                block = _column(block, count, one.path)[:, None] * np.ones(
-                    joints if np.ndim(block) == 0 else 1
-                )
-            block = np.asarray(block, dtype=float)
-            if block.shape != (count, joints):
-                raise InputError(
-                    f"{one.path} has shape {block.shape}, must be {(count, joints)}: one per joint"
-                )
-            values[quantity] = block * one.scale
-        else:
+        path = f"{where}.{quantity}"
+        if one.derivative:
             values[quantity] = np.gradient(values["position"], time, axis=0)
+        else:
+            values[quantity] = _block(one, source.values, (count, joints), path) * factor(
+                quantity, one.unit, path
+            )
         bad = ~np.isfinite(values[quantity])
         if bad.any():
             row, column = np.argwhere(bad)[0]
             raise InputError(
-                f"{one.path}: {bad.sum()} numbers are not finite, first {spec.joints[column]} at"
+                f"{path}: {bad.sum()} numbers are not finite, first {spec.joints[column]} at"
                 f" {time[row] - zero:.4f} s; `missing` of a source says what to do with empty cells"
             )
         if one.filter is not None:
             grid, on_grid, uneven = even(time, values[quantity])
-            smooth = low_pass(grid, on_grid, one.filter, f"{one.path}.filter")
+            smooth = low_pass(grid, on_grid, one.filter, f"{path}.filter")
             values[quantity] = (
                 np.column_stack([np.interp(time, grid, c) for c in smooth.T]) if uneven else smooth
             )
     raw_rate = 1.0 / float(np.median(np.diff(time)))
-    time, values = resample(time, values, channel.resample, f"{channel.path}.resample")
+    time, values = resample(time, values, plan, f"{where}.resample")
     rate = 1.0 / float(np.median(np.diff(time)))
-    if rate < 0.9 * raw_rate and channel.resample.filter is None:
+    if rate < 0.9 * raw_rate and plan.filter is None:
         notes.append(f"{name}: {raw_rate:.5g} Hz down to {rate:.5g} Hz without a filter; expect aliasing")
     time = time - zero
     if spec.time_range is not None:
@@ -171,8 +158,24 @@ def _signal(
         if not keep.any():
             raise InputError(f"{spec.path}.time_range {list(spec.time_range)} s holds no sample of {name}")
         time, values = time[keep], {q: block[keep] for q, block in values.items()}
-    report.extend(_describe(name, channel, time, values, raw_rate, spec.joints))
+    report.extend(_describe(name, spec, time, values, raw_rate))
     return JointSignal(time, **values)
+
+
+def _block(one: QuantitySpec, values: dict[str, Any], shape: tuple[int, int], where: str) -> np.ndarray:
+    """Values of a quantity (N, J), as the formulas give them."""
+    parts = [evaluate(formula, values, where) for formula in one.formulas]
+    if isinstance(one.formula, list):
+        block = np.column_stack([_column(part, shape[0], where) for part in parts])
+    else:
+        block = np.asarray(parts[0], dtype=float)
+        if block.ndim == 0:
+            block = np.full(shape, block)
+        elif block.ndim == 1:
+            block = _column(block, shape[0], where)[:, None]
+    if block.shape != shape:
+        raise InputError(f"{where} has shape {block.shape}, must be {shape}: one per joint")
+    return block
 
 
 def _column(value: Any, count: int, where: str) -> np.ndarray:
@@ -185,27 +188,25 @@ def _column(value: Any, count: int, where: str) -> np.ndarray:
 
 
 def _describe(
-    name: str,
-    channel: ChannelSpec,
-    time: np.ndarray,
-    values: dict[str, np.ndarray],
-    raw_rate: float,
-    joints: tuple[str, ...],
+    name: str, spec: RecordingSpec, time: np.ndarray, values: dict[str, np.ndarray], raw_rate: float
 ) -> list[str]:
+    channel = spec.channels[name]
     rate = 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    plan = channel.resample.filter
+    plan = (channel.resample or spec.resample).filter
     how = f", Butterworth order {plan.order} zero-phase {plan.cutoff_hz:g} Hz" if plan is not None else ""
     lines = [
-        f"{name} from {channel.source}: {len(time)} samples at {rate:.5g} Hz (log {raw_rate:.5g} Hz{how}),"
-        f" {time[0]:.3f} to {time[-1]:.3f} s"
+        f"{name} from {spec.source_of(name)}: {len(time)} samples at {rate:.5g} Hz"
+        f" (log {raw_rate:.5g} Hz{how}), {time[0]:.3f} to {time[-1]:.3f} s"
     ]
     for quantity, block in values.items():
         one = channel.quantities[quantity]
-        origin = "derivative of position" if not one.formulas else f"from {one.unit}"
+        origin = "derivative of position" if one.derivative else f"from {one.unit or DEFAULT_UNIT[quantity]}"
         if one.filter is not None:
             origin += f", Butterworth order {one.filter.order} zero-phase {one.filter.cutoff_hz:g} Hz"
         unit = "raw" if one.unit == "raw" else SI[quantity]
-        spans = ", ".join(f"{j} {c.min():.4g} .. {c.max():.4g}" for j, c in zip(joints, block.T, strict=True))
+        spans = ", ".join(
+            f"{j} {c.min():.4g} .. {c.max():.4g}" for j, c in zip(spec.joints, block.T, strict=True)
+        )
         lines.append(f"  {quantity} [{unit}] ({origin}): {spans}")
     return lines
 
@@ -226,13 +227,11 @@ def _arm(
     controller = None
     if spec.controller is not None:
         where = f"{spec.path}.controller"
-        keys = Keys(spec.controller, where)
         about = {
-            k: _numbers(v, constants, keys.at(k))
-            for k, v in keys.items().items()
-            if k not in ("gravity_compensation", "type", "joints")
+            k: v if k == "gravity_compensation" else _numbers(v, constants, f"{where}.{k}")
+            for k, v in spec.controller.items()
+            if k not in ("type", "joints")
         }
-        about |= {k: v for k, v in keys.items().items() if k == "gravity_compensation"}
         about |= {"type": LAW, "joints": list(spec.joints)}
         parsed = parse_controller(json.dumps(about), where)
         notes.extend(parsed.notes)
@@ -241,7 +240,7 @@ def _arm(
     if spec.tool is not None:
         tool, more = parse_tool(json.dumps(spec.tool), f"{spec.path}.tool")
         notes.extend(more)
-    return ArmDescription(spec.arm, spec.joints, urdf, controller, tool, tolerances)
+    return ArmDescription(spec.arm, tuple(spec.joints), urdf, controller, tool, tolerances)
 
 
 def _numbers(value: Any, constants: dict[str, Any], where: str) -> Any:

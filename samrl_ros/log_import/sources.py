@@ -10,8 +10,9 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formulas import evaluate, names_in
-from samrl_ros.log_import.specs import RecordingSpec, SourceSpec
+from samrl_ros.log_import.specs import ColumnSpec, Missing, RecordingSpec, TimeSpec
 from samrl_ros.log_import.tables import Table, read_table
+from samrl_ros.log_import.units import factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,49 +28,50 @@ def read_source(
     spec: RecordingSpec, name: str, constants: dict[str, Any], data: Path, notes: list[str]
 ) -> SourceData:
     """Read a source. Raises `InputError` naming key path, file, column and row."""
-    source = spec.sources[name]
-    paths = tuple(data / file for file in source.files)
-    tables = [read_table(path, source.csv, f"{source.path}.file") for path in paths]
+    source, where = spec.sources[name], f"{spec.path}.sources.{name}"
+    paths = tuple(data / file for file in spec.files_of(name))
+    tables = [read_table(path, source.csv, f"{where}.file") for path in paths]
     columns = {
-        key: _column(tables[source.columns[key].file], source, key)
+        key: _column(tables[source.columns[key].file], source.columns[key], f"{where}.columns.{key}")
         for key in sorted(_used(spec, name, constants))
     }
-    count = _count(source, columns, tables)
-    time = _time(source, tables[0], count)
+    count = _count(columns, where)
+    time = _time(source.time, tables[0], count, f"{where}.time")
     if len(time) != count:
-        raise InputError(f"{source.path}.time has {len(time)} samples, the columns {count}")
+        raise InputError(f"{where}.time has {len(time)} samples, the columns {count}")
     keep = _rows(spec, count)
     if keep.sum() < 2:
         raise InputError(f"{spec.path}.rows {spec.rows} leaves {keep.sum()} of {count} rows")
     bad_time = keep & ~np.isfinite(time)
     if bad_time.any():
-        raise InputError(f"{source.path}.time: row {int(np.flatnonzero(bad_time)[0])} has no time")
+        raise InputError(f"{where}.time: row {int(np.flatnonzero(bad_time)[0])} has no time")
     for key, values in columns.items():
-        keep &= _missing(source, key, values, time, keep, notes)
-    if source.time.drop_repeated:
+        rule = source.columns[key].missing or source.missing
+        keep &= _fill(values, rule, time, keep, f"{where}.columns.{key}", notes)
+    if source.time.repeated == "drop":
         ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
         repeated = keep & (time <= np.concatenate([[-np.inf], ahead[:-1]]))
         if repeated.any():
-            notes.append(f"{source.path}: {repeated.sum()} rows whose time does not increase are left out")
+            notes.append(f"{where}: {repeated.sum()} rows whose time does not increase are left out")
             keep &= ~repeated
     time = time[keep]
     steps = np.flatnonzero(np.diff(time) <= 0)
     if len(steps):
         k = int(steps[0])
         raise InputError(
-            f"{source.path}.time: goes from {time[k]:.6f} to {time[k + 1]:.6f} s at row"
+            f"{where}.time: goes from {time[k]:.6f} to {time[k + 1]:.6f} s at row"
             f" {int(np.flatnonzero(keep)[k + 1])} ({len(steps)} such steps); `repeated: drop` leaves such"
             " rows out, `rows` cuts the log"
         )
     values = {**constants, **{key: v if v.shape == (1,) else v[keep] for key, v in columns.items()}}
     for key, formula in source.values.items():
-        values[key] = evaluate(formula, values, f"{source.path}.values.{key}")
+        values[key] = evaluate(formula, values, f"{where}.values.{key}")
     return SourceData(paths, time, values)
 
 
 def _used(spec: RecordingSpec, name: str, constants: dict[str, Any]) -> set[str]:
     """Columns that some formula needs; others may be broken without harm."""
-    source = spec.sources[name]
+    source, path = spec.sources[name], f"{spec.path}.sources.{name}"
     known = set(constants) | set(source.columns) | set(source.values)
     wanted: set[str] = set()
 
@@ -82,41 +84,39 @@ def _used(spec: RecordingSpec, name: str, constants: dict[str, Any]) -> set[str]
             )
         wanted.update(names)
 
-    for channel in spec.channels.values():
-        if channel.source == name:
-            for quantity in channel.quantities.values():
+    for channel_name, channel in spec.channels.items():
+        if spec.source_of(channel_name) == name:
+            for quantity_name, quantity in channel.quantities.items():
                 for formula in quantity.formulas:
-                    want(formula, quantity.path)
+                    want(formula, f"{spec.path}.channels.{channel_name}.{quantity_name}")
     for key, formula in reversed(source.values.items()):
         if key in wanted:
-            want(formula, f"{source.path}.values.{key}")
+            want(formula, f"{path}.values.{key}")
     if both := sorted(set(constants) & set(source.columns)):
-        raise InputError(f"{source.path}.columns: {both} are names of constants as well; rename one")
+        raise InputError(f"{path}.columns: {both} are names of constants as well; rename one")
     return wanted & set(source.columns)
 
 
-def _column(table: Table, source: SourceSpec, key: str) -> np.ndarray:
-    column = source.columns[key]
-    values = table.numbers(column.column, f"{source.path}.columns.{key}")
+def _column(table: Table, column: ColumnSpec, where: str) -> np.ndarray:
+    values = table.numbers(column.column, where)
     return values.T if column.transpose else values
 
 
-def _count(source: SourceSpec, columns: dict[str, np.ndarray], tables: list[Table]) -> int:
+def _count(columns: dict[str, np.ndarray], where: str) -> int:
     lengths = {key: len(v) for key, v in columns.items() if v.shape != (1,)}
     if len(set(lengths.values())) > 1:
-        raise InputError(f"{source.path}: columns differ in length: {lengths}; use one source for each")
+        raise InputError(f"{where}: columns differ in length: {lengths}; use one source for each")
     if not lengths:
-        raise InputError(f"{source.path}: no column is used, so it has no samples")
+        raise InputError(f"{where}: no column is used, so it has no samples")
     return next(iter(lengths.values()))
 
 
-def _time(source: SourceSpec, table: Table, count: int) -> np.ndarray:
-    spec = source.time
+def _time(spec: TimeSpec, table: Table, count: int, where: str) -> np.ndarray:
     if spec.rate_hz is not None:
         return np.arange(count) / spec.rate_hz + spec.offset_s
-    where = f"{source.path}.time.column"
-    name = str(spec.column)
-    values = table.times(name, where) if spec.iso else table.numbers(name, where) * spec.scale
+    name, where = str(spec.column), f"{where}.column"
+    scale = factor("time", spec.unit, where)
+    values = table.times(name, where) if spec.iso else table.numbers(name, where) * scale
     if values.ndim != 1:
         raise InputError(f"{where}: {name!r} has shape {values.shape}, must be one number per sample")
     return values + spec.offset_s
@@ -131,16 +131,14 @@ def _rows(spec: RecordingSpec, count: int) -> np.ndarray:
     return keep
 
 
-def _missing(
-    source: SourceSpec, key: str, values: np.ndarray, time: np.ndarray, keep: np.ndarray, notes: list[str]
+def _fill(
+    values: np.ndarray, rule: Missing, time: np.ndarray, keep: np.ndarray, where: str, notes: list[str]
 ) -> np.ndarray:
     """Rows to keep for a column; `hold` and `linear` fill `values` in place."""
     absent = ~np.isfinite(values if values.ndim == 1 else values.sum(axis=1))
-    everything = np.ones(len(keep), dtype=bool)
     if values.shape == (1,) or not (absent & keep).any():
-        return everything
-    count, rule = int((absent & keep).sum()), source.columns[key].missing
-    where = f"{source.path}.columns.{key}"
+        return np.ones(len(keep), dtype=bool)
+    count = int((absent & keep).sum())
     if rule == "error":
         raise InputError(
             f"{where}: {count} cells are missing, first in row {int(np.flatnonzero(absent & keep)[0])}; set"

@@ -1,110 +1,271 @@
-"""What a mapping says, parsed: recordings, sources, columns, channels, quantities."""
+"""A mapping file: recordings, sources, columns, channels, quantities, and what each may hold."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+import keyword
+from typing import Annotated, Any, Literal
 
-from samrl_ros.log_import.tables import CsvOptions
+from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, PrivateAttr, model_validator
+
+from samrl_core.common.errors import InputError
+from samrl_core.common.validation import Checked, fault
+from samrl_ros.log_import.formulas import FUNCTIONS
+from samrl_ros.log_import.units import SI, factor
+
+CHANNELS = {
+    "states": ("position", "velocity", "effort"),
+    "command": ("position", "velocity", "acceleration", "effort"),
+    "commanded_effort": ("effort",),
+}
+Missing = Literal["error", "drop_row", "hold", "linear"]
+Formula = Any  # text or number; `evaluate` refuses the rest with the key path
 
 
-@dataclass(frozen=True)
-class TimeSpec:
+def _name(value: str) -> str:
+    if not value.isidentifier() or keyword.iskeyword(value) or value in FUNCTIONS or value == "pi":
+        raise fault(f": {value!r} cannot be a name in formulas; use letters, digits and _")
+    return value
+
+
+def _file_name(value: str) -> str:
+    if not value or "/" in value or value.startswith("."):
+        raise fault(f" is {value!r}, must be usable as a file name")
+    return value
+
+
+def _joints(value: list[str]) -> list[str]:
+    if not value or len(set(value)) != len(value):
+        raise fault(f" is {value!r}, must be a list of different names")
+    return value
+
+
+def _pair(value: Any) -> Any:
+    good = isinstance(value, list) and len(value) == 2
+    if not good or not all(v is None or (isinstance(v, int | float) and v is not True) for v in value):
+        raise fault(f" is {value!r}, must be [begin, end]; null is open")
+    return tuple(value)
+
+
+Name = Annotated[str, AfterValidator(_name)]
+Files = Annotated[
+    list[str],
+    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+    Field(min_length=1),
+]
+Header = Annotated[str, BeforeValidator(lambda value: str(value) if isinstance(value, int) else value)]
+Positive = Annotated[float, Field(gt=0)]
+Pair = Annotated[tuple[int | float | None, int | float | None], BeforeValidator(_pair)]
+
+
+class CsvOptions(Checked):
+    """How a text file is written."""
+
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","
+    header: bool = True  # first line names the columns; else they are called 0, 1, ...
+    skip_lines: NonNegativeInt = 0  # before the header
+    comment: str = ""  # lines that start with it are left out
+    decimal: Annotated[str, Field(min_length=1, max_length=1)] = "."
+
+
+class TimeSpec(Checked):
     """Where a source's time comes from: a column, or a rate."""
 
-    column: str | None
-    scale: float = 1.0  # to seconds
+    column: Header | None = None
+    unit: str = "s"
     iso: bool = False
-    rate_hz: float | None = None
+    rate_hz: Positive | None = None
     offset_s: float = 0.0
-    drop_repeated: bool = False
+    repeated: Literal["error", "drop"] = "error"
+
+    @model_validator(mode="after")
+    def _either(self) -> TimeSpec:
+        if (self.column is None) == (self.rate_hz is None):
+            raise fault(" must have either column or rate_hz")
+        _known_unit("time", self.unit)
+        return self
 
 
-@dataclass(frozen=True)
-class ColumnSpec:
+class ColumnSpec(Checked):
     """One column under the name that formulas use."""
 
-    column: str
-    file: int = 0
-    missing: str = "error"
+    column: Header
+    file: NonNegativeInt = 0
+    missing: Missing | None = None  # None: the source's
     transpose: bool = False
 
 
-@dataclass(frozen=True)
-class SourceSpec:
+def _column(value: Any) -> Any:
+    return value if isinstance(value, dict) else {"column": str(value)}
+
+
+class SourceSpec(Checked):
     """Files of equal length, side by side, and their time."""
 
-    path: str  # of the keys, for messages
-    files: tuple[str, ...]
-    csv: CsvOptions
+    file: Files | None = None  # None: `files` of the recording names it
+    csv: CsvOptions = CsvOptions()
     time: TimeSpec
-    columns: dict[str, ColumnSpec]
-    values: dict[str, str | float]  # intermediate formulas, in order
+    columns: dict[Name, Annotated[ColumnSpec, BeforeValidator(_column)]]
+    missing: Missing = "error"
+    values: dict[Name, Formula] = Field({})  # intermediate formulas, in order
 
 
-@dataclass(frozen=True)
-class Filter:
+class Filter(Checked):
     """Butterworth, forwards and backwards: no phase, twice the order."""
 
-    order: int
-    cutoff_hz: float
+    kind: Literal["butterworth"] = "butterworth"
+    order: Annotated[int, Field(gt=0, le=10)] = 4
+    cutoff_hz: Positive
 
 
-@dataclass(frozen=True)
-class Resample:
+class Resample(Checked):
     """A new even rate (None: as recorded) after a filter (None: none)."""
 
-    rate_hz: float | None = None
+    rate_hz: Positive | None = None
+    filter: Annotated[Filter | None, BeforeValidator(lambda v: None if v == "none" else v)] = None
+
+    @model_validator(mode="after")
+    def _stated(self) -> Resample:
+        if self.rate_hz is not None and "filter" not in self.model_fields_set:
+            raise fault(" is missing: state {kind: butterworth, order: 4, cutoff_hz: ...}, or none", "filter")
+        if self.rate_hz is not None and self.filter and self.filter.cutoff_hz >= 0.5 * self.rate_hz:
+            raise fault(
+                f" is {self.filter.cutoff_hz}, must be below half the new rate {self.rate_hz} Hz",
+                "filter",
+                "cutoff_hz",
+            )
+        return self
+
+
+class QuantitySpec(Checked):
+    """One quantity: a formula per joint (a list), one for all, or `derivative` of the position."""
+
+    formula: Formula
+    unit: str | None = None  # None: SI
     filter: Filter | None = None
 
+    @property
+    def derivative(self) -> bool:
+        """Whether it is computed from the position beside it."""
+        return self.formula == "derivative"
 
-@dataclass(frozen=True)
-class QuantitySpec:
-    """One quantity: a formula per joint, one for all, or the derivative of position."""
-
-    path: str
-    formulas: tuple[str | float, ...]  # empty for a derivative
-    whole: bool  # one formula that gives (N, J)
-    unit: str
-    scale: float
-    filter: Filter | None = None
+    @property
+    def formulas(self) -> list[Formula]:
+        """One per joint, or one that gives all joints; none for a derivative."""
+        if self.derivative:
+            return []
+        return self.formula if isinstance(self.formula, list) else [self.formula]
 
 
-@dataclass(frozen=True)
-class ChannelSpec:
+Quantity = Annotated[
+    QuantitySpec, BeforeValidator(lambda value: value if isinstance(value, dict) else {"formula": value})
+]
+
+
+class ChannelSpec(Checked):
     """One channel of the recording."""
 
-    path: str
-    source: str
-    quantities: dict[str, QuantitySpec]
-    resample: Resample
+    source: str | None = None  # None: the only one
+    resample: Resample | None = None  # None: the recording's
+    position: Quantity | None = None
+    velocity: Quantity | None = None
+    acceleration: Quantity | None = None
+    effort: Quantity | None = None
+
+    @property
+    def quantities(self) -> dict[str, QuantitySpec]:
+        """Those that are there, by name."""
+        found = ((name, getattr(self, name)) for name in SI)
+        return {name: quantity for name, quantity in found if quantity is not None}
 
 
-@dataclass(frozen=True)
-class RecordingSpec:
+class RecordingSpec(Checked):
     """Everything about one recording, general keys and its own merged."""
 
-    name: str
-    role: str
-    path: str
-    arm: str
-    joints: tuple[str, ...]
-    urdf: str | None  # path, or XML text
-    strip: tuple[str, ...]
-    controller: dict[str, Any] | None
-    tool: dict[str, Any] | None
-    tolerances: dict[str, Any] | None
-    constants: dict[str, Any]
-    sources: dict[str, SourceSpec]
+    name: Annotated[str, AfterValidator(_file_name)]
+    role: Literal["fit", "held_out"] = "fit"
+    arm: str = "tool_arm"
+    joints: Annotated[list[str], AfterValidator(_joints)]
+    urdf: str | None = None  # path, or XML text
+    strip: list[str] = Field(["visual", "collision"])
+    controller: dict[str, Any] | None = None
+    tool: dict[str, Any] | None = None
+    tolerances: dict[str, Any] | None = None
+    constants: dict[Name, Any] = Field({})
+    sources: Annotated[dict[str, SourceSpec], Field(min_length=1)]
+    files: dict[str, Files] = Field({})  # of a source, instead of its own
     channels: dict[str, ChannelSpec]
-    rows: tuple[float | None, float | None] | None = None
-    time_range: tuple[float | None, float | None] | None = None
+    resample: Resample = Resample()  # of channels without their own
+    rows: Pair | None = None
+    time_range: Pair | None = None
+    _path: str = PrivateAttr("")
+
+    @classmethod
+    def read(cls, value: Any, where: str) -> RecordingSpec:
+        """As `Checked.read`; `where` is kept for later messages."""
+        spec = super().read(value, where)
+        spec._path = where
+        return spec
+
+    @property
+    def path(self) -> str:
+        """Of its keys, for messages."""
+        return self._path
+
+    def files_of(self, source: str) -> list[str]:
+        """Paths of a source, with the recording's name in them."""
+        files = self.files.get(source) or self.sources[source].file or []
+        return [file.replace("{name}", self.name) for file in files]
+
+    def source_of(self, channel: str) -> str:
+        """The source that a channel's formulas read."""
+        return self.channels[channel].source or next(iter(self.sources))
+
+    @model_validator(mode="after")
+    def _sources_fit(self) -> RecordingSpec:
+        if unknown := sorted(set(self.files) - set(self.sources)):
+            raise fault(f": no source {unknown}; there are {sorted(self.sources)}", "files")
+        for name, source in self.sources.items():
+            count = len(self.files_of(name))
+            if not count:
+                raise fault(" is missing; name a path or a list of paths", "sources", name, "file")
+            for key, column in source.columns.items():
+                if column.file >= count:
+                    raise fault(
+                        f" is {column.file}, the source has {count} files (from 0)",
+                        *("sources", name, "columns", key, "file"),
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _channels_fit(self) -> RecordingSpec:
+        for name, channel in self.channels.items():
+            at = ("channels", name)
+            if name not in CHANNELS:
+                raise fault(f" is no channel; there are {', '.join(CHANNELS)}", *at)
+            if (channel.source or len(self.sources) > 1) and channel.source not in self.sources:
+                raise fault(f" is {channel.source!r}; sources are {sorted(self.sources)}", *at, "source")
+            if not channel.quantities:
+                raise fault(f" carries none of {', '.join(CHANNELS[name])}", *at)
+            for quantity, one in channel.quantities.items():
+                self._quantity_fits(one, name, quantity)
+        if "states" not in self.channels or self.channels["states"].position is None:
+            raise fault(".states.position is missing; nothing can be said without it", "channels")
+        return self
+
+    def _quantity_fits(self, one: QuantitySpec, channel: str, quantity: str) -> None:
+        at = ("channels", channel, quantity)
+        if quantity not in CHANNELS[channel]:
+            raise fault(f" is not known here; known keys are {list(CHANNELS[channel])}", *at)
+        _known_unit(quantity, one.unit, *at)
+        if one.derivative and (quantity != "velocity" or self.channels[channel].position is None):
+            raise fault(": only velocity can be the derivative, and of a position beside it", *at)
+        count = len(one.formulas)
+        if isinstance(one.formula, list) and count != len(self.joints):
+            raise fault(f" has {count} formulas for {len(self.joints)} joints; give one per joint", *at)
 
 
-@dataclass(frozen=True)
-class Mapping:
-    """A mapping file."""
-
-    path: Path
-    recordings: tuple[RecordingSpec, ...] = field(default=())
+def _known_unit(quantity: str, unit: str | None, *below: str) -> None:
+    try:
+        factor(quantity, unit, "")
+    except InputError as error:
+        raise fault(str(error), *below, "unit") from error

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import csv
+import io
 import re
+import warnings
 import zipfile
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.specs import CsvOptions
 
 _TEXT = (".csv", ".tsv", ".txt")
 _SEPARATORS = re.compile(r"[,;\s]+")
-_EMPTY = ("", "nan", "na", "n/a", "null", "none", "-")
-
-
-@dataclass(frozen=True)
-class CsvOptions:
-    """How a text file is written."""
-
-    delimiter: str = ","
-    header: bool = True  # first line names the columns; else they are called 0, 1, ...
-    skip_lines: int = 0  # before the header
-    comment: str = ""  # lines that start with it are left out
-    decimal: str = "."
+_EMPTY = ["-", "na", "Na", "NAN", "Nan", "none", "NONE", "Null"]  # besides those that pandas knows
 
 
 @dataclass
@@ -35,53 +26,46 @@ class Table:
     """Columns of a file. Text columns are kept as text until somebody asks for numbers."""
 
     path: Path
-    columns: dict[str, Any] = field(default_factory=dict)  # text: list[str]; else array
+    columns: dict[str, np.ndarray | pd.Series] = field(default_factory=dict)  # text: a series
+    decimal: str = "."
 
     def numbers(self, name: str, where: str) -> np.ndarray:
         """A column (N,), a list of columns (N, K) or a single number (1,). Missing cells are NaN."""
-        value = self._get(name, where)
-        if not isinstance(value, list):
-            return value
-        if any(cell.lstrip().startswith(("[", "(", "{")) for cell in value[:10]):
-            return self._lists(name, value, where)
-        numbers = np.empty(len(value))
-        for k, cell in enumerate(value):
-            try:
-                numbers[k] = float(cell)
-            except ValueError as error:
-                if cell.strip().lower() not in _EMPTY:
-                    raise InputError(
-                        f"{where}: column {name!r} of {self.path.name}, row {k}: {cell!r} is no number"
-                    ) from error
-                numbers[k] = np.nan
-        return numbers
+        cells = self._get(name, where)
+        if isinstance(cells, np.ndarray):
+            return cells
+        if any(str(cell).lstrip().startswith(("[", "(", "{")) for cell in cells.head(10)):
+            return self._lists(name, cells, where)
+        numbers = pd.Series(pd.to_numeric(cells, errors="coerce"))
+        self._refuse(name, cells, numbers, where, "number")
+        return np.array(numbers, dtype=float)  # a copy: pandas' own are read-only
 
     def times(self, name: str, where: str) -> np.ndarray:
         """A column of ISO 8601 dates (N,) [s since 1970, UTC where no zone is given]."""
-        value = self._get(name, where)
-        if not isinstance(value, list):
+        cells = self._get(name, where)
+        if isinstance(cells, np.ndarray):
             raise InputError(f"{where}: column {name!r} of {self.path.name} holds numbers, not ISO dates")
-        seconds = np.empty(len(value))
-        for k, cell in enumerate(value):
-            try:
-                moment = datetime.fromisoformat(cell.strip())
-            except ValueError as error:
-                raise InputError(
-                    f"{where}: column {name!r} of {self.path.name}, row {k}: {cell!r} is no ISO 8601 date"
-                ) from error
-            seconds[k] = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-        return seconds
+        moments = pd.Series(pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce"))
+        self._refuse(name, cells.fillna(""), moments, where, "ISO 8601 date")
+        return moments.astype("datetime64[us, UTC]").astype("int64").to_numpy() / 1e6
 
-    def _get(self, name: str, where: str) -> Any:
+    def _get(self, name: str, where: str) -> np.ndarray | pd.Series:
         if name not in self.columns:
             present = ", ".join(map(repr, self.columns)) or "none"
             raise InputError(f"{where}: {self.path.name} has no column {name!r}; it has {present}")
         return self.columns[name]
 
-    def _lists(self, name: str, cells: list[str], where: str) -> np.ndarray:
+    def _refuse(self, name: str, cells: pd.Series, read: pd.Series, where: str, kind: str) -> None:
+        """Raises `InputError` for the first cell that holds something and could not be read."""
+        bad = np.flatnonzero(cells.notna() & read.isna())
+        if len(bad):
+            cell = f"row {bad[0]}: {cells.iloc[bad[0]]!r}"
+            raise InputError(f"{where}: column {name!r} of {self.path.name}, {cell} is no {kind}")
+
+    def _lists(self, name: str, cells: pd.Series, where: str) -> np.ndarray:
         rows: list[list[float]] = []
         width = 0
-        for k, cell in enumerate(cells):
+        for k, cell in enumerate(cells.fillna("").str.replace(self.decimal, ".").tolist()):
             inner = cell.strip().strip("[](){}").strip()
             try:
                 row = [float(word) for word in _SEPARATORS.split(inner)] if inner else []
@@ -115,7 +99,7 @@ def read_table(path: Path, options: CsvOptions, where: str) -> Table:
             return _read_numpy(path)
         if suffix == ".mat":
             return _read_mat(path, where)
-    except (OSError, ValueError, UnicodeDecodeError, csv.Error, zipfile.BadZipFile, EOFError) as error:
+    except (OSError, ValueError, pd.errors.ParserWarning, zipfile.BadZipFile, EOFError) as error:
         raise InputError(f"{where}: {path} cannot be read as {suffix}: {error}") from error
     raise InputError(
         f"{where}: {path.name} is of unknown kind; use {', '.join((*_TEXT, '.npz', '.npy', '.mat'))}"
@@ -123,37 +107,39 @@ def read_table(path: Path, options: CsvOptions, where: str) -> Table:
 
 
 def _read_text(path: Path, options: CsvOptions, where: str) -> Table:
-    delimiter = "\t" if path.suffix.lower() == ".tsv" and options.delimiter == "," else options.delimiter
+    tab = path.suffix.lower() == ".tsv" and options.delimiter == ","
+    how: dict[str, Any] = {"sep": "\t" if tab else options.delimiter, "skipinitialspace": True}
     with path.open(newline="", encoding="utf-8-sig") as stream:
-        lines = (
+        text = "".join(
             line
             for number, line in enumerate(stream)
-            if number >= options.skip_lines
-            and line.strip()
-            and not (options.comment and line.startswith(options.comment))
+            if number >= options.skip_lines and not (options.comment and line.startswith(options.comment))
         )
-        rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
-    if not rows:
-        raise InputError(f"{where}: {path} holds no lines")
-    names = (
-        [name.strip() for name in rows.pop(0)] if options.header else [str(k) for k in range(len(rows[0]))]
-    )
-    if len(set(names)) != len(names):
-        double = sorted({name for name in names if names.count(name) > 1})
+    first = pd.read_csv(io.StringIO(text), header=None, nrows=1, dtype=str, keep_default_na=False, **how)
+    names = [str(name).strip() for name in (first.iloc[0] if options.header else first.columns)]
+    if double := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(
             f"{where}: {path.name} names columns {double} twice; set header: false and use numbers"
         )
-    for number, row in enumerate(rows):
-        if len(row) > len(names):
-            raise InputError(
-                f"{where}: {path.name}, row {number} has {len(row)} cells, the header {len(names)}; wrong"
-                " delimiter?"
-            )
-        row.extend([""] * (len(names) - len(row)))
-    if options.decimal != ".":
-        rows = [[cell.replace(options.decimal, ".") for cell in row] for row in rows]
-    columns = zip(*rows, strict=True) if rows else ([] for _ in names)
-    return Table(path, {name: list(column) for name, column in zip(names, columns, strict=True)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)  # else cells beyond the header are dropped
+        frame = pd.read_csv(
+            io.StringIO(text),
+            header=0 if options.header else None,
+            names=names,
+            index_col=False,
+            decimal=options.decimal,
+            na_values=_EMPTY,
+            low_memory=False,  # one type per column, not one per block of rows
+            **how,
+        )
+    columns: dict[str, np.ndarray | pd.Series] = {
+        name: frame[name].to_numpy(dtype=float, copy=True)
+        if frame[name].dtype.kind in "fi"
+        else frame[name].astype("str")
+        for name in names
+    }
+    return Table(path, columns, options.decimal)
 
 
 def _read_numpy(path: Path) -> Table:

@@ -1,4 +1,8 @@
-"""Units a mapping may state, as factors to SI."""
+"""Units a mapping may state, as factors to SI.
+
+A closed list, not pint: pint takes angles as plain numbers (a position in `percent` would pass), reads `Nm`
+as metres per kilogram, and knows neither `rev` nor `deg/s2`.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +28,16 @@ SI = {
     "acceleration": "rad/s2 or m/s2",
     "effort": "N m or N",
 }
+DEFAULT_UNIT = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "effort": "N m"}
 _COUNTS = re.compile(r"^counts/(\d+(?:\.\d+)?)(/s2|/s)?$")  # counts of so many per revolution
 _COUNTS_OF = {"position": None, "velocity": "/s", "acceleration": "/s2"}
 
 
-def factor(quantity: str, unit: str, where: str) -> float:
-    """Factor from `unit` to SI. Raises `InputError` listing the units of the quantity."""
+def factor(quantity: str, unit: str | None, where: str) -> float:
+    """Factor from `unit` (None: SI) to SI. Raises `InputError` listing the units of the quantity."""
     known = UNITS[quantity]
+    if unit is None:
+        return 1.0
     if unit in known:
         return known[unit]
     counts = _COUNTS.match(unit)

@@ -32,6 +32,8 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "mitsuba": ("samrl_core/studies/speed/peers/",),
     "newton": ("samrl_core/studies/speed/peers/",),
     "pinocchio": ("samrl_core/cell/robots/", "samrl_core/diagnosis/simulation/", "samrl_core/studies/speed/"),
+    "pandas": ("samrl_ros/log_import/",),
+    "pydantic": ("samrl_core/common/validation.py", "samrl_core/diagnosis/report/", "samrl_ros/log_import/"),
     "plotly": ("samrl_core/diagnosis/report/",),
     "skimage": ("samrl_core/model/fusion/",),
     "rclpy": ("samrl_ros/",),

@@ -6,13 +6,12 @@ before any test module imports torch.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
 
+import filelock
 import pytest
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -21,17 +20,16 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 LAST_DOMAIN = 101  # above it, DDS ports meet Linux's ephemeral ports
 
 
-def _lock_domain() -> tuple[int, IO[str]]:
+def _lock_domain() -> tuple[int, filelock.BaseFileLock]:
     folder = Path(tempfile.gettempdir()) / f"samrl_ros_domains_{os.getuid()}"
     folder.mkdir(exist_ok=True)
     for domain in range(1, LAST_DOMAIN + 1):
-        file = (folder / str(domain)).open("w")
+        lock = filelock.FileLock(folder / str(domain), timeout=0)
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.close()
+            lock.acquire()
+        except filelock.Timeout:
             continue
-        return domain, file
+        return domain, lock
     raise RuntimeError(f"all {LAST_DOMAIN} ROS domains are taken by other test runs (locks in {folder})")
 
 
@@ -53,4 +51,4 @@ def ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
-    lock.close()
+    lock.release()

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.common.atomic_file import read_whole, write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole, write_whole
 
 MAX_BYTES = 2**32  # of a file of arrays
 _MEMBER = ".npy"  # NumPy's npz is a zip of these

@@ -14,8 +14,8 @@ import safetensors.torch
 import torch
 from safetensors import SafetensorError
 
-from samrl_core.common.atomic_file import read_whole, write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole, write_whole
 
 MAX_BYTES = 256 * 2**20  # far above any network here with its optimiser: a larger file is something else
 _DIGEST = "sha256"  # in the description; metadata of more than one entry come in a random order

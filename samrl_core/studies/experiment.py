@@ -15,11 +15,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.devices import checked_device
 from samrl_core.common.errors import InputError
-from samrl_core.common.folder_lock import folder_lock
-from samrl_core.common.same_settings import keep_to
+from samrl_core.common.files import folder_lock, keep_to, write_whole
 from samrl_core.common.workers import free_cores, worker_pool
 
 Tell = Callable[[str], None]  # hears a line of progress

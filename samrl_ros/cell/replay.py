@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.contract.behaviour import Behaviour
 from samrl_ros.contract.message_types import message_class

@@ -17,9 +17,9 @@ import numpy as np
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.world.evaluation import ending_of, read_truth
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
-from samrl_core.common.share import wilson
+from samrl_core.common.files import write_whole
+from samrl_core.common.statistics import wilson_interval
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.contract.topics import arm_topic, cell_topic
@@ -84,7 +84,7 @@ def summarise(
         "settings": settings,
         "error": error,
         "successes": successes,
-        "success_rate_wilson95": wilson(successes, len(episodes)),
+        "success_rate_wilson95": wilson_interval(successes, len(episodes)),
         "detector": _detector(episodes),
         "timing": timing,
         "median_hole_error_before_contact_m": _median(

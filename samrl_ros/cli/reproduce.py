@@ -10,7 +10,7 @@ import torch
 from rich.console import Console
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.folder_lock import folder_lock
+from samrl_core.common.files import folder_lock
 from samrl_core.studies.job_queue import JobQueue, Machine
 from samrl_core.studies.reproduction import Reproduction
 

@@ -7,7 +7,6 @@ when the installed build is current. With a system ROS 2, build `msgs_docs/samrl
 from __future__ import annotations
 
 import argparse
-import fcntl
 import importlib.metadata
 import importlib.util
 import json
@@ -18,6 +17,8 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+import filelock
 
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_ros.interfaces.compile import build_binaries, require_compilers
@@ -92,8 +93,7 @@ def build(
     packages = [read_package(name, definitions) for name in names]
     with tempfile.TemporaryDirectory(prefix="samrl_interfaces_") as scratch:
         target.share.mkdir(parents=True, exist_ok=True)
-        with (target.share / ".samrl_interfaces.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # two test workers may start at once
+        with filelock.FileLock(target.share / ".samrl_interfaces.lock"):  # two test workers may start at once
             stale = [package for package in packages if force or not is_current(package, target)]
             if not stale:
                 return []

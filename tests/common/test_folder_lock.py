@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.folder_lock import folder_lock
+from samrl_core.common.files import folder_lock
 from samrl_core.learning.sim.prepare import main
 from samrl_core.learning.sim.train import CONFIG, train
 from samrl_core.learning.sim.train_settings import TrainSettings
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HOLDER = """
 import subprocess, sys, time
 from pathlib import Path
-from samrl_core.common.folder_lock import folder_lock
+from samrl_core.common.files import folder_lock
 with folder_lock(Path(sys.argv[1])):
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], stdout=subprocess.DEVNULL)
     print(child.pid, flush=True)

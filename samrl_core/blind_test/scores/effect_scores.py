@@ -8,7 +8,7 @@ import numpy as np
 
 from samrl_core.blind_test.scores.outcome import Outcome
 from samrl_core.blind_test.scores.parameters import comparable
-from samrl_core.common.share import Share
+from samrl_core.common.statistics import Share
 
 ONSET_TOLERANCE = 0.5  # [s]
 

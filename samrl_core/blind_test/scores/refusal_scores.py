@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 
 from samrl_core.blind_test.scores.outcome import Outcome
-from samrl_core.common.share import Share
-from samrl_core.common.statistics import auroc, brier, expected_calibration_error, rejected_at, risk_coverage
+from samrl_core.common.statistics import (
+    Share,
+    auroc,
+    brier_score,
+    expected_calibration_error,
+    rejected_share,
+    risk_coverage,
+)
 
 
 def refusal(single: list[Outcome], outside: list[Outcome], left_out: list[Outcome]) -> dict[str, Any]:
@@ -28,7 +34,7 @@ def refusal(single: list[Outcome], outside: list[Outcome], left_out: list[Outcom
         "unknown_named": Share.of([o.verdict == "effect" for o in unknown]).as_dict(),
         "unknown_rejected_among_seen": rejected([o for o in unknown if o.detected]),
         "known_refused": rejected(single),
-        "unknown_rejected_at_5_percent": rejected_at([o.unknown_score for o in unknown], known).as_dict(),
+        "unknown_rejected_at_5_percent": rejected_share([o.unknown_score for o in unknown], known).as_dict(),
         "auroc": auroc([o.unknown_score for o in unknown], known),
         "auroc_among_seen": auroc(
             [o.unknown_score for o in unknown if o.detected], [o.unknown_score for o in single if o.detected]
@@ -60,8 +66,12 @@ def calibration(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         ]
         if part:
             bins.append({"from": float(low), "to": float(low + 0.1), "right": Share.of(part).as_dict()})
-    return {"n": len(named), "ece": expected_calibration_error(stated, right), "brier": brier(stated, right),
-            "bins": bins}  # fmt: skip
+    return {
+        "n": len(named),
+        "ece": expected_calibration_error(stated, right),
+        "brier": brier_score(stated, right),
+        "bins": bins,
+    }
 
 
 def _probability(o: Outcome) -> float:

@@ -11,7 +11,7 @@ from samrl_core.blind_test.scores.effect_scores import ambiguity, intervals, loc
 from samrl_core.blind_test.scores.outcome import CRASHED, Outcome
 from samrl_core.blind_test.scores.refusal_scores import calibration, refusal, risk_and_coverage
 from samrl_core.blind_test.scores.shrink_scores import shrink_scores
-from samrl_core.common.share import Share
+from samrl_core.common.statistics import Share
 
 MEDIAN_SEVERITY = 0.5  # quantile of the catalogue's range
 SEVERITY_EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from samrl_core.blind_test.scores.outcome import Outcome, Shrinks
 from samrl_core.common.errors import InputError
-from samrl_core.common.statistics import summary
+from samrl_core.common.statistics import summarise_values
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, gap_metric, shrink
 
 VISIBLE = 0.1  # oracle shrink from which on a ratio to it is stable
@@ -62,9 +62,9 @@ def shrink_scores(single: list[Outcome], rng: np.random.Generator) -> dict[str, 
         total = sum(max(_oracle(o) or 0.0, 0.0) for o in known)
         return {
             "worlds": len(part),
-            "shrink": summary(measured, rng),
-            "oracle_shrink": summary([s for o in part if (s := _oracle(o)) is not None], rng),
-            "ratio": summary(ratios, rng),
+            "shrink": summarise_values(measured, rng),
+            "oracle_shrink": summarise_values([s for o in part if (s := _oracle(o)) is not None], rng),
+            "ratio": summarise_values(ratios, rng),
             "energy_ratio_pooled": _pooled_energy(part),
             "ratio_pooled": sum(_shrink(o) for o in known) / total if total > 0 else None,
             "oracle_missing": len(part) - len(known),
@@ -79,8 +79,8 @@ def shrink_scores(single: list[Outcome], rng: np.random.Generator) -> dict[str, 
         "named": of(named),
         "named_right": of([o for o in named if o.name_right]),
         "named_wrong": of([o for o in named if not o.family_right]),
-        "stated_shrink": summary(stated, rng),
-        "margin_to_runner_up": summary(margins, rng),
+        "stated_shrink": summarise_values(stated, rng),
+        "margin_to_runner_up": summarise_values(margins, rng),
     }
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 
 SETS = ("A", "B", "C")  # C is held out
 PLAN = "plan.json"

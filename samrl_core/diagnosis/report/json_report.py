@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.report.report_schema import SCHEMA, check_report
 from samrl_core.diagnosis.result import Diagnosis, HeldOutGap, NamedEffect
 

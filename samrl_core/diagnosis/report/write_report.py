@@ -6,8 +6,8 @@ from pathlib import Path, PurePosixPath
 
 import yaml
 
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.report.html_report import to_html
 from samrl_core.diagnosis.report.json_report import to_json, write_json
 from samrl_core.diagnosis.report.summary_picture import to_png

@@ -19,8 +19,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError, SolveError
+from samrl_core.common.files import write_whole
 from samrl_core.learning.data.checkpoint import (
     adam_tensors,
     load_adam,

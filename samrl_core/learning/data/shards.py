@@ -17,8 +17,8 @@ import numpy as np
 
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.common.array_file import MAX_BYTES, packed, unpacked
-from samrl_core.common.atomic_file import read_whole, write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole, write_whole
 
 FORMAT = 1
 MANIFEST = "manifest.json"

@@ -20,8 +20,8 @@ import numpy as np
 
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.pose import Pose
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.learning.images.packed_images import packed_depth, poses_as_rows
 
 MAGIC = b"samrl-replay-2\n"

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from samrl_core.cell.robots.robot import CellSpec
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError, SolveError
+from samrl_core.common.files import write_whole
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learning.data.fit import STOPPED
 from samrl_core.learning.residual.replay import End, Replay, ReplayInfo

@@ -17,9 +17,8 @@ from pathlib import Path
 import torch
 
 from samrl_core.cell.robots.cells import cell_named
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError, SamrlError
-from samrl_core.common.folder_lock import folder_lock
+from samrl_core.common.files import folder_lock, write_whole
 from samrl_core.learning.residual.residual import ResidualSettings
 from samrl_core.learning.residual.residual_training import ResidualTraining, TrainingSettings
 from samrl_core.learning.residual.step_features import nominal_encoder

@@ -20,7 +20,7 @@ import torch
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import SamrlError
-from samrl_core.common.folder_lock import folder_lock
+from samrl_core.common.files import folder_lock
 from samrl_core.common.workers import free_cores, worker_pool
 from samrl_core.learning.data.shards import DataInfo, ShardFolder
 from samrl_core.learning.images.models import model_of

@@ -29,9 +29,7 @@ from torch import nn
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
-from samrl_core.common.atomic_file import write_whole
-from samrl_core.common.folder_lock import folder_lock
-from samrl_core.common.same_settings import keep_to
+from samrl_core.common.files import folder_lock, keep_to, write_whole
 from samrl_core.learning.data.fit import Progress
 from samrl_core.learning.data.samples import ACTION, Samples
 from samrl_core.learning.images.acted_samples import ActedSamples

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.share import NORMAL_95
+from samrl_core.common.statistics import NORMAL_95
 
 DETERMINED = 0.5  # the data must leave less than this share of the prior's standard deviation
 NOT_SEPARATED = 5.0  # the worst combination of mass and friction is that much less known than the best

@@ -15,10 +15,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.share import Share
+from samrl_core.common.statistics import Share, bootstrap_interval, mcnemar_p
 from samrl_core.studies.episodes.stopwatch import GROUPS
 from samrl_core.studies.experiment import Case
-from samrl_core.studies.intervals import bootstrap_ci, more_often_paired
 
 
 def rates(cases: Sequence[Case]) -> dict[str, Any]:
@@ -60,9 +59,9 @@ def compared(cases: Sequence[Case], others: Sequence[Case]) -> dict[str, Any]:
     return {
         "pairs": len(seeds),
         "gain": mean(gains),
-        "gain_ci95": bootstrap_ci(gains, mean, np.random.default_rng(0)),
-        "p_more_often": more_often_paired(first, second),
-        "p_less_often": more_often_paired(second, first),
+        "gain_ci95": bootstrap_interval(gains, mean, np.random.default_rng(0)),
+        "p_more_often": mcnemar_p(first, second),
+        "p_less_often": mcnemar_p(second, first),
     }
 
 

@@ -26,8 +26,8 @@ from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
 from samrl_core.cell.world.pose_sensor import PoseSensor
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.table import TABLE_FRICTION
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.model.physical_parameters.identifiability import Attribute, Combination, said
 from samrl_core.model.physical_parameters.identify import Identified, IdentifySettings, identify
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord

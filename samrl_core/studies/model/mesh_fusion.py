@@ -31,8 +31,8 @@ from samrl_core.cell.types.camera import Camera, Intrinsics
 from samrl_core.cell.types.pose import look_at
 from samrl_core.cell.types.scene import Body
 from samrl_core.cell.world.pybullet.body_photos import BodyPhotos
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.model.fusion.chamfer import Chamfer, Surface, chamfer, surface_samples
 from samrl_core.model.fusion.fuse import FusedMesh, FusionSettings, fuse
 from samrl_core.model.fusion.masked_view import MaskedView

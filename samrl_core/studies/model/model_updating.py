@@ -29,8 +29,8 @@ from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.evaluation import true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.world import Truth
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.pose_fit import PoseFitSettings
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate

@@ -21,8 +21,8 @@ from scipy.stats import binomtest, wilcoxon
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import Real2Sim, initial_estimate
 from samrl_core.policy.view.view_planning import STRATEGIES, ViewPlanner

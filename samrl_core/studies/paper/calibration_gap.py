@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.common.share import Share
+from samrl_core.common.statistics import Share
 from samrl_core.studies.episodes.residual_episodes import Order, Place, Play, Played
 from samrl_core.studies.experiment import Case, CaseLog, Tell
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS
+from samrl_core.common.statistics import pooled_median
 from samrl_core.learning.images.models import model_of
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
-from samrl_core.studies.intervals import pooled_median
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig6_picture import write_picture
 from samrl_core.studies.paper.view_bench import processes, view_bench

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from samrl_core.cell.tasks import TASKS
+from samrl_core.common.statistics import pooled_median
 from samrl_core.policy.view.views import ViewSettings, draw_views
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
-from samrl_core.studies.intervals import pooled_median
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig7_picture import write_picture
 from samrl_core.studies.paper.saliency import NETWORKS, Examined, SaliencySettings, examine, within_patches

@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from samrl_core.common.share import Share
+from samrl_core.common.statistics import Share
 from samrl_core.studies.experiment import Case
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import torch
 
-from samrl_core.common.atomic_file import write_whole
+from samrl_core.common.files import write_whole
 from samrl_core.studies.speed import agreement, batches
 from samrl_core.studies.speed.plots import rate_picture
 

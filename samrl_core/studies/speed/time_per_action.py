@@ -17,9 +17,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from samrl_core.common.atomic_file import write_whole
 from samrl_core.common.errors import InputError
-from samrl_core.studies.intervals import bootstrap_ci
+from samrl_core.common.files import write_whole
+from samrl_core.common.statistics import bootstrap_interval
 
 NAME = "time_per_action"
 _PART_OF = {"update": "update", "view": "view", "act": "act", "look": "camera", "move": "tool"}
@@ -127,7 +127,7 @@ def _spread(values: list[float]) -> dict[str, float]:
 
 def _figures(by_episode: list[list[float]], seed: int) -> dict[str, Any]:
     """Spread over all actions, with an interval of the median over episodes."""
-    interval = bootstrap_ci(
+    interval = bootstrap_interval(
         by_episode,
         lambda some: float(np.median([value for values in some for value in values])),
         np.random.default_rng([seed, 5]),

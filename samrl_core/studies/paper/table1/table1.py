@@ -18,11 +18,10 @@ import numpy as np
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, task_named
-from samrl_core.common.share import Share
+from samrl_core.common.statistics import Share, bootstrap_interval, fisher_p, mcnemar_p
 from samrl_core.policy.agent.settings import trained_networks
 from samrl_core.policy.view.view_reach import ViewReach, place_of
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
-from samrl_core.studies.intervals import bootstrap_ci, more_often, more_often_paired
 from samrl_core.studies.paper.table1.episodes import (
     CHOICE,
     CONDITIONS,
@@ -204,14 +203,15 @@ def _summary(
     def difference(some: Sequence[tuple[bool, bool]]) -> float:
         return float(np.mean([int(a) - int(b) for a, b in some]))
 
+    rng = np.random.default_rng(table.options.seed)
     return {
         "conditions": conditions,
         "best_fixed_view": [table.place(row, best[row]) for row in rows],
         "active_against_best_fixed": {
             "difference": difference(pairs),
-            "difference_ci95": bootstrap_ci(pairs, difference, np.random.default_rng(table.options.seed)),
-            "p_paired": more_often_paired(active, fixed),
-            "p_fisher": more_often(sum(active), len(active), sum(fixed), len(fixed)),
+            "difference_ci95": bootstrap_interval(pairs, difference, rng),
+            "p_paired": mcnemar_p(active, fixed),
+            "p_fisher": fisher_p(sum(active), len(active), sum(fixed), len(fixed)),
         },
     }
 

@@ -1,0 +1,129 @@
+"""Files that stay whole when a process is killed, the settings that belong to a folder, and its lock."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import filelock
+
+from samrl_core.common.errors import InputError
+
+LOCK = ".lock"  # the file in the folder; empty, and left there: removing it would let two in
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file so that at any instant `path` holds the old content or the new one.
+
+    The folder is made if it is missing; text is written as UTF-8. The content is on the disk before it gets
+    its name.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    half = path.with_name(f"{path.name}.{os.getpid()}.half")
+    try:
+        with half.open("wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        half.replace(path)
+    finally:
+        half.unlink(missing_ok=True)
+
+
+def read_whole(path: Path, most: int) -> bytes:
+    """Content of a file.
+
+    Args:
+        path: of the file.
+        most: bytes that such a file can have.
+
+    Raises:
+        InputError: there is none, it cannot be read, is larger, or is something that is no file: opening a
+            pipe would wait for ever.
+    """
+    try:
+        found = path.stat()
+        if stat.S_ISREG(found.st_mode) and found.st_size <= most:
+            return path.read_bytes()
+    except (OSError, ValueError) as error:  # a null byte in the path is a ValueError
+        raise InputError(f"cannot read {path}: {error}; check the path") from error
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"cannot read {path}: it is no file; check the path")
+    raise InputError(f"{path} has {found.st_size} bytes, such a file at most {most}; check the path")
+
+
+def keep_to(path: Path, wanted: dict[str, Any], what: str, note: dict[str, str]) -> dict[str, str]:
+    """Write settings into a folder that has none, or hold them against those that are there.
+
+    Args:
+        path: of the file.
+        wanted: settings; nested ones are named with dots, so that a refusal can name the one that differs.
+        what: is in the folder, e.g. "training".
+        note: written beside them, and not compared.
+
+    Returns:
+        The note that is in the file, with empty texts for what is missing.
+
+    Raises:
+        InputError: the file cannot be read, or holds other settings.
+    """
+    wanted = json.loads(json.dumps(_flat(wanted), default=str))
+    if not path.exists():
+        write_whole(path, json.dumps({**note, **wanted}, indent=1) + "\n")
+        return note
+    try:
+        found = dict(json.loads(path.read_text()))
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{path} cannot be read ({error}); take another folder") from error
+    noted = {name: str(found.pop(name, "")) for name in note}
+    different = [k for k in {**wanted, **found} if wanted.get(k) != found.get(k)]
+    if different:
+        listed = ", ".join(f"{k} {found.get(k)!r} (asked for: {wanted.get(k)!r})" for k in different)
+        raise InputError(
+            f"{path.parent} holds another {what}: {listed}; take another folder, or ask for the same to go on"
+        )
+    return noted
+
+
+@contextmanager
+def folder_lock(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
+    """Keep other processes out of a folder while the block runs; the system frees it when the process ends.
+
+    The lock is advisory (flock(2)): it holds between those that ask for it. Child processes do not
+    inherit it.
+
+    Args:
+        folder: made if it is missing.
+        wait_s: how long to wait for another one to end [s].
+
+    Raises:
+        InputError: another process, or another block of this one, is at work there; or the file system knows
+            no locks.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = filelock.FileLock(folder / LOCK, timeout=wait_s, fallback_to_soft=False)
+    try:
+        held = lock.acquire()
+    except filelock.Timeout as error:
+        raise InputError(
+            f"another process is at work in {folder.resolve()}; wait until it has ended, or take "
+            "another folder"
+        ) from error
+    except OSError as error:
+        raise InputError(
+            f"cannot lock {folder.resolve()} ({error}); take a folder on a file system with locks"
+        ) from error
+    with held:
+        yield
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
+    return flat

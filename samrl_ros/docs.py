@@ -36,7 +36,7 @@ def topics_page() -> str:
     lines += [
         "\n## Actions\n",
         "None: motions are asked for by topic (`<arm>/joint_trajectory`, `view_planner/target`,",
-        "`view_planner/nominal_action`) and end with a `motion_status`: a bag holds request and answer.",
+        "`policy/nominal_action`) and end with a `motion_status`: a bag holds request and answer.",
     ]
     return "\n".join(lines) + "\n"
 

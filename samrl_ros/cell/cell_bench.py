@@ -22,7 +22,7 @@ from samrl_ros.conversions.from_message import stamp_ns
 
 REQUEST, EXECUTED = cell_topic("supervisor/request"), cell_topic("manipulator/executed_action")
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
-ACTION, CAMERA_STATUS = cell_topic("view_planner/nominal_action"), arm_topic("camera_arm", "motion_status")
+ACTION, CAMERA_STATUS = cell_topic("policy/nominal_action"), arm_topic("camera_arm", "motion_status")
 COLOR = camera_topic("color/image_raw")
 
 

@@ -18,7 +18,7 @@ CLOCK_SILENCE_S = 10.0  # wall time without joint states, once they have come, t
 PROGRESS_SILENCE_S = 180.0  # wall time without a new phase that means the cell is stuck
 JOINTS = arm_topic("tool_arm", "joint_states")
 PHASE, OUTCOME, SAFETY = cell_topic("phase"), cell_topic("supervisor/outcome"), cell_topic("safety_state")
-NOMINAL = cell_topic("view_planner/nominal_action")
+NOMINAL = cell_topic("policy/nominal_action")
 
 
 @dataclass

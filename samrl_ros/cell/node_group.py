@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from samrl_ros.hosting.threads import one_thread_per_library
 
 STOP_TIMEOUT_S = 15.0
 SWITCH_INTERVAL_S = 2e-4
-COMPUTING = ("model_updater", "view_planner", "residual_trainer")
+# Nodes that compute for long, by process. The planner and the policy take turns: they share one.
+COMPUTING = (("model_updater",), ("view_planner", "policy"), ("residual_trainer",))
 
 
 class ThreadGroup:
@@ -28,26 +30,15 @@ class ThreadGroup:
         one_thread_per_library()
         self._threads: list[Any] = []
 
-    def start(self, name: str) -> None:
-        """Create and start a node; parameters come from the arguments that ROS was started with."""
-        from samrl_ros.hosting import BehaviourNode, NodeThread
+    def start(self, names: Sequence[str]) -> None:
+        """Create and start nodes; parameters come from the arguments that ROS was started with."""
+        from samrl_ros.hosting import NodeThread
+        from samrl_ros.nodes.registry import make_node
 
-        if name == "sim_bridge":
-            from samrl_ros.nodes.sim_bridge import SimBridge
-
-            node: Any = SimBridge()
-        elif name == "recorder":
-            from samrl_ros.nodes.recorder_node import RecorderNode
-
-            node = RecorderNode()
-        else:
-            from samrl_ros.nodes.registry import entry
-
-            found = entry(name)
-            node = BehaviourNode(found.behaviour, found.settings, name)
-        thread = NodeThread(node)
-        self._threads.append(thread)
-        thread.start()
+        for name in names:
+            thread = NodeThread(make_node(name))
+            self._threads.append(thread)
+            thread.start()
 
     def pids(self) -> dict[str, int]:
         """All nodes share this process."""
@@ -79,9 +70,15 @@ class MixedGroup:
         self._threads = ThreadGroup()
         self._processes = ProcessGroup(arguments, logs)
 
-    def start(self, name: str) -> None:
-        """Start a node where it belongs."""
-        (self._processes if name in COMPUTING else self._threads).start(name)
+    def start(self, names: Sequence[str]) -> None:
+        """Start nodes where they belong."""
+        together = {process[0]: process for process in COMPUTING}
+        beside = {name for process in COMPUTING for name in process[1:]}
+        for name in names:
+            if name in together:
+                self._processes.start_process(together[name])
+            elif name not in beside:
+                self._threads.start([name])
 
     def pids(self) -> dict[str, int]:
         """Process ids: the computing nodes, and this process for all others."""
@@ -97,7 +94,7 @@ class MixedGroup:
 
 
 class ProcessGroup:
-    """Every node as a child process that dies with this one; output goes to a log file per node."""
+    """Every node as a child process that dies with this one; output goes to a log file per process."""
 
     def __init__(self, arguments: list[str], logs: Path) -> None:
         self._arguments = arguments
@@ -105,9 +102,15 @@ class ProcessGroup:
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         logs.mkdir(parents=True, exist_ok=True)
 
-    def start(self, name: str) -> None:
-        """Start a node's executable."""
-        command = [sys.executable, "-m", "samrl_ros.ros2_run", name, *self._arguments]
+    def start(self, names: Sequence[str]) -> None:
+        """Start each node's executable."""
+        for name in names:
+            self.start_process((name,))
+
+    def start_process(self, nodes: Sequence[str]) -> None:
+        """Start several nodes in one process, which is called by all their names."""
+        command = [sys.executable, "-m", "samrl_ros.ros2_run", *nodes, *self._arguments]
+        name = "+".join(nodes)
         with (self._logs / f"{name}.log").open("wb") as log:
             self._children[name] = subprocess.Popen(
                 command,
@@ -119,7 +122,7 @@ class ProcessGroup:
             )
 
     def pids(self) -> dict[str, int]:
-        """Process ids by node."""
+        """Process ids by the names of their nodes."""
         return {name: child.pid for name, child in self._children.items()}
 
     def trouble(self) -> str:

@@ -17,18 +17,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_ros.cell.parameter_file import load_parameters
-
-# The recorder first, so that nothing is missed; the supervisor last, when all others answer.
-NODE_ORDER = (
-    "recorder",
-    "sim_bridge",
-    "manipulator",
-    "view_planner",
-    "model_updater",
-    "residual_trainer",
-    "supervisor",
-)
-
+from samrl_ros.nodes.registry import NODES
 
 LAYOUTS = ("split", "processes", "threads")
 
@@ -44,8 +33,8 @@ class CellOptions:
     layout: str = "split"  # split: computing nodes in own processes; processes: every node; threads: none
     view: bool = False  # Foxglove WebSocket server
     update: bool = True  # Real2Sim on
-    policy: str = DEFAULT_POLICY  # of the view planner: nominal actions
-    strategy: str = ""  # of the view planner: views; empty for that which goes with the policy
+    policy: str = DEFAULT_POLICY  # nominal actions
+    strategy: str = ""  # views; empty for that which goes with the policy
     weights: Path | None = None  # folder of trained networks, None for the package's
     residual: Path | None = None  # weight file, None for the zero residual or what a parameter file says
     real_time_factor: float = 1.0  # upper bound, 0 for as fast as it goes
@@ -95,7 +84,7 @@ def prepare(options: CellOptions) -> Path:
         _require_residual(options, options.residual)
     overlay: dict[str, dict[str, Any]] = {}
     if options.params is not None:
-        overlay = load_parameters(options.params, NODE_ORDER)
+        overlay = load_parameters(options.params, NODES)
     parameters = _parameters(options, overlay)
     out = options.out
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -113,7 +102,7 @@ def prepare(options: CellOptions) -> Path:
 
 
 def _require_weights(options: CellOptions) -> None:
-    """Load once what the view planner will load: seconds into a run is late for a refusal."""
+    """Load once what view planner and policy will load: seconds into a run is late for a refusal."""
     from samrl_core.policy.agent.settings import trained_networks
 
     try:
@@ -152,8 +141,13 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         "manipulator": {"task": ("--task", options.task)},
         "view_planner": {
             "task": ("--task", options.task),
-            "policy": ("--policy", options.policy),
             "strategy": ("--strategy", options.strategy),
+            "weights": ("--weights", weights),
+            "seed": ("--seed", options.seed),
+        },
+        "policy": {
+            "task": ("--task", options.task),
+            "policy": ("--policy", options.policy),
             "weights": ("--weights", weights),
             "seed": ("--seed", options.seed),
         },

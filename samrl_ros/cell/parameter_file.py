@@ -1,11 +1,13 @@
 """A ROS parameter file from outside, read and checked before any node starts.
 
 ROS itself ignores parameters that no node declares, so that a misspelt one would silently do nothing.
+Names that older files use are understood; `setting(former=...)` lists them.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -51,9 +53,36 @@ def load_parameters(path: Path, nodes: tuple[str, ...]) -> dict[str, dict[str, A
             raise InputError(f"{path} names unknown node {key!r}; there are {', '.join(nodes)}")
         if node in found:
             raise InputError(f"{path} names node {node} twice; merge the two")
-        _check(path, node, values)
         found[node] = values
+    found, moved = with_present_names(found)
+    for sentence in moved:
+        warnings.warn(f"{path}: {sentence}", FutureWarning, stacklevel=2)
+    for node, values in found.items():
+        _check(path, node, values)
     return found
+
+
+def with_present_names(
+    values: dict[str, dict[str, Any]],
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """Values by node, with those under a former name moved to where their parameter is now.
+
+    A value under the present name wins.
+
+    Returns:
+        The values, and a sentence for each name that is out of date.
+    """
+    found = {node: dict(body) for node, body in values.items()}
+    sentences = []
+    for node, settings in all_settings().items():
+        for field in dataclasses.fields(settings):
+            *place, name = field.metadata["former"].split(".")
+            before = place[0] if place else node
+            if name and name in found.get(before, {}):
+                value = found[before].pop(name)
+                found.setdefault(node, {}).setdefault(field.name, value)
+                sentences.append(f"{name} of {before} is called {field.name} of {node}; rename it")
+    return found, sentences
 
 
 def _check(path: Path, node: str, values: dict[str, Any]) -> None:

@@ -21,6 +21,7 @@ from samrl_core.common.files import write_whole
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.contract.behaviour import Behaviour
 from samrl_ros.contract.message_types import message_class
+from samrl_ros.contract.topics import FORMER_NAMES
 
 
 @dataclass
@@ -104,6 +105,9 @@ def replay(
 ) -> ReplayReport:
     """Feed every recorded message to the handlers that hear its topic.
 
+    A topic that the bag holds under a former name is heard as what it is called now; the report names it as
+    the bag does, so that digests of one bag can be compared across versions.
+
     Args:
         bag_path: bag folder or `.mcap` file.
         make: behaviour factories by node name.
@@ -118,7 +122,8 @@ def replay(
     bag = open_bag(bag_path)
     outboxes = {name: RecordingOutbox(keep=compare) for name in make}
     nodes = {name: factory(outboxes[name]) for name, factory in make.items()}
-    present = {t.name: t for t in bag.topics}
+    now_called = {t.name: FORMER_NAMES.get(t.name, t.name) for t in bag.topics}
+    present = {now_called[t.name]: t for t in bag.topics}
     for name, node in nodes.items():
         if not set(node.inputs) & set(present):
             raise InputError(
@@ -140,13 +145,14 @@ def replay(
         done += 1
         if done % 500 == 0:
             progress(done, total)
-        if record.topic not in classes:
+        topic = now_called[record.topic]
+        if topic not in classes:
             continue
-        message = deserialize_message(record.data, classes[record.topic])
-        if record.topic in compare:
-            recorded[record.topic].append(message)
-        for node in hears.get(record.topic, ()):
-            node.handle(record.topic, message)
+        message = deserialize_message(record.data, classes[topic])
+        if topic in compare:
+            recorded[topic].append(message)
+        for node in hears.get(topic, ()):
+            node.handle(topic, message)
     progress(total, total)
     return _report(str(bag_path), done, nodes, outboxes, present, said, recorded, bool(bag.truncated))
 
@@ -174,7 +180,7 @@ def _report(
             entry["largest_difference"] = max(
                 (_difference(a, b) for a, b in zip(recorded[topic], replayed, strict=True)), default=0.0
             )
-        outputs[topic] = entry
+        outputs[present[topic].name if topic in present else topic] = entry
     digest = hashlib.sha256(json.dumps(outputs, sort_keys=True).encode()).hexdigest()
     logs = [entry for box in outboxes.values() for entry in box.logs]
     return ReplayReport(path, messages, tuple(nodes), digest, outputs, truncated, logs)

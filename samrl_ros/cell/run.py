@@ -17,9 +17,10 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError, SamrlError
-from samrl_ros.cell.options import NODE_ORDER, CellOptions, prepare
+from samrl_ros.cell.options import CellOptions, prepare
 from samrl_ros.contract.exit_codes import FAILED, INTERRUPTED, OK
 from samrl_ros.hosting.ros_check import require_ros
+from samrl_ros.nodes.registry import NODES
 
 __all__ = ["CellOptions", "run_cell"]
 
@@ -152,9 +153,8 @@ def _watch_run(
 
 def _bring_up(group: Any, monitor: Any, stop: Any) -> str:
     """Start all nodes but the supervisor, wait until they are active, then start the supervisor."""
-    others = NODE_ORDER[:-1]
-    for name in others:
-        group.start(name)
+    others = NODES[:-1]
+    group.start(others)
     deadline = time.monotonic() + START_TIMEOUT_S
     while not all(monitor.is_active(name) for name in others):
         monitor.spin()
@@ -164,7 +164,7 @@ def _bring_up(group: Any, monitor: Any, stop: Any) -> str:
         if time.monotonic() > deadline:
             late = [name for name in others if not monitor.is_active(name)]
             return f"nodes not active after {START_TIMEOUT_S:.0f} s: {', '.join(late)}"
-    group.start(NODE_ORDER[-1])
+    group.start(NODES[-1:])
     return ""
 
 

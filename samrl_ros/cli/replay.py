@@ -16,9 +16,9 @@ from samrl_ros.contract.topics import cell_topic
 from samrl_ros.hosting.ros_check import require_ros
 from samrl_ros.hosting.threads import one_thread_per_library
 
-DEFAULT_NODES = ("model_updater", "view_planner", "manipulator", "residual_trainer", "supervisor")
+DEFAULT_NODES = ("model_updater", "view_planner", "policy", "manipulator", "residual_trainer", "supervisor")
 COMPARED = frozenset(
-    cell_topic(t) for t in ("model_updater/state", "view_planner/target", "view_planner/nominal_action")
+    cell_topic(t) for t in ("model_updater/state", "view_planner/target", "policy/nominal_action")
 )
 
 
@@ -72,6 +72,7 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
 
     import yaml
 
+    from samrl_ros.cell.parameter_file import with_present_names
     from samrl_ros.nodes.registry import behaviour_nodes
 
     folder = bag if bag.is_dir() else bag.parent
@@ -79,11 +80,14 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
     if not file.is_file():
         return {}
     data = yaml.safe_load(file.read_text()) or {}
+    given = {node.removeprefix("/cell/"): body["ros__parameters"] for node, body in data.items()}
+    # Runs from before `policy` was a node have its settings where the view planner's are.
+    given.setdefault("policy", given.get("view_planner", {}))
+    given, _ = with_present_names(given)
     settings: dict[str, dict[str, object]] = {}
     for name, node in behaviour_nodes().items():
         known = {f.name for f in dataclasses.fields(node.settings)}
-        given = data.get(f"/cell/{name}", {}).get("ros__parameters", {})
-        settings[name] = {k: v for k, v in given.items() if k in known}
+        settings[name] = {k: v for k, v in given.get(name, {}).items() if k in known}
     # Runs from before this was a setting, which are known by its absence, ended with the first such image.
     settings["supervisor"].setdefault("agreeing", 1)
     return settings

@@ -18,6 +18,7 @@ def setting(
     unit: str = "",
     range: tuple[float, float] | None = None,
     choices: tuple[str, ...] = (),
+    former: str = "",
 ) -> Any:
     """A dataclass field with its documentation.
 
@@ -27,10 +28,17 @@ def setting(
         unit: SI unit, empty for none.
         range: lowest and highest value allowed, for numbers.
         choices: values allowed, for text.
+        former: how older parameter files name it: `parameter`, or `node.parameter` if it was another node's.
     """
     return field(
         default=default,
-        metadata={"description": description, "unit": unit, "range": range, "choices": choices},
+        metadata={
+            "description": description,
+            "unit": unit,
+            "range": range,
+            "choices": choices,
+            "former": former,
+        },
     )
 
 

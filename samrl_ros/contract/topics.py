@@ -187,19 +187,14 @@ _ALL: list[Topic] = [
         "rgb8: the model rendered at the update, for people to compare",
     ),
     _own("view_planner/target", "samrl_msgs/msg/ViewTarget", "view_planner", "chosen view"),
-    _own(
-        "view_planner/nominal_action",
-        "samrl_msgs/msg/ToolAction",
-        "view_planner",
-        "nominal action and residual",
-    ),
+    _own("policy/nominal_action", "samrl_msgs/msg/ToolAction", "policy", "nominal action and residual"),
     _own("manipulator/executed_action", "samrl_msgs/msg/ToolAction", "manipulator", "what was executed"),
     _own(
         "residual_trainer/weights",
         "std_msgs/msg/String",
         "residual_trainer",
         "residual policy in force, JSON: task, version, file (absolute), sha256, steps (collected so far);"
-        " version 0 is the zero residual. view_planner loads it after checking the hash",
+        " version 0 is the zero residual. policy loads it after checking the hash",
         LATCHED,
         "on update",
     ),
@@ -235,6 +230,9 @@ _ALL: list[Topic] = [
 ]
 
 TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ALL}
+
+# Names in bags from before `policy` acted, and what they are called since. A replay understands both.
+FORMER_NAMES = {f"{NAMESPACE}/view_planner/nominal_action": f"{NAMESPACE}/policy/nominal_action"}
 
 SERVICES: tuple[Service, ...] = (
     Service(

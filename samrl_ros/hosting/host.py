@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from samrl_core.common.errors import InputError, SamrlError
+from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, OK
 from samrl_ros.hosting.behaviour_node import BehaviourNode, MakeBehaviour
 from samrl_ros.hosting.cell_node import ACTIVE, FINALIZED, CellNode
 from samrl_ros.hosting.dds import configure_dds
@@ -199,29 +200,26 @@ def run_nodes(threads: Sequence[NodeThread], stop: threading.Event) -> list[str]
 def run_node(
     make_behaviour: MakeBehaviour, settings_type: type[Any], name: str, arguments: Sequence[str] | None = None
 ) -> int:
-    """Main of an executable with one behaviour; see `run_one`."""
-    return run_one(lambda: BehaviourNode(make_behaviour, settings_type, name), arguments)
+    """Main of an executable with one behaviour; see `run_process`."""
+    return run_process([lambda: BehaviourNode(make_behaviour, settings_type, name)], arguments)
 
 
-def run_one(make_node: Callable[[], CellNode], arguments: Sequence[str] | None = None) -> int:
-    """Main of an executable with one node.
+def run_process(make_nodes: Sequence[Callable[[], CellNode]], arguments: Sequence[str] | None = None) -> int:
+    """Main of an executable: each node with a thread of its own.
 
-    Returns 0 after SIGINT or SIGTERM, 1 when the node failed, 3 when its parameters were refused.
+    Returns 0 after SIGINT or SIGTERM, 1 when a node failed, 3 when its parameters were refused.
     """
+    threads: list[NodeThread] = []
     with stop_signals() as stop:
         try:
             start_ros(arguments)
-            thread = NodeThread(make_node())
-        except InputError as error:
-            print(f"error: {error}", file=sys.stderr)
-            stop_ros()
-            return 3
+            threads += [NodeThread(make_node()) for make_node in make_nodes]
         except SamrlError as error:
             print(f"error: {error}", file=sys.stderr)
             stop_ros()
-            return 1
-        failures = run_nodes([thread], stop)
+            return INPUT_REFUSED if isinstance(error, InputError) else FAILED
+        failures = run_nodes(threads, stop)
         stop_ros()
     for failure in failures:
         print(f"error: {failure}", file=sys.stderr)
-    return 1 if failures else 0
+    return FAILED if failures else OK

@@ -24,7 +24,7 @@ from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.arm_motion import ArmMotion, MotionEnd, MotionSettings
 
-TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
+TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("policy/nominal_action")
 EXECUTED = cell_topic("manipulator/executed_action")
 JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
 TRAJECTORY = {arm_topic(role, "joint_trajectory"): role for role in ROLES}

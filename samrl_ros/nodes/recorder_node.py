@@ -27,7 +27,7 @@ from samrl_ros.contract.settings import setting
 from samrl_ros.contract.topics import CLOCK, TOPICS, Topic
 from samrl_ros.hosting.cell_node import ACTIVE, CellNode
 from samrl_ros.hosting.diagnostics import TopicCounter
-from samrl_ros.hosting.host import run_one
+from samrl_ros.hosting.host import run_process
 
 NAME = "recorder"
 
@@ -208,4 +208,4 @@ def _version() -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the recorder alone."""
-    return run_one(RecorderNode, arguments)
+    return run_process([RecorderNode], arguments)

@@ -1,4 +1,4 @@
-"""The nodes by name: settings and behaviour. The launch, the command line and the replay read this list."""
+"""The nodes by name: settings, behaviour, host. Launch, command line and replay read this list."""
 
 from __future__ import annotations
 
@@ -8,6 +8,19 @@ from typing import Any
 
 from samrl_core.common.errors import InputError
 from samrl_ros.contract.behaviour import Behaviour, Outbox
+
+# In the order of starting: the recorder first, so that nothing is missed; the supervisor last, when all
+# others answer.
+NODES = (
+    "recorder",
+    "sim_bridge",
+    "manipulator",
+    "view_planner",
+    "policy",
+    "model_updater",
+    "residual_trainer",
+    "supervisor",
+)
 
 
 @dataclass(frozen=True)
@@ -22,6 +35,7 @@ def behaviour_nodes() -> dict[str, NodeEntry]:
     """Nodes driven by messages alone; imported here because each pulls in its part of the core."""
     from samrl_ros.nodes.manipulator import Manipulator, ManipulatorSettings
     from samrl_ros.nodes.model_updater import ModelUpdater, ModelUpdaterSettings
+    from samrl_ros.nodes.policy import PolicyNode, PolicySettings
     from samrl_ros.nodes.residual_trainer import ResidualTrainer, ResidualTrainerSettings
     from samrl_ros.nodes.supervisor import Supervisor, SupervisorSettings
     from samrl_ros.nodes.view_planner import ViewPlannerNode, ViewPlannerSettings
@@ -29,6 +43,7 @@ def behaviour_nodes() -> dict[str, NodeEntry]:
     return {
         "manipulator": NodeEntry(ManipulatorSettings, Manipulator),
         "view_planner": NodeEntry(ViewPlannerSettings, ViewPlannerNode),
+        "policy": NodeEntry(PolicySettings, PolicyNode),
         "model_updater": NodeEntry(ModelUpdaterSettings, ModelUpdater),
         "residual_trainer": NodeEntry(ResidualTrainerSettings, ResidualTrainer),
         "supervisor": NodeEntry(SupervisorSettings, Supervisor),
@@ -56,3 +71,23 @@ def entry(name: str) -> NodeEntry:
     if name not in nodes:
         raise InputError(f"no node {name!r} with a behaviour; there are {', '.join(nodes)}")
     return nodes[name]
+
+
+def make_node(name: str) -> Any:
+    """The node on the live graph, a `CellNode`; its parameters come from the arguments ROS was started with.
+
+    Raises:
+        InputError: no such node, or a parameter that does not fit.
+    """
+    if name == "sim_bridge":
+        from samrl_ros.nodes.sim_bridge import SimBridge
+
+        return SimBridge()
+    if name == "recorder":
+        from samrl_ros.nodes.recorder_node import RecorderNode
+
+        return RecorderNode()
+    from samrl_ros.hosting import BehaviourNode
+
+    found = entry(name)
+    return BehaviourNode(found.behaviour, found.settings, name)

@@ -37,7 +37,7 @@ from samrl_ros.nodes import assembly
 from samrl_ros.nodes.training_process import TrainingProcess
 
 EXECUTED, OUTCOME = cell_topic("manipulator/executed_action"), cell_topic("supervisor/outcome")
-REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("view_planner/nominal_action")
+REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("policy/nominal_action")
 READY, WEIGHTS = cell_topic("sim_bridge/ready"), cell_topic("residual_trainer/weights")
 MAX_FRAMES = 20  # images kept from a request on: the updater takes the first that it can use
 
@@ -215,7 +215,7 @@ class ResidualTrainer(Behaviour):
         """Say so when all residuals are zero: no critic can tell then what another one would do."""
         self._varied = self._varied or bool(residual.any())
         if self._transitions == self._settings.first_steps and not self._varied:
-            self._outbox.log("warn", "all residuals are zero so far; set view_planner's `exploration`")
+            self._outbox.log("warn", "all residuals are zero so far; set policy's `exploration`")
 
     def _step(self, message: Any, episode: int, seen: Observation) -> Step:
         flange = self._arm.flange_in_base(seen.tool_arm.position)

@@ -133,8 +133,27 @@ def test_a_policy_brings_its_strategy(tmp_path: Path) -> None:
     assert options(policy="learned").strategy == "q"
     assert options(policy="optimised").strategy == "best"
     asked = options(policy="optimised", strategy="fixed")
-    written = yaml.safe_load(prepare(asked).read_text())["/cell/view_planner"]["ros__parameters"]
-    assert (written["policy"], written["strategy"], written["weights"]) == ("optimised", "fixed", "")
+    written = yaml.safe_load(prepare(asked).read_text())
+    planner, policy = (written[f"/cell/{node}"]["ros__parameters"] for node in ("view_planner", "policy"))
+    assert (policy["policy"], planner["strategy"]) == ("optimised", "fixed")
+    assert planner["weights"] == policy["weights"] == ""
+
+
+def test_a_parameter_under_its_former_name_goes_to_its_node(tmp_path: Path) -> None:
+    """Files from before `policy` acted name its parameters under `view_planner`."""
+    from samrl_ros.cell.options import CellOptions, prepare
+
+    file = tmp_path / "params.yaml"
+    file.write_text("view_planner: {ros__parameters: {exploration: 0.00075, max_bad_frames: 20}}\n")
+    options = CellOptions(task="peg_insertion", episodes=1, seed=0, out=tmp_path / "out", params=file)
+    with pytest.warns(FutureWarning, match="exploration of view_planner is called exploration of policy"):
+        written = yaml.safe_load(prepare(options).read_text())
+    planner, policy = (written[f"/cell/{node}"]["ros__parameters"] for node in ("view_planner", "policy"))
+    assert policy["exploration"] == 0.00075 and "exploration" not in planner
+    assert planner["max_bad_frames"] == 20
+    file.write_text("view_planner: {ros__parameters: {exploration: 7.0}}\n")
+    with pytest.warns(FutureWarning), pytest.raises(InputError, match=r"policy: .*exploration = 7\.0"):
+        prepare(replace(options, out=tmp_path / "none"))
 
 
 def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:

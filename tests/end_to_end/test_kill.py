@@ -123,6 +123,7 @@ def _values(bag: Path, topic: str) -> list[Any]:
         ("processes", "sim_bridge"),
         ("processes", "model_updater"),
         ("processes", "view_planner"),
+        ("processes", "policy"),
         ("processes", "manipulator"),
         ("processes", "recorder"),
         ("split", "model_updater"),
@@ -180,7 +181,7 @@ def test_ctrl_c_closes_the_bag(start: Any, times: int) -> None:
 def test_nodes_go_when_their_cell_is_killed(start: Any) -> None:
     cell = start("processes")
     cell.wait_until_it_acts()
-    assert len(cell.children()) == 7
+    assert len(cell.children()) == 8
     cell.process.kill()
     assert _wait(lambda: not cell.children(), ORPHANS_S), cell.children()
     assert not open_bag(cell.out / "bag").truncated  # the recorder was asked, not killed

@@ -24,6 +24,7 @@ EXECUTABLES = {
     "sim_bridge",
     "model_updater",
     "view_planner",
+    "policy",
     "manipulator",
     "residual_trainer",
     "recorder",

@@ -7,7 +7,7 @@ from typing import Any
 
 from samrl_ros.bags.qos_metadata import topic_qos
 from samrl_ros.bags.writer import BagWriter
-from samrl_ros.contract.topics import TOPICS
+from samrl_ros.contract.topics import FORMER_NAMES, TOPICS
 
 
 def record(folder: Path, messages: list[tuple[int, str, Any]]) -> Path:
@@ -16,6 +16,7 @@ def record(folder: Path, messages: list[tuple[int, str, Any]]) -> Path:
 
     with BagWriter(folder) as bag:
         for time_ns, topic, message in messages:
-            bag.add_topic(topic, TOPICS[topic].type, topic_qos(topic))
+            present = FORMER_NAMES.get(topic, topic)
+            bag.add_topic(topic, TOPICS[present].type, topic_qos(present))
             bag.write(topic, time_ns, serialize_message(message))
     return folder

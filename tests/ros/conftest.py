@@ -24,20 +24,18 @@ class LocalRun:
 
 # Plans through the model and looks for information: other actions and views than those of the networks.
 THREE_ACTIONS = {"seed": 1, "max_actions": 3, "view_period": 100}  # of the supervisor
-PLANNED = {"policy": "optimised", "strategy": "best"}
+PLANNED = {"policy": {"policy": "optimised"}, "view_planner": {"strategy": "best"}}
 
 
 def run_local_graph(
-    folder: Path, supervisor: dict[str, Any], view_planner: dict[str, Any] | None = None
+    folder: Path, supervisor: dict[str, Any], others: dict[str, dict[str, Any]] | None = None
 ) -> LocalRun:
     """One episode of peg insertion on a `LocalGraph`, by default with the networks of the package."""
     from samrl_ros.cell.local_graph import LocalGraph
 
     messages: list[tuple[int, str, Any]] = []
     truth_file = folder / "evaluation" / "truth.jsonl"
-    graph = LocalGraph(
-        "peg_insertion", {"supervisor": supervisor, "view_planner": view_planner or {}}, truth_file
-    )
+    graph = LocalGraph("peg_insertion", {"supervisor": supervisor, **(others or {})}, truth_file)
     graph.listener = lambda topic, message: messages.append((graph.bridge.time_ns, topic, message))
     try:
         graph.run()

@@ -35,7 +35,7 @@ pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 TASK, CELL = task_named("peg_insertion"), cell_named()
 REQUEST, STATE = cell_topic("supervisor/request"), cell_topic("model_updater/state")
-TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("view_planner/nominal_action")
+TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("policy/nominal_action")
 WEIGHTS = cell_topic("residual_trainer/weights")
 
 
@@ -187,33 +187,42 @@ def announcement(folder: Path, **changes: Any) -> Any:
     return String(data=json.dumps(data))
 
 
-def learned_node(folder: Path) -> tuple[Any, Any]:
-    """The view planner as a cell with trained weights runs it."""
+def learned_planner(folder: Path) -> tuple[Any, Any]:
+    """The view planner as a cell with trained weights runs it, and what it says."""
     from samrl_ros.cell.replay import RecordingOutbox
     from samrl_ros.nodes.view_planner import ViewPlannerNode, ViewPlannerSettings
 
-    outbox = RecordingOutbox(keep=frozenset((TARGET, ACTION)))
-    settings = ViewPlannerSettings(policy="learned", strategy="q", weights=str(folder))
-    return ViewPlannerNode(settings, outbox), outbox
+    outbox = RecordingOutbox(keep=frozenset({TARGET}))
+    return ViewPlannerNode(ViewPlannerSettings(strategy="q", weights=str(folder)), outbox), outbox
+
+
+def learned_policy(folder: Path) -> tuple[Any, Any]:
+    """The policy as a cell with trained weights runs it, and what it says."""
+    from samrl_ros.cell.replay import RecordingOutbox
+    from samrl_ros.nodes.policy import PolicyNode, PolicySettings
+
+    outbox = RecordingOutbox(keep=frozenset({ACTION}))
+    return PolicyNode(PolicySettings(policy="learned", weights=str(folder)), outbox), outbox
 
 
 def test_learned_parts_are_the_same_in_both(
     recorded: list[tuple[str, Any]], observations: dict[int, Observation], weights: Path
 ) -> None:
     """Actor, Q and residual, on the recorded states and images."""
-    node, outbox = learned_node(weights)
-    node.start()
-    for topic, message in recorded:
-        if topic in node.inputs:
-            node.handle(topic, announcement(weights) if topic == WEIGHTS else message)
-    found = [said(topic, m) for topic in (TARGET, ACTION) for m in outbox.kept[topic]]
+    (planner, views), (policy, actions) = learned_planner(weights), learned_policy(weights)
+    for node in (planner, policy):
+        node.start()
+        for topic, message in recorded:
+            if topic in node.inputs:
+                node.handle(topic, announcement(weights) if topic == WEIGHTS else message)
+    found = [said(TARGET, m) for m in views.kept[TARGET]] + [said(ACTION, m) for m in actions.kept[ACTION]]
 
     from samrl_ros.conversions.model_state import from_state
 
     model, networks = Model(TASK, CELL), trained_networks(TASK.name, CELL, weights)
     settings = AgentSettings(policy="learned", strategy="q")
     looking, acting = Looking(model, settings, networks), Acting(model, settings, networks)
-    acting.residual = node._acting.residual
+    acting.residual = policy._acting.residual
     assert acting.residual is not None
     choose: dict[str, Callable[[Any, Observation], np.ndarray]] = {
         "view": lambda state, seen: looking.choose(state, seen).joint_position,
@@ -228,13 +237,13 @@ def test_learned_parts_are_the_same_in_both(
             expected[message.stage].append(choose[message.stage](state, observations[state.stamp_ns]))
     assert len(expected["view"]) == 1 and len(expected["act"]) == 3
     assert_same(found, [(TARGET, v) for v in expected["view"]] + [(ACTION, a) for a in expected["act"]])
-    assert all(np.linalg.norm(from_message.vector(m.residual)) > 1e-6 for m in outbox.kept[ACTION])
-    assert node.status()["residual_version"] == "1"
+    assert all(np.linalg.norm(from_message.vector(m.residual)) > 1e-6 for m in actions.kept[ACTION])
+    assert policy.status()["residual_version"] == "1"
 
 
 def test_a_residual_that_is_not_as_announced_is_refused(weights: Path, tmp_path: Path) -> None:
     """Another content, another task, no file, no path; zero is always taken."""
-    node, _ = learned_node(weights)
+    node, _ = learned_policy(weights)
     for changes, words in (
         ({"sha256": "0" * 64}, "nothing of it is used"),
         ({"task": "needle_threading"}, "one task"),
@@ -255,7 +264,7 @@ def test_a_lost_image_is_replaced_by_the_next(recorded: list[tuple[str, Any]], w
     """Images are sent without acknowledgement; an action waits for one rather than act blindly."""
     from samrl_ros.contract.topics import camera_topic
 
-    node, outbox = learned_node(weights)
+    node, outbox = learned_policy(weights)
     first = next(m for topic, m in recorded if topic == STATE)
     lost = from_message.stamp_ns(first)
     acts = [i for i, (topic, m) in enumerate(recorded) if topic == REQUEST and m.stage == "act"]

@@ -19,7 +19,7 @@ from samrl_ros.contract.topics import TOPICS, arm_topic, cell_topic
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
-NODES = ("manipulator", "view_planner", "model_updater", "residual_trainer", "supervisor")
+NODES = ("manipulator", "view_planner", "policy", "model_updater", "residual_trainer", "supervisor")
 READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
 
 
@@ -115,7 +115,7 @@ def woken(name: str) -> tuple[Any, Ears]:
         behaviour.handle(READY, ready)
     if REQUEST in inputs:
         request = message(REQUEST)
-        request.stage = {"view_planner": "act", "model_updater": "update"}[name]
+        request.stage = {"view_planner": "view", "policy": "act", "model_updater": "update"}[name]
         behaviour.handle(REQUEST, request)
     return behaviour, ears
 

@@ -9,13 +9,13 @@ import pytest
 
 from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
-from samrl_ros.contract.topics import cell_topic
+from samrl_ros.contract.topics import FORMER_NAMES, cell_topic
 from tests.ros.bag_files import record
 from tests.ros.conftest import PLANNED, THREE_ACTIONS
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
-STATE, ACTION = cell_topic("model_updater/state"), cell_topic("view_planner/nominal_action")
+STATE, ACTION = cell_topic("model_updater/state"), cell_topic("policy/nominal_action")
 
 
 def makers(*names: str) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def makers(*names: str) -> dict[str, Any]:
         node = entry(name)
         return lambda outbox: node.behaviour(node.settings(**settings.get(name, {})), outbox)
 
-    settings: dict[str, dict[str, Any]] = {"supervisor": THREE_ACTIONS, "view_planner": PLANNED}
+    settings: dict[str, dict[str, Any]] = {"supervisor": THREE_ACTIONS, **PLANNED}
     return {name: factory(name) for name in names}
 
 
@@ -68,6 +68,31 @@ def test_twice_gives_the_same_digests(bag: Path, report: Any) -> None:
     assert again.outputs == report.outputs
     assert again.digest == report.digest
     assert again.logs == report.logs
+
+
+def test_a_bag_from_before_the_policy_was_a_node(three_actions: Any, report: Any, tmp_path: Path) -> None:
+    """The view planner acted then: every topic has the digest that it has in a bag of today."""
+    from samrl_ros.cell.replay import replay
+    from samrl_ros.cli.replay import COMPARED, DEFAULT_NODES
+
+    former = {new: old for old, new in FORMER_NAMES.items()}
+    messages = [(time_ns, former.get(topic, topic), m) for time_ns, topic, m in three_actions.messages]
+    old = replay(record(tmp_path / "bag", messages), makers(*DEFAULT_NODES), COMPARED)
+    assert former[ACTION] == cell_topic("view_planner/nominal_action")
+    assert old.outputs == {former.get(topic, topic): row for topic, row in report.outputs.items()}
+    assert old.outputs[former[ACTION]]["recorded"] == old.outputs[former[ACTION]]["replayed"] == 3
+
+
+def test_settings_from_before_the_policy_was_a_node(tmp_path: Path) -> None:
+    from samrl_ros.cli.replay import recorded_settings
+
+    (tmp_path / "bag").mkdir()
+    planner = "{policy: optimised, strategy: best, seed: 4, weights: '', exploration: 0.001, horizon: 2}"
+    (tmp_path / "params.yaml").write_text(f"/cell/view_planner: {{ros__parameters: {planner}}}\n")
+    found = recorded_settings(tmp_path / "bag")
+    assert found["view_planner"] == {"strategy": "best", "seed": 4, "weights": ""}
+    acting = {"policy": "optimised", "exploration": 0.001, "horizon": 2}
+    assert found["policy"] == {"seed": 4, "weights": "", **acting}
 
 
 def test_another_image_gives_another_digest(three_actions: Any, tmp_path: Path) -> None:

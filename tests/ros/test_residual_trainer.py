@@ -28,7 +28,7 @@ pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 CELL = cell_named()
 EXECUTED, OUTCOME = cell_topic("manipulator/executed_action"), cell_topic("supervisor/outcome")
-REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("view_planner/nominal_action")
+REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("policy/nominal_action")
 FRAME = "camera_color_optical_frame"
 
 
@@ -166,7 +166,7 @@ def test_every_action_is_recorded_with_the_image_it_came_from(
 
 
 def test_the_stored_image_is_what_the_policy_saw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The view planner's image of an observation, and the replay's, to the rounding of depth."""
+    """The policy's image of an observation, and the replay's, to the rounding of depth."""
     cell = FakeCell(tmp_path, monkeypatch)
     cell.act(0, 0)
     observation = cell.trainer._frames[next(iter(cell.trainer._frames))]

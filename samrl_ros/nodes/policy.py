@@ -1,0 +1,164 @@
+"""Updated model and real image in, nominal action and residual out (Algorithm 1, lines 4, 9 and 18)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from samrl_msgs.msg import ToolAction
+
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
+from samrl_core.cell.tasks import task_named
+from samrl_core.common.errors import InputError
+from samrl_core.model.model import Model
+from samrl_core.policy.agent.acting import Acting
+from samrl_core.policy.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES
+from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
+from samrl_core.policy.planning.trajectory import TrajectorySettings
+from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.settings import setting
+from samrl_ros.contract.topics import cell_topic
+from samrl_ros.conversions import from_message, to_message
+from samrl_ros.nodes import step_inputs
+from samrl_ros.nodes.step_inputs import StepInput, StepInputs
+
+WEIGHTS, ACTION = cell_topic("residual_trainer/weights"), cell_topic("policy/nominal_action")
+
+
+@dataclass(frozen=True)
+class PolicySettings:
+    """Settings of `policy`."""
+
+    task: str = setting("peg_insertion", "task whose scene the model holds")
+    cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
+    policy: str = setting(
+        DEFAULT_POLICY,
+        "nominal action: of the trained actor, or of a plan through the model",
+        choices=POLICIES,
+        former="view_planner.policy",
+    )
+    actor_image: str = setting(
+        ACTOR_IMAGES[0],
+        "what the trained actor reads: the updated model's image, or the camera's (randomised models)",
+        choices=ACTOR_IMAGES,
+        former="view_planner.actor_image",
+    )
+    weights: str = setting("", "folder of the trained networks, empty for those of the package")
+    seed: int = setting(0, "seed of exploration", range=(0, 2**31 - 1))
+    horizon: int = setting(
+        3,
+        "sub-goals that are planned for; only the first action is executed",
+        range=(1, 60),
+        former="view_planner.horizon",
+    )
+    exploration: float = setting(
+        0.0,
+        "standard deviation of what is added to the residual while it is trained",
+        "m",
+        (0.0, 0.005),
+        former="view_planner.exploration",
+    )
+    exploration_limit: float = setting(
+        0.003,
+        "longest residual tried before the trainer has one; as its `limit`",
+        "m",
+        (1e-4, 0.02),
+        former="view_planner.exploration_limit",
+    )
+    exploration_memory: float = setting(
+        0.98,
+        "correlation of what is added to an action and to the next one",
+        range=(0.0, 1.0),
+        former="view_planner.exploration_memory",
+    )
+    task_action_limit: float = setting(
+        0.02,
+        "longest displacement, residual included; not above manipulator's",
+        "m",
+        (1e-3, 0.2),
+        former="view_planner.task_action_limit",
+    )
+    max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
+
+
+class PolicyNode(Behaviour):
+    """Answers "act" requests from the model state and the image that it was updated with."""
+
+    name = "policy"
+    inputs = (*step_inputs.INPUTS, WEIGHTS)
+    outputs = (ACTION,)
+
+    def __init__(self, settings: PolicySettings, outbox: Outbox) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        self._task, self._cell = task_named(settings.task), cell_named(settings.cell)
+        learned = settings.policy == "learned"
+        folder = Path(settings.weights) if settings.weights else None
+        networks = trained_networks(self._task.name, self._cell, folder) if learned else None
+        agent = AgentSettings(
+            policy=settings.policy,
+            actor_image=settings.actor_image,
+            seed=settings.seed,
+            exploration=settings.exploration,
+            exploration_memory=settings.exploration_memory,
+            exploration_limit=settings.exploration_limit,
+            longest=settings.task_action_limit,
+            plan=TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1),
+        )
+        model = Model(self._task, self._cell)
+        self._acting = Acting(model, agent, networks, lambda text: outbox.log("error", text))
+        names = tuple(spec.name for spec in self._task.parameters())
+        self._inputs = StepInputs("act", names, self._cell, settings.max_bad_frames, outbox.log)
+        self._residual_version = 0
+        self._collected = -1  # steps in the trainer's replay when it first announced its weights
+
+    def start(self) -> None:
+        """See `Behaviour`: the physics is compiled before the first request."""
+        self._acting.prepare()
+
+    def handle(self, topic: str, message: Any) -> None:
+        """See `Behaviour`."""
+        if topic == WEIGHTS:
+            self._on_weights(message)
+            return
+        if topic == step_inputs.READY:
+            self._acting.begin()
+        found = self._inputs.take(topic, message)
+        if found is not None:
+            self._act(found)
+
+    def status(self) -> dict[str, str]:
+        """See `Behaviour`."""
+        return {
+            "policy": self._settings.policy,
+            "residual_version": str(self._residual_version),
+            "bad_frames_in_a_row": str(self._inputs.bad_frames),
+        }
+
+    def _on_weights(self, message: Any) -> None:
+        announced = from_message.announced_weights(message.data)
+        if self._collected < 0:  # the first one of this run
+            self._collected = announced.steps
+            self._acting.explore_from(announced.steps)
+        if announced.version == 0:
+            self._acting.residual = None
+        else:
+            if announced.task != self._task.name:
+                raise InputError(
+                    f"residual of task {announced.task!r} announced, this cell runs {self._task.name!r}; "
+                    "give all nodes one task"
+                )
+            self._acting.residual = announced_residual(
+                announced.file, announced.sha256, self._task.name, self._cell
+            )
+        self._residual_version = announced.version
+
+    def _act(self, found: StepInput) -> None:
+        choice = self._acting.choose(found.estimate, found.observation)
+        header = to_message.header(found.observation.stamp_ns, "world")
+        message = ToolAction(header=header, episode=found.request.episode, step=found.request.step)
+        message.sub_goal = choice.sub_goal
+        message.nominal = to_message.vector(choice.nominal)
+        message.residual = to_message.vector(choice.residual)
+        self._outbox.publish(ACTION, message)

@@ -1,0 +1,124 @@
+"""Request, model state and image of one step, matched: they come on different topics, in any order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.types.observation import Observation
+from samrl_core.common.errors import InputError
+from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_ros.contract.topics import cell_topic
+from samrl_ros.conversions import from_message
+from samrl_ros.conversions.model_state import from_state
+from samrl_ros.nodes import assembly
+
+READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
+STATE = cell_topic("model_updater/state")
+INPUTS = (READY, REQUEST, STATE, *assembly.INPUTS)
+
+_KEPT = 4  # images after a request: the updater takes the first that it can use, one of these
+
+
+@dataclass(frozen=True, eq=False)
+class StepInput:
+    """What a request is answered from."""
+
+    request: Any  # samrl_msgs/StepRequest
+    state: Any  # samrl_msgs/ModelState
+    estimate: Estimate  # the same as data
+    observation: Observation
+
+
+class StepInputs:
+    """Waits for a request of one stage, the model state of its step, and the image of that state."""
+
+    def __init__(
+        self,
+        stage: str,
+        parameters: tuple[str, ...],
+        cell: CellSpec,
+        max_bad_frames: int,
+        log: Callable[[str, str], None],
+    ) -> None:
+        """Listen for requests of `stage`.
+
+        Args:
+            stage: "view" or "act"; a request of any other stage withdraws the one that waits.
+            parameters: names in the model state, in order.
+            cell: whose camera and joints the images are of.
+            max_bad_frames: refused images in a row before `take` raises.
+            log: takes level and text of what is refused.
+        """
+        self._stage, self._parameters = stage, parameters
+        self._frames = assembly.PatientAssembler(cell, max_bad_frames, log)
+        self._observations: list[Observation] = []  # since the newest update was asked for
+        self._wanted_since_ns = 0
+        self._wanted_more = 0  # images
+        self._update_asked_ns = 0  # stamp of the newest request for an update
+        self._state: Any = None
+        self._request: Any = None
+
+    @property
+    def bad_frames(self) -> int:
+        """Messages in a row that could not be used."""
+        return self._frames.bad_frames
+
+    def take(self, topic: str, message: Any) -> StepInput | None:
+        """Hand in one message of `INPUTS`; returns what a request is answered from, once all of it is there.
+
+        Raises:
+            InputError: a state of another task or newer than its request, or too many bad images in a row.
+        """
+        if topic == READY:
+            self._state = self._request = None
+            self._observations, self._wanted_more = [], 0
+        elif topic == STATE:
+            from_message.model_values(message, self._parameters)  # refused on arrival, not when it is used
+            self._state = message
+        elif topic == REQUEST:
+            self._on_request(message)
+        else:
+            observation = self._frames.take(topic, message, self._wanted)
+            if observation is not None:
+                self._wanted_more -= 1
+                self._observations.append(observation)
+        return self._matched()
+
+    def _on_request(self, message: Any) -> None:
+        asked_ns = from_message.stamp_ns(message)
+        self._request = message if message.stage == self._stage else None
+        if message.stage == "update":
+            self._update_asked_ns = asked_ns
+            if asked_ns != self._wanted_since_ns:  # else asked again: the updater may have its image already
+                self._observations = []
+        self._wanted_since_ns, self._wanted_more = asked_ns, _KEPT
+
+    def _wanted(self, stamp_ns: int) -> bool:
+        return self._wanted_more > 0 and stamp_ns >= self._wanted_since_ns
+
+    def _matched(self) -> StepInput | None:
+        request, state = self._request, self._state
+        if request is None or state is None:
+            return None
+        if (state.episode, state.step) != (request.episode, request.step):
+            return None
+        if from_message.stamp_ns(state) < self._update_asked_ns:
+            return None  # a step may have several updates: this is not the last one
+        if from_message.stamp_ns(state) > from_message.stamp_ns(request):
+            raise InputError("model state is newer than the request that follows it; clocks disagree")
+        observation = self._observation(request, state)
+        if observation is None:
+            return None
+        self._request = None
+        return StepInput(request, state, from_state(state), observation)
+
+    def _observation(self, request: Any, state: Any) -> Observation | None:
+        """The one that the state was updated with; or, where it was lost on the way here, a newer one."""
+        updated_ns, asked_ns = from_message.stamp_ns(state), from_message.stamp_ns(request)
+        for one in self._observations:
+            if one.stamp_ns == updated_ns or one.stamp_ns >= asked_ns:
+                return one
+        return None

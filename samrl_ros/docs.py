@@ -8,6 +8,8 @@ from pathlib import Path
 
 import yaml
 
+from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
+from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_ros.contract.topics import SERVICES, TOPICS
 from samrl_ros.nodes.registry import all_settings
 
@@ -57,10 +59,10 @@ def parameters_page() -> str:
     """Every parameter of every node."""
     lines = [
         HEAD.format(source="the nodes' settings") + "# Parameters\n",
-        "Read when a node is configured, refused while it is inactive or active. Every node also has",
-        "`autostart` (configure and activate at start, default true) and ROS's `use_sim_time`. A value out",
-        "of range is refused with the limit named. `samrl cell --params FILE` lays a ROS parameter file over",
-        "the defaults, which `samrl_ros/config/cell.yaml` lists.\n",
+        "Nodes read parameters when they are configured and refuse changes while they are inactive or",
+        "active. Every node also has `autostart` (configure and activate at start, default true) and ROS's",
+        "`use_sim_time`. A value out of range is refused with the limit named. `samrl cell --params FILE`",
+        "lays a ROS parameter file over the defaults in `samrl_ros/config/cell.yaml`.\n",
     ]
     for node, type_ in all_settings().items():
         lines += [f"## `{node}`\n", "| parameter | default | unit | allowed | meaning |"]
@@ -74,6 +76,40 @@ def parameters_page() -> str:
             lines.append(f"| {' | '.join(row)} |")
         lines.append("")
     return "\n".join(lines)
+
+
+def effects_page() -> str:
+    """Every effect that the diagnosis may name."""
+    lines = [
+        HEAD.format(source="samrl_core/diagnosis/effects") + "# Effects\n",
+        f"{len(EFFECTS)} families of effects in joint channels. `samrl effects FAMILY` prints one in the",
+        "terminal. Numbers count a catalogue of 49 families, cameras and contact included. Ranges are",
+        "plausible for an arm of the size of a Panda.\n",
+        "| no. | family | acts on | place | recording that shows it |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {e.number} | [`{e.family}`](#{e.family}) | {e.acts_on} | {e.place_kind} | {_cell(e.excitation)} |"
+        for e in EFFECTS
+    ]
+    lines.append("")
+    for e in EFFECTS:
+        lines += [f"## `{e.family}`\n", f"{e.title}. {e.meaning}\n", f"- Formula: `{e.formula}`"]
+        lines += [f"- {p.name} [{p.unit}], {_range(p)}: {p.meaning}" for p in e.parameters]
+        lines.append(f"- Confounded with: {', '.join(e.confounded_with) or 'none known'}")
+        lines += [f"- Remedy: {e.remedy}", f"- Source: {e.source}\n"]
+    lines += ["## Not testable by joint channels\n", "| family | why |", "|---|---|"]
+    lines += [f"| `{name}` | {_cell(reason)} |" for name, reason in NOT_BY_JOINTS.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _range(parameter: Parameter) -> str:
+    return f"{parameter.low:g} to {parameter.high:g}" if parameter.bounded else "any"
+
+
+def _cell(text: str) -> str:
+    """Text within a row of a table."""
+    return text.replace("|", "\\|")
 
 
 def interfaces_page(folder: Path) -> str:
@@ -92,6 +128,7 @@ def pages(folder: Path) -> dict[Path, str]:
         folder / "reference" / "topics.md": topics_page(),
         folder / "reference" / "parameters.md": parameters_page(),
         folder / "reference" / "interfaces.md": interfaces_page(folder),
+        folder / "reference" / "effects.md": effects_page(),
         folder.parent / "samrl_ros" / "config" / "cell.yaml": default_parameters(),
     }
 

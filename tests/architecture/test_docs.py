@@ -33,7 +33,8 @@ def test_pages_are_current() -> None:
     from samrl_ros.docs import pages
 
     made = pages(FOLDER)
-    assert {"topics.md", "parameters.md", "interfaces.md", "cell.yaml"} <= {path.name for path in made}
+    names = {path.name for path in made}
+    assert {"topics.md", "parameters.md", "interfaces.md", "effects.md", "cell.yaml"} <= names
     for path, text in made.items():
         assert path.read_text() == text, f"run `make docs` and commit {path.name}"
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import importlib
 import importlib.util
 import io
 import re
 import shlex
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from urllib.parse import unquote
@@ -21,7 +25,6 @@ EVERY_PAGE = pytest.mark.parametrize("page", PAGES, ids=IDS)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 OUR_PATH = re.compile(r"(?<![\w./-])((?:samrl_core|samrl_ros|tests|msgs_docs|bags)/[\w./*-]*[\w*/])")
 MODULE = re.compile(r"python -m ([\w.]+)")
-COMMAND = re.compile(r"(?:^|[`$(&|] ?| {4})(samrl(?: [^`\n]*)?)", re.MULTILINE)
 GENERATED = re.compile(r"^bags/(local|emps|sts3215_backlash|run|c\b)")  # what a command of the page makes
 OUR_MODULES = ("samrl_core", "samrl_ros", "tests")
 
@@ -55,6 +58,50 @@ def test_files_and_folders_exist(page: Path) -> None:
         assert found and all(file.exists() for file in found), f"{page.name} names {path}"
 
 
+@cache
+def code() -> str:
+    """All source text of the project: what a page may quote."""
+    folders = ("samrl_core", "samrl_ros", "tests", "msgs_docs/samrl_msgs")
+    kinds = (".py", ".yaml", ".msg", ".srv")
+    return "\n".join(
+        f.read_text() for d in folders for f in sorted((ROOT / d).rglob("*")) if f.suffix in kinds
+    )
+
+
+@EVERY_PAGE
+def test_quoted_names_of_classes_and_files_exist(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+    for name in re.findall(r"`([^`\n]+)`", text):
+        for part in re.findall(r"(?<![\w.])[A-Z][a-z]+(?:[A-Z][a-z]+)+(?:\.\w+)?", name):
+            missing = [x for x in part.split(".") if not re.search(rf"\b{x}\b", code())]
+            assert not missing, f"{page.name} quotes `{name}`: no {missing} in the code"
+        if re.fullmatch(r"[\w/]+\.py", name):
+            assert list(ROOT.rglob(name)), f"{page.name} quotes `{name}`, which does not exist"
+
+
+@EVERY_PAGE
+def test_quoted_python_paths_can_be_imported(page: Path) -> None:
+    if page.name == "CHANGELOG.md":
+        return  # it quotes former names
+    for dotted in re.findall(r"`((?:samrl_core|samrl_ros)(?:\.\w+)+)", page.read_text()):
+        assert can_be_imported(dotted), f"{page.name} quotes {dotted}"
+
+
+def can_be_imported(dotted: str) -> bool:
+    """Whether a dotted name is a module, or something in a module."""
+    parts = dotted.split(".")
+    for k in range(len(parts), 0, -1):
+        file = ROOT.joinpath(*parts[:k])
+        if file.is_dir() or file.with_suffix(".py").is_file():
+            thing = importlib.import_module(".".join(parts[:k]))
+            for name in parts[k:]:
+                if not hasattr(thing, name):
+                    return False
+                thing = getattr(thing, name)
+            return True
+    return False
+
+
 @EVERY_PAGE
 def test_modules_that_are_run_exist(page: Path) -> None:
     for module in MODULE.findall(page.read_text()):
@@ -74,9 +121,14 @@ def help_of(words: tuple[str, ...]) -> str:
 
 
 def command_lines(text: str) -> list[str]:
-    """Command lines of a page that begin with `samrl`, without comments and what follows `&&`."""
-    lines = [line.split(" #")[0] for line in COMMAND.findall(text)]
-    return [line.split("&&")[0].split(" | ")[0].rstrip(" .,;:)") for line in lines]
+    """Command lines that begin with `samrl`, in blocks and quotes; without comments and what follows `&&`."""
+    blocks = re.findall(r"^```\w*\n(.*?)^```|^ {4,}(\S.*\n)", text, re.MULTILINE | re.DOTALL)
+    lines = [line for block in blocks for line in "".join(block).splitlines()]
+    lines += re.findall(
+        r"`(samrl [^`\n]*)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    )
+    commands = [re.sub(r"^.*\$\(BIN\)/|^\$ ", "", line).split(" #")[0].split(" && ")[0] for line in lines]
+    return [line.rstrip() for line in commands if line.startswith("samrl ")]
 
 
 def why_not_accepted(line: str) -> str:
@@ -103,6 +155,34 @@ def test_command_lines_are_accepted(page: Path) -> None:
     for line in command_lines(page.read_text()):
         reason = why_not_accepted(line)
         assert not reason, f"{page.name}: {line!r}: {reason}"
+
+
+PYTHON = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def test_python_of_the_readme_runs() -> None:
+    """In a process of its own, without ROS: what it prints points from the guess towards the true hole."""
+    (program,) = PYTHON.findall((ROOT / "README.md").read_text())
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; sys.modules['rclpy'] = None\n" + program],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+    )
+    slopes = [float(x) for x in re.findall(r"-?\d+\.\d+", done.stdout.split("gradient")[1])]
+    assert len(slopes) == 2
+    assert max(slopes) < 0.0
+
+
+@EVERY_PAGE
+def test_python_of_pages_compiles_and_imports_what_exists(page: Path) -> None:
+    for program in PYTHON.findall(page.read_text()):
+        for node in ast.walk(ast.parse(program)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in OUR_MODULES:
+                module = importlib.import_module(str(node.module))
+                missing = [a.name for a in node.names if not hasattr(module, a.name)]
+                assert not missing, f"{page.name} imports {missing} from {node.module}"
 
 
 def test_command_lines_are_found_and_checked() -> None:

@@ -10,15 +10,15 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from samrl_core.common.devices import checked_device
 from samrl_core.common.errors import InputError
+from samrl_core.common.executor import free_cores, run_calls
 from samrl_core.common.files import folder_lock, keep_to, write_whole
-from samrl_core.common.workers import free_cores, worker_pool
 
 Tell = Callable[[str], None]  # hears a line of progress
 Case = dict[str, Any]  # "key" (str), and what was found
@@ -157,13 +157,8 @@ def run_cases(
                 known = sum(key in log.cases for key in keys)
                 tell(f"{known}/{len(keys)}  {case['key']}  {_words(case)}")
 
-    if min(workers, len(left)) <= 1:
-        for job in left:
-            take(work(job))
-    else:
-        with worker_pool(min(workers, len(left))) as pool:
-            for future in as_completed([pool.submit(work, job) for job in left]):
-                take(future.result())
+    for done in run_calls([partial(work, job) for job in left], workers):
+        take(done.result)
     return [log.cases[key] for key in keys]
 
 

@@ -24,7 +24,7 @@ from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, Jo
 from samrl_core.blind_test.scores.families import without
 from samrl_core.blind_test.scores.load import load_outcomes
 from samrl_core.blind_test.scores.study import Study, write_atomically
-from samrl_core.common import parallel
+from samrl_core.common import executor
 from samrl_ros.blind_test.study import (
     LEFT_OUT_FILE,
     commit_before,
@@ -102,7 +102,7 @@ def forge(
     for place in ("obs", "sealed"):
         study.sweep(place)
     for done in _with_progress(
-        "worlds", make, todo, len(plan), _mapping(ray, parallel.in_processes), workers
+        "worlds", make, todo, len(plan), _mapping(ray, executor.run_in_processes), workers
     ):
         if isinstance(done.error, DivergedError):
             ran_away.append(done.item.item.id)
@@ -164,7 +164,7 @@ def diagnose(
     for stage in (STAGE, LEFT_OUT_STAGE):
         study.sweep(stage)
     crashed, failed = 0, {}
-    mapping = _mapping(ray, parallel.in_threads)
+    mapping = _mapping(ray, executor.run_in_threads)
     for done in _with_progress("diagnoses", diagnose_world, todo, len(jobs), mapping, workers):
         if isinstance(done.error, InterruptedError):
             raise done.error
@@ -204,7 +204,7 @@ def baselines(
         study.sweep(f"baselines/{name}")
     failed: dict[str, str] = {}
     for done in _with_progress(
-        "baselines", ask_baseline, todo, len(jobs), _mapping(ray, parallel.in_processes), workers
+        "baselines", ask_baseline, todo, len(jobs), _mapping(ray, executor.run_in_processes), workers
     ):
         if done.error is not None:
             failed[f"{done.item.name}/{done.item.world}"] = f"{type(done.error).__name__}: {done.error}"
@@ -267,9 +267,9 @@ def _name_failed(what: str, failed: dict[str, str]) -> None:
 
 
 def _mapping(
-    ray: bool, local: Callable[..., Iterator[parallel.Done]]
-) -> Callable[..., Iterator[parallel.Done]]:
-    return parallel.on_ray if ray else local
+    ray: bool, local: Callable[..., Iterator[executor.Done]]
+) -> Callable[..., Iterator[executor.Done]]:
+    return executor.run_on_ray if ray else local
 
 
 def _with_progress(
@@ -277,9 +277,9 @@ def _with_progress(
     work: Callable[[Any], Any],
     todo: Sequence[Any],
     total: int,
-    mapping: Callable[..., Iterator[parallel.Done]],
+    mapping: Callable[..., Iterator[executor.Done]],
     workers: int,
-) -> Iterator[parallel.Done]:
+) -> Iterator[executor.Done]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.common.array_file import read_arrays, write_arrays
-from samrl_core.common.workers import free_cores
+from samrl_core.common.executor import free_cores
 from samrl_core.learning.sim.episodes import Group, run_groups
 from samrl_core.policy.networks.networks import SimActor
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 
-from samrl_core.common.workers import worker_pool
+from samrl_core.common.executor import run_calls
 from samrl_core.learning.images.appearance import LookSettings, LookSource
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.images.models import renderer_of
@@ -63,15 +63,8 @@ def run_groups(
         workers: processes; 1 runs them here, one after the other.
     """
     weights = {name: value.detach().cpu() for name, value in actor.state_dict().items()}
-    jobs = [(task, weights, group, device) for group in groups]
-    if min(workers, len(jobs)) <= 1:
-        for k, job in enumerate(jobs):
-            yield k, _run(*job)
-        return
-    with worker_pool(min(workers, len(jobs))) as pool:
-        running = {pool.submit(_run, *job): k for k, job in enumerate(jobs)}
-        for future in as_completed(running):
-            yield running[future], future.result()
+    for done in run_calls([partial(_run, task, weights, group, device) for group in groups], workers):
+        yield done.index, done.result
 
 
 def _run(task: str, weights: Weights, group: Group, device: str) -> Rollouts:

@@ -10,8 +10,8 @@ import hashlib
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import as_completed
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ import torch
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import SamrlError
+from samrl_core.common.executor import free_cores, run_calls
 from samrl_core.common.files import folder_lock
-from samrl_core.common.workers import free_cores, worker_pool
 from samrl_core.learning.data.shards import DataInfo, ShardFolder
 from samrl_core.learning.images.models import model_of
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
@@ -143,15 +143,9 @@ def _fill(
         done += info.size(shard)
         progress(done, info.count)
 
-    workers = min(workers or free_cores(), len(missing))
-    if workers <= 1:
-        for shard in missing:
-            keep(shard, work(*job(shard)))
-        return
-    with worker_pool(workers) as pool:
-        running = {pool.submit(work, *job(shard)): shard for shard in missing}
-        for future in as_completed(running):
-            keep(running[future], future.result())
+    calls = [partial(work, *job(shard)) for shard in missing]
+    for made in run_calls(calls, workers or free_cores()):
+        keep(missing[made.index], made.result)
 
 
 def _recorded(

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import sys
-import types
 from pathlib import Path
 
 import pytest
@@ -11,8 +10,6 @@ import yaml
 from samrl_core.blind_test.scores.diagnosis_run import Job, can_hide, diagnose_world
 from samrl_core.blind_test.scores.load import read_report
 from samrl_core.blind_test.scores.study import Study
-from samrl_core.common import parallel
-from samrl_core.common.errors import InputError
 from tests.waiting import PATIENCE_S
 
 SPY = """
@@ -89,54 +86,3 @@ def test_an_endless_diagnosis_is_stopped_and_counts(tmp_path: Path) -> None:
         "stopped after 0.5 s"
         in json.loads((study.run_folder("diagnosis", "w1") / "run.json").read_text())["output"]
     )
-
-
-def double(x: int) -> int:
-    if x == 3:
-        raise InputError("three")
-    return 2 * x
-
-
-@pytest.mark.parametrize("mapping", [parallel.in_threads, parallel.in_processes])
-def test_one_failure_does_not_stop_the_others(mapping: object) -> None:
-    ends = list(mapping(double, [1, 2, 3], 2))  # type: ignore[operator]
-    assert {d.item: d.result for d in ends if d.error is None} == {1: 2, 2: 4}
-    assert [str(d.error) for d in ends if d.error is not None] == ["three"]
-
-
-def test_ray_without_ray_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(InputError, match="pip install 'ray"):
-        list(parallel.on_ray(double, [1], 1))
-
-
-def test_ray_results_and_failures_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Against a stand-in with Ray's calls: submission, waiting, and errors raised by `get`."""
-
-    class RayError(Exception):
-        pass
-
-    class Task:
-        def __init__(self, work: object) -> None:
-            self.work = work
-
-        def remote(self, item: int) -> tuple[object, int]:
-            return (self.work, item)
-
-    def get(reference: tuple[object, int]) -> object:
-        try:
-            return reference[0](reference[1])  # type: ignore[operator]
-        except InputError as error:
-            raise RayError(str(error)) from error
-
-    fake = types.SimpleNamespace(
-        init=lambda **options: None,
-        remote=lambda **options: Task,
-        wait=lambda references, num_returns: (references[:num_returns], references[num_returns:]),
-        get=get,
-        exceptions=types.SimpleNamespace(RayError=RayError),
-    )
-    monkeypatch.setitem(sys.modules, "ray", fake)
-    ends = list(parallel.on_ray(double, [1, 2, 3], 2))
-    assert {d.item: d.result for d in ends if d.error is None} == {1: 2, 2: 4}
-    assert [str(d.error) for d in ends if d.error is not None] == ["three"]

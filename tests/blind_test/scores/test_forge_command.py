@@ -17,7 +17,7 @@ from samrl_core.blind_test.engines.simulate import DivergedError
 from samrl_core.blind_test.scores.families import ARM_FAMILIES, without
 from samrl_core.blind_test.scores.study import Study, write_atomically
 from samrl_core.blind_test.worlds.plan import ForgeSettings
-from samrl_core.common import parallel
+from samrl_core.common import executor
 from samrl_core.common.errors import InputError
 from samrl_ros.blind_test import study as forge_study
 from samrl_ros.cli.main import run
@@ -179,16 +179,16 @@ def _forging(
 ) -> list[str]:
     """The command for four worlds, of which those in `broken` fail with `error`."""
 
-    def pretend(work: object, items: list[Any], workers: int) -> Iterator[parallel.Done]:
-        for item in items:
+    def pretend(work: object, items: list[Any], workers: int) -> Iterator[executor.Done]:
+        for k, item in enumerate(items):
             asked.append(item.item.id)
             if item.item.id in broken:
-                yield parallel.Done(item, error=error)
+                yield executor.Done(k, item, error=error)
                 continue
             put_world(Study(item.root), item.item.id, "none", None)
-            yield parallel.Done(item, 1.0)
+            yield executor.Done(k, item, 1.0)
 
-    monkeypatch.setattr(parallel, "in_processes", pretend)
+    monkeypatch.setattr(executor, "run_in_processes", pretend)
     return ["forge", "--out", str(tmp_path / "s"), "--seed", "4711", "--single", "2", "--none", "2",
             "--outside", "0", "--double", "0", "--mujoco", "0"]  # fmt: skip
 

@@ -71,7 +71,7 @@ def test_workers_end_with_their_training(tmp_path: Path) -> None:
     """Also when it is killed outright."""
     script = tmp_path / "parent.py"
     script.write_text(
-        "import os, time\nfrom samrl_core.common.workers import worker_pool\n"
+        "import os, time\nfrom samrl_core.common.executor import worker_pool\n"
         "if __name__ == '__main__':\n"
         "    with worker_pool(1) as pool:\n"
         "        print(pool.submit(os.getpid).result(), flush=True)\n"

@@ -1,0 +1,167 @@
+"""The same work on many items: in this process, in worker processes, in threads, or on a Ray cluster.
+
+Results come as they are ready. What has not begun when the caller stops, by an error or an interrupt, never
+begins; what is finished is the caller's to keep, so that the same command goes on from there.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+from samrl_core.common.errors import InputError, SolveError
+
+_PR_SET_PDEATHSIG = 1  # prctl(2)
+
+
+@dataclass(frozen=True)
+class Done:
+    """One item's end: its result, or the error that it raised."""
+
+    index: int  # in the items that were handed in
+    item: Any
+    result: Any = None
+    error: BaseException | None = None
+
+
+def run_calls(calls: Sequence[Callable[[], Any]], workers: int) -> Iterator[Done]:
+    """Calls without arguments (`functools.partial`), in so many processes, or one by one in this one.
+
+    The first error ends the rest.
+
+    Raises:
+        Exception: what a call raised.
+        SolveError: a worker process was ended from outside.
+    """
+    workers = min(workers, len(calls))
+    if workers <= 1:
+        for index, call in enumerate(calls):
+            yield Done(index, call, call())
+        return
+    for done in run_in_processes(_call, calls, workers):
+        if done.error is not None:
+            raise done.error
+        yield done
+
+
+def run_in_processes(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -> Iterator[Done]:
+    """Each item in a worker process, see `worker_pool`; `work` and the items must be picklable."""
+    with worker_pool(workers) as pool:
+        for done in _as_they_come(pool, work, items):
+            ended = isinstance(done.error, BrokenProcessPool)
+            yield replace(done, error=_worker_ended(workers)) if ended else done
+
+
+def run_in_threads(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -> Iterator[Done]:
+    """Each item in a thread, for work that itself starts a subprocess."""
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        yield from _as_they_come(pool, work, items)
+
+
+def run_on_ray(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -> Iterator[Done]:
+    """Each item on the Ray cluster that `ray.init` finds; its nodes must see the same folder.
+
+    Args:
+        work: picklable.
+        items: picklable.
+        workers: not used: the cluster's cores decide.
+
+    Raises:
+        InputError: Ray is not installed.
+    """
+    try:
+        ray = importlib.import_module("ray")
+    except ImportError as error:
+        raise InputError(
+            "--ray needs the package ray, which is not installed: pip install 'ray>=2.10' (extra cluster)"
+        ) from error
+    ray.init(ignore_reinit_error=True, log_to_driver=False)
+    task = ray.remote(num_cpus=1, max_retries=1)(work)
+    pending = {task.remote(item): (index, item) for index, item in enumerate(items)}
+    while pending:
+        ready, _ = ray.wait(list(pending), num_returns=1)
+        index, item = pending.pop(ready[0])
+        try:
+            result = ray.get(ready[0])
+        except (ray.exceptions.RayError, InputError) as error:
+            yield Done(index, item, error=error)
+        else:
+            yield Done(index, item, result)
+
+
+@contextmanager
+def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
+    """A pool of processes with one thread each, which end with this process, whatever ends it.
+
+    They start as a new Python (spawn) and inherit nothing. Work that has not begun is given up where the
+    block fails.
+
+    Raises:
+        SolveError: a process was ended from outside.
+    """
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(count, context, initializer=_begin, initargs=(os.getpid(),))
+    try:
+        yield pool
+    except BrokenProcessPool as error:
+        raise _worker_ended(count) from error
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def free_cores() -> int:
+    """Cores that this process may use and that nobody else keeps busy, at least 1."""
+    return max(1, len(os.sched_getaffinity(0)) - round(os.getloadavg()[0]))
+
+
+def _as_they_come(pool: Executor, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Done]:
+    pending: dict[Future[Any], int] = {pool.submit(work, item): k for k, item in enumerate(items)}
+    try:
+        while pending:
+            ready, _ = wait(pending, return_when=FIRST_COMPLETED)
+            for future in ready:
+                index = pending.pop(future)
+                error = future.exception()
+                result = None if error is not None else future.result()
+                yield Done(index, items[index], result, error)
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def _call(task: Callable[[], Any]) -> Any:
+    return task()
+
+
+def _worker_ended(count: int) -> SolveError:
+    return SolveError(
+        f"one of {count} worker processes was ended, perhaps for lack of memory; ask for fewer workers. "
+        f"What was finished is kept: the same command goes on from there"
+    )
+
+
+def _begin(parent: int) -> None:
+    import torch
+
+    torch.set_num_threads(1)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # it died before this was asked for
+            os._exit(1)

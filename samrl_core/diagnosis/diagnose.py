@@ -101,7 +101,7 @@ def diagnose(
     likelihood, held = Likelihood(trials), Likelihood(held_trials)
     done("residuals")
     first = trials[0]
-    untestable = {e.family: reason for e in effects if (reason := e.unobservable(first))}
+    untestable = {e.family: reason for e in effects if (reason := e.why_unobservable(first))}
     untestable |= NOT_BY_JOINTS
     inputs = tuple(
         InputFile(r.source, r.sha256, role, r.duration)

@@ -20,7 +20,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "samrl_core/model/physics/",
         "samrl_core/diagnosis/simulation/",
         "samrl_core/common/warp_runtime.py",
-        "samrl_core/diagnosis/effects/age_chain.py",  # a recursion over samples, too slow in Python
+        "samrl_core/diagnosis/effects/drive/age_chain.py",  # a recursion over samples, too slow in Python
         "samrl_core/studies/speed/",  # Newton is used through it; limits of a device are measured with it
     ),
     "mujoco": (

@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from samrl_core.diagnosis.effects import Effect
+from samrl_core.diagnosis.effects.form import Form, Place
+from samrl_core.diagnosis.residuals.trial import Trial
 from tests.diagnosis.worlds import BEND, LIFT, TURN
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -19,6 +22,12 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 PAYLOAD = np.array([0.6, 0.03, 0.012, 0.024, 1.8e-3, -6e-4, 2.9e-3, -1.2e-3, -4.8e-4, 2.2e-3])
 # the fore-arm's own frame is the flange's here, as its link is the last of the chain
 UPPER = np.array([0.5, 0.1, 0.01, 0.0, 1e-3, -2e-3, 0.025, 0.0, 0.0, 0.026])
+
+
+def find_form(effect: Effect, trial: Trial, place: str, name: str) -> Form:
+    """The form of that name at a place of the contract."""
+    (form,) = (f for f in effect.forms(trial, Place.find(trial, place)) if f.name == name)
+    return form
 
 
 @dataclass(frozen=True)

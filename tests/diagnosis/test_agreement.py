@@ -15,7 +15,7 @@ from samrl_core.diagnosis.selection.confidence import estimates
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Hypothesis, hypothesis
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis import worlds
-from tests.diagnosis.cases import CASES, Case
+from tests.diagnosis.cases import CASES, Case, find_form
 
 BY_FAMILY = {e.family: e for e in EFFECTS}
 _RATE = "the simulator's velocity reading lacks the rate of the hysteresis that its position reading has"
@@ -53,9 +53,9 @@ def effect_of(case: Case) -> Effect:
 
 def true_hypothesis(case: Case) -> Hypothesis:
     likelihood, effect = likelihood_of(case.name), effect_of(case)
-    (form,) = (f for f in effect.forms(likelihood.trials[0], case.place) if f.name == case.form)
+    form = find_form(effect, likelihood.trials[0], case.place, case.form)
     shape = {name: case.shape.get(name, value) for name, value in form.shapes[0].items()}
-    h = hypothesis(likelihood, effect, case.place, form, shape)
+    h = hypothesis(likelihood, effect, form, shape)
     assert h is not None, "nothing of it is seen"
     return h
 
@@ -95,9 +95,9 @@ def test_a_fit_returns_the_simulated_parameters(case: Case) -> None:
 @pytest.mark.parametrize("case", known(CASES, {}))
 def test_the_plant_of_true_amplitudes_is_the_true_plant(case: Case) -> None:
     """What a fit would be re-simulated with moves as the world does that it was fitted to."""
-    h, effect = true_hypothesis(case), effect_of(case)
+    h = true_hypothesis(case)
     trial = likelihood_of(case.name).trials[0]
-    values = effect.plant(trial, case.place, case.form, h.shape, np.array(case.amplitudes))
+    values = h.form.plant_fields(trial, h.shape, np.array(case.amplitudes))
     if values is None:
         pytest.skip("compared along the log only")
     plants = PlantParameters(), worlds.plant(**case.fields), worlds.plant(**values)

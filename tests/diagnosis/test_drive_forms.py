@@ -7,23 +7,20 @@ import pytest
 
 from samrl_core.diagnosis.diagnose import library
 from samrl_core.diagnosis.effects import Effect
-from samrl_core.diagnosis.effects.effect import Form, Shape
+from samrl_core.diagnosis.effects.form import Shape
 from samrl_core.diagnosis.residuals.basis_functions import bristle, travel
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
 from tests.diagnosis import worlds
-
-
-def form_of(effect: Effect, trial: Trial, place: str, name: str) -> Form:
-    return next(f for f in effect.forms(trial, place) if f.name == name)
+from tests.diagnosis.cases import find_form
 
 
 def disturbed(effect: Effect, place: str, name: str, shape: Shape, amplitudes: np.ndarray) -> Likelihood:
     """A nominal arm's recordings with an effect's own prediction added to their residuals."""
     trials = worlds.trials(worlds.world(3, "AB"))
     for trial in trials:
-        for (channel, joint), rows in effect.columns(trial, place, name, shape).items():
+        form = find_form(effect, trial, place, name)
+        for (channel, joint), rows in form.columns(trial, shape).items():
             trial.equations.residual[channel][:, joint] += amplitudes @ rows
     return Likelihood(trials)
 
@@ -69,14 +66,14 @@ def test_what_is_put_in_comes_out(
     (effect,) = library([family])
     likelihood = disturbed(effect, place, name, shape, np.array(amplitudes))
     trial, evidence = likelihood.trials[0], Evidence(likelihood)
-    found = effect.physical(trial, place, name, shape, np.array(amplitudes))
+    form = find_form(effect, trial, place, name)
+    found = form.parameters(trial, shape, np.array(amplitudes))
     assert {k: found[k] for k in expected} == pytest.approx(expected)
-    form = form_of(effect, trial, place, name)
-    starts = [hypothesis(likelihood, effect, place, form, start) for start in form.shapes]
+    starts = [hypothesis(likelihood, effect, form, start) for start in form.shapes]
     fits = [evidence.fit([h]) for h in starts if h is not None]
     fit = evidence.refine(max(fits, key=lambda f: f.log_evidence), 0, 60)
     h = fit.hypotheses[0]
-    again = effect.physical(trial, place, name, h.shape, fit.amplitudes[0])
+    again = form.parameters(trial, h.shape, fit.amplitudes[0])
     assert {k: again[k] for k in expected} == pytest.approx(expected, rel=0.15)
 
 
@@ -85,9 +82,9 @@ def test_a_sensor_that_reads_a_tenth_is_no_gain_error() -> None:
     (effect,) = library(["torque_sensor_error"])
     trial = worlds.trials(worlds.world(3, "A"))[0]
     for name, rest in (("gain and bias", (0.0,)), ("warm-up", (0.0, 0.0)), ("gain and drift", (0.0, 0.0))):
-        shape = form_of(effect, trial, "joint:lift", name).shapes[0]
-        assert not effect.admissible(trial, "joint:lift", name, shape, np.array([-0.9, *rest]))
-        assert effect.admissible(trial, "joint:lift", name, shape, np.array([-0.1, *rest]))
+        form = find_form(effect, trial, "joint:lift", name)
+        assert not form.is_admissible(trial, form.shapes[0], np.array([-0.9, *rest]))
+        assert form.is_admissible(trial, form.shapes[0], np.array([-0.1, *rest]))
 
 
 def test_a_friction_that_drives_somewhere_in_the_turn_is_none() -> None:
@@ -96,7 +93,8 @@ def test_a_friction_that_drives_somewhere_in_the_turn_is_none() -> None:
 
     def possible(level: float, wave: float) -> bool:
         amplitudes = np.array([level, wave, 0.0, 0.0, 0.0])
-        return effect.admissible(trial, "joint:turn", "friction everywhere", {"k": 6.0}, amplitudes)
+        form = find_form(effect, trial, "joint:turn", "friction everywhere")
+        return form.is_admissible(trial, {"k": 6.0}, amplitudes)
 
     assert possible(0.5, 0.4)
     assert not possible(0.1, 0.4), "negative over most of the turn"

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import samrl_core.diagnosis.effects
+from samrl_core.cell.excitation.catalogue import KINDS
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import library
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.selection.curves import AXES
 from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis import worlds
-from tests.diagnosis.cases import CASES, Case
+from tests.diagnosis.cases import CASES, Case, find_form
 from tests.diagnosis.test_agreement import likelihood_of, true_hypothesis
 
 EACH = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.family)
@@ -76,8 +80,8 @@ def test_reported_parameters_are_documented_ones(effect: Effect) -> None:
     documented = {p.name for p in effect.parameters}
     for place in effect.places(trial)[:1]:
         for form in effect.forms(trial, place):
-            amplitudes = np.full(len(effect.prior(trial, place, form.name, form.shapes[0])[0]), 0.1)
-            found = effect.physical(trial, place, form.name, form.shapes[0], amplitudes)
+            amplitudes = np.full(len(form.prior(trial, form.shapes[0])[0]), 0.1)
+            found = form.parameters(trial, form.shapes[0], amplitudes)
             assert found and set(found) <= documented, form.name
             assert np.isfinite(list(found.values())).all()
 
@@ -86,17 +90,17 @@ def test_reported_parameters_are_documented_ones(effect: Effect) -> None:
 def test_columns_are_finite_and_seen(effect: Effect) -> None:
     likelihood = rich()
     trial = likelihood.trials[0]
-    assert effect.unobservable(trial) is None
+    assert effect.why_unobservable(trial) is None
     for place in effect.places(trial):
-        kind = place.partition(":")[0]
+        kind = place.name.partition(":")[0]
         assert kind == effect.place_kind or kind == "arm"
         for form in effect.forms(trial, place):
             shape = form.shapes[0]
-            columns = effect.columns(trial, place, form.name, shape)
+            columns = form.columns(trial, shape)
             for (channel, joint), rows in columns.items():
                 assert channel in trial.channels and 0 <= joint < trial.joints
                 assert rows.shape[1] == len(trial) and np.isfinite(rows).all()
-            mean, spread = effect.prior(trial, place, form.name, shape)
+            mean, spread = form.prior(trial, shape)
             assert {len(rows) for rows in columns.values()} <= {len(mean)}
             assert mean.shape == spread.shape
             assert len(mean) == len(form.amplitudes) or kind == "arm"  # at the arm, one for each joint
@@ -117,7 +121,7 @@ def test_amplitude_zero_changes_nothing(effect: Effect) -> None:
 def test_neutral_shapes_of_fixed_responses_change_nothing(family: str, form: str) -> None:
     trial = rich().trials[0]
     (effect,) = library([family])
-    columns = effect.columns(trial, "joint:lift", form, NEUTRAL_SHAPES[family, form])
+    columns = find_form(effect, trial, "joint:lift", form).columns(trial, NEUTRAL_SHAPES[family, form])
     scale = float(np.std(trial.motion.u)) if trial.motion.u is not None else 1.0
     assert columns
     for rows in columns.values():
@@ -132,14 +136,14 @@ def test_neutral_amplitudes_make_a_neutral_plant(effect: Effect) -> None:
     made = 0
     for place in effect.places(trial)[:2]:
         for form in effect.forms(trial, place):
-            mean, _ = effect.prior(trial, place, form.name, form.shapes[0])
+            mean, _ = form.prior(trial, form.shapes[0])
             fixed = np.any(mean)
             key = effect.family, form.name
             shape = dict(form.shapes[0])
             if fixed:
                 shape |= (NEUTRAL_SHAPES | STIFF_SHAPES).get(key, {})
             amplitudes = np.where(mean, 1.0, 1e-9)
-            values = effect.plant(trial, place, form.name, shape, amplitudes)
+            values = form.plant_fields(trial, shape, amplitudes)
             if values is None:
                 continue
             made += 1
@@ -179,7 +183,7 @@ def test_evidence_leads_every_refined_shape(case: Case) -> None:
 
         def at(offset: float, name: str = name) -> float:
             shape = {**truth.shape, name: truth.shape[name] * float(np.exp(offset))}
-            h = hypothesis(likelihood, truth.effect, truth.place, form, shape)
+            h = hypothesis(likelihood, truth.effect, form, shape)
             return -np.inf if h is None else evidence.fit([h]).log_evidence
 
         slopes = [(at(s * form.step + step) - at(s * form.step - step)) / (2 * step) for s in (-1, 1)]
@@ -199,7 +203,7 @@ def test_searches_begin_off_their_bounds(effect: Effect) -> None:
                 for shape in form.shapes:
                     if name in shape:
                         part = np.log(shape[name] / low) / np.log(high / low)
-                        assert 0.02 < part < 0.98, f"{place} {form.name}: {name} starts at {shape[name]}"
+                        assert 0.02 < part < 0.98, f"{place.name} {form.name}: {name} starts at {shape[name]}"
 
 
 def test_libraries_are_checked() -> None:
@@ -211,3 +215,27 @@ def test_libraries_are_checked() -> None:
         library(["kinematic_error"])
     with pytest.raises(InputError):
         library([])
+
+
+def test_every_file_of_a_room_is_in_the_library() -> None:
+    """An effect's file without its line in the registry would never be tried."""
+    folder = Path(samrl_core.diagnosis.effects.__file__).parent
+    written = {p.stem for p in folder.glob("*/*.py") if "\nEFFECT = " in p.read_text()}
+    assert written == {e.family for e in EFFECTS}
+    assert [e.number for e in EFFECTS] == sorted(e.number for e in EFFECTS)
+
+
+def test_words_for_the_report_are_whole_sentences() -> None:
+    assert {"velocity", "position", "acceleration"} == set(AXES)
+    for effect in EFFECTS:
+        assert effect.title[0].isupper() and effect.meaning.endswith(".") and effect.remedy.endswith(".")
+        assert effect.curve_over in (*AXES, "effort") and effect.experiment in KINDS
+        shapes = {p.name for p in effect.parameters} | set(effect.renamed_shapes)
+        trial = rich().trials[0]
+        found = {n for place in effect.places(trial) for f in effect.forms(trial, place) for n in f.refine}
+        assert set(effect.renamed_shapes) <= found, "a shape that no form searches"
+        assert shapes
+    assert [e.running_title for e in library(["coulomb_friction", "cable"])] == [
+        "Coulomb friction",
+        "cable or hose",
+    ]

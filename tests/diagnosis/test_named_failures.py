@@ -11,6 +11,7 @@ import pytest
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose, library
 from samrl_core.diagnosis.effects import EFFECTS
+from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis, on_bound
@@ -134,10 +135,10 @@ def test_what_no_motion_shows_stays_at_its_prior() -> None:
     likelihood = Likelihood(worlds.trials(worlds.world(5, "AB", inertial_delta=UNSEEN_MASS)))
     (effect,) = library(["link_inertia"])
     trial = likelihood.trials[0]
-    (form,) = effect.forms(trial, "link:post")
-    h = hypothesis(likelihood, effect, "link:post", form, {})
+    (form,) = effect.forms(trial, Place.find(trial, "link:post"))
+    h = hypothesis(likelihood, effect, form, {})
     assert h is not None
-    columns = effect.columns(trial, "link:post", form.name, {})
+    columns = form.columns(trial, {})
     for rows in columns.values():
         assert np.max(np.abs(rows[0])) < 1e-9, "the mass of a link on a vertical axis loads no joint"
     fit = Evidence(likelihood).fit([h])
@@ -181,11 +182,12 @@ def test_a_search_from_a_bound_is_never_quietly_wrong(
     """From the grid a search finds the truth; from a bound it does so too, or says that it is stuck there."""
     likelihood = Likelihood(worlds.trials(worlds.world(5, "A", **fields)))
     (effect,) = library([family])
-    form = effect.forms(likelihood.trials[0], place)[0]
+    trial = likelihood.trials[0]
+    form = effect.forms(trial, Place.find(trial, place))[0]
     evidence = Evidence(likelihood)
 
     def searched(start: float) -> Fit:
-        h = hypothesis(likelihood, effect, place, form, {name: start})
+        h = hypothesis(likelihood, effect, form, {name: start})
         assert h is not None
         first = evidence.fit([h])
         found = evidence.refine(first, 0, 80)

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from samrl_core.diagnosis.effects.age_chain import Chain, forward_backward
+from samrl_core.diagnosis.effects.drive.age_chain import Chain, forward_backward
 from samrl_core.diagnosis.residuals.basis_functions import resonant
 
 

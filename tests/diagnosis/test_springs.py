@@ -9,7 +9,7 @@ import pytest
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.diagnose import library
-from samrl_core.diagnosis.effects.load.cable import Cable
+from samrl_core.diagnosis.effects.load.cable import SlackCable
 from samrl_core.diagnosis.effects.transmission.joint_elasticity import hardened
 from samrl_core.diagnosis.residuals.basis_functions import rubbing_spring
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
@@ -17,6 +17,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
+from tests.diagnosis.cases import find_form
 from tests.diagnosis.worlds import BEND, LIFT
 
 
@@ -41,8 +42,8 @@ def best(recordings: list[ArmRecording], family: str, place: str, form_name: str
     likelihood = Likelihood(worlds.trials(recordings))
     evidence, trial = Evidence(likelihood), likelihood.trials[0]
     (effect,) = library([family])
-    (form,) = (f for f in effect.forms(trial, place) if f.name == form_name)
-    tried = [hypothesis(likelihood, effect, place, form, shape) for shape in form.shapes]
+    form = find_form(effect, trial, place, form_name)
+    tried = [hypothesis(likelihood, effect, form, shape) for shape in form.shapes]
     fits = [evidence.fit([h]) for h in tried if h is not None]
     fit = evidence.refine(max(fits, key=lambda f: f.log_evidence), 0, 60)
     return fit, trial  # of evidence minus infinity, where the form is not admitted at all
@@ -50,7 +51,7 @@ def best(recordings: list[ArmRecording], family: str, place: str, form_name: str
 
 def found(fit: Fit, trial: Trial) -> dict[str, float]:
     h = fit.hypotheses[0]
-    return h.effect.physical(trial, h.place, h.form.name, h.shape, fit.amplitudes[0])
+    return h.form.parameters(trial, h.shape, fit.amplitudes[0])
 
 
 def test_a_hardening_spring_holds_its_torque() -> None:
@@ -93,8 +94,8 @@ def test_a_slack_cable_is_measured() -> None:
     assert values["h"] == pytest.approx(height, rel=0.15)
     # stiffness, hardening and slack make up for one another; what they pull together does not
     h = fit.hypotheses[0]
-    assert isinstance(h.effect, Cable)
-    got = fit.amplitudes[0][:2] @ h.effect.pull(trial, BEND, "slack", h.shape)
+    assert isinstance(h.form, SlackCable) and h.form.joint == BEND
+    got = fit.amplitudes[0][:2] @ h.form.pull(trial, h.shape)
     away = trial.motion.q[:, BEND] - rest
     taut = np.sign(away) * np.maximum(np.abs(away) - slack, 0.0)
     true = k * taut + harder * taut * np.abs(taut)
@@ -139,7 +140,7 @@ def test_a_rubbing_spring_is_measured() -> None:
     # Spring and slider trade against each other along a ridge of the evidence, and the truth is on it.
     h = fit.hypotheses[0]
     true = hypothesis(
-        Likelihood(worlds.trials(out)), h.effect, h.place, h.form, {"ts": level, "y": distance * stiffness}
+        Likelihood(worlds.trials(out)), h.effect, h.form, {"ts": level, "y": distance * stiffness}
     )
     assert true is not None
     at_truth = Evidence(Likelihood(worlds.trials(out))).fit([true])
@@ -156,7 +157,8 @@ def test_an_eccentricity_that_hardly_varies_is_an_offset() -> None:
     top = np.pi / 2 - float(np.mean(trial.motion.q[:, LIFT]))  # the wave's crest in the middle of the travel
     for k, turn, possible in ((0.3, 0.0, False), (8.0, 0.0, True)):
         amplitudes = 0.01 * np.array([np.cos(top + turn), np.sin(top + turn)])
-        assert effect.admissible(trial, "joint:lift", "", {"k": k}, amplitudes) is possible
+        form = find_form(effect, trial, "joint:lift", "")
+        assert form.is_admissible(trial, {"k": k}, amplitudes) is possible
 
 
 def test_second_derivatives_keep_their_size_up_to_the_band() -> None:

@@ -62,10 +62,10 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
         for name, width in widths.items():
             spread = np.hypot(width, formula * min(1.0, h.form.step / 0.35))
             shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
-        drawn = h.effect.drawn(trial, h.place, h.form.name, shape, amplitudes, rng)
+        drawn = h.form.sample_parameters(trial, shape, amplitudes, rng)
         for name, value in drawn.items():
             values.setdefault(name, []).append(value)
-    best = h.effect.physical(trial, h.place, h.form.name, h.shape, mean)
+    best = h.form.parameters(trial, h.shape, mean)
     out = {}
     for name, value in best.items():
         low, high = np.quantile(values[name], [0.025, 0.975])
@@ -103,7 +103,7 @@ def _shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
                 **h.shape,
                 name: h.shape[name] * float(np.exp(sign * step * min(1.0, h.form.step / 0.35))),
             }
-            moved = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
+            moved = hypothesis(evidence.likelihood, h.effect, h.form, shape)
             if moved is None:
                 continue
             others = list(fit.hypotheses)
@@ -164,7 +164,7 @@ def _size_alone(trial: Trial, fit: Fit, index: int, k: float) -> tuple[float, fl
     alone = Likelihood([trial])
     rest = alone.y
     for i, (h, a) in enumerate(zip(fit.hypotheses, fit.amplitudes, strict=True)):
-        there = hypothesis(alone, h.effect, h.place, h.form, h.shape)
+        there = hypothesis(alone, h.effect, h.form, h.shape)
         if there is None:
             if i == index:
                 return None

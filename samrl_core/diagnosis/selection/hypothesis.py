@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg, optimize
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Shape
+from samrl_core.diagnosis.effects.effect import Effect
+from samrl_core.diagnosis.effects.form import Form, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.likelihood import Likelihood, Regressors
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -28,7 +29,6 @@ class Hypothesis:
     """One effect at one place with its shape held."""
 
     effect: Effect
-    place: str
     form: Form
     shape: Shape
     regressors: Regressors
@@ -38,6 +38,11 @@ class Hypothesis:
     moment: np.ndarray  # (p,) likewise
     tried: int = 1  # shapes and forms that were searched
     cost: float = 0.0  # [nat] of the effect before these data
+
+    @property
+    def place(self) -> str:
+        """Contract's name of the place."""
+        return self.form.place.name
 
     @property
     def name(self) -> str:
@@ -55,11 +60,9 @@ class Fit:
     log_evidence: float  # against no effect [nat]
 
 
-def hypothesis(
-    likelihood: Likelihood, effect: Effect, place: str, form: Form, shape: Shape
-) -> Hypothesis | None:
+def hypothesis(likelihood: Likelihood, effect: Effect, form: Form, shape: Shape) -> Hypothesis | None:
     """Evaluate an effect's regressors; None where nothing of it is seen in these recordings."""
-    columns = [effect.columns(trial, place, form.name, shape) for trial in likelihood.trials]
+    columns = [form.columns(trial, shape) for trial in likelihood.trials]
     if ONSET in shape:
         columns = [_from(trial, c, shape[ONSET]) for trial, c in zip(likelihood.trials, columns, strict=True)]
     regressors = likelihood.regressors(columns)
@@ -68,10 +71,10 @@ def hypothesis(
     gram = likelihood.plain_gram(regressors, regressors)
     if not np.isfinite(gram).all() or float(np.max(np.diag(gram))) <= 0:
         return None
-    mean, spread = effect.prior(likelihood.trials[0], place, form.name, shape)
+    mean, spread = form.prior(likelihood.trials[0], shape)
     moment = likelihood.plain_moment(regressors)
-    cost = effect.cost(likelihood.trials, place, form.name, shape)
-    return Hypothesis(effect, place, form, shape, regressors, mean, spread, gram, moment, cost=cost)
+    cost = effect.prior_cost + form.cost(likelihood.trials, shape)
+    return Hypothesis(effect, form, shape, regressors, mean, spread, gram, moment, cost=cost)
 
 
 def _from(trial: Trial, columns: Columns, onset: float) -> Columns:
@@ -125,7 +128,7 @@ class Evidence:
         parts = tuple(amplitudes[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
         # What only one recording has reached (a tight spot, say) is possible if it is in that one.
         possible = all(
-            any(h.effect.admissible(t, h.place, h.form.name, h.shape, a) for t in self.likelihood.trials)
+            any(h.form.is_admissible(t, h.shape, a) for t in self.likelihood.trials)
             and not implausible(h, self.likelihood.trials[0], a)
             for h, a in zip(hypotheses, parts, strict=True)
         )
@@ -143,14 +146,14 @@ class Evidence:
         out: list[Hypothesis] = []
         trial = self.likelihood.trials[0]
         for effect in effects:
-            if effect.unobservable(trial):
+            if effect.why_unobservable(trial) is not None:
                 continue
             for place in effect.places(trial):
                 forms = effect.forms(trial, place)
                 tried = max(1, sum(len(form.shapes) for form in forms))
                 for form in forms:
                     for shape in form.shapes:
-                        h = hypothesis(self.likelihood, effect, place, form, shape)
+                        h = hypothesis(self.likelihood, effect, form, shape)
                         if h is not None:
                             out.append(replace(h, tried=tried))
         return out
@@ -168,7 +171,7 @@ class Evidence:
             nonlocal best
             inside = np.clip(logs, bounds[:, 0], bounds[:, 1])
             shape = {**start.shape, **dict(zip(names, np.exp(inside).tolist(), strict=True))}
-            h = hypothesis(self.likelihood, start.effect, start.place, start.form, shape)
+            h = hypothesis(self.likelihood, start.effect, start.form, shape)
             if h is None:
                 return 1e12
             others = list(fit.hypotheses)
@@ -200,7 +203,7 @@ def implausible(h: Hypothesis, trial: Trial, amplitudes: np.ndarray) -> bool:
     }
     if not ranges:
         return False
-    values = h.effect.physical(trial, h.place, h.form.name, h.shape, amplitudes)
+    values = h.form.parameters(trial, h.shape, amplitudes)
     return any(abs(value) > ranges.get(name.partition("[")[0], np.inf) for name, value in values.items())
 
 

@@ -115,7 +115,7 @@ def _discrimination(virtual: Trial, rivals: Sequence[tuple[Hypothesis, np.ndarra
     """Smallest energy [nat] over ordered pairs that remains when the wrong rival is fitted."""
     likelihood = Likelihood([virtual])
     least = np.inf
-    made = [(hypothesis(likelihood, h.effect, h.place, h.form, h.shape), a) for h, a in rivals]
+    made = [(hypothesis(likelihood, h.effect, h.form, h.shape), a) for h, a in rivals]
     for i, (truth, a) in enumerate(made):
         if truth is None:
             continue

@@ -46,7 +46,7 @@ def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
     changes: dict[str, np.ndarray | float] = {}
     neutral = PlantParameters()
     for h, a in zip(fit.hypotheses, fit.amplitudes, strict=True):
-        fields = h.effect.plant(trial, h.place, h.form.name, h.shape, a)
+        fields = h.form.plant_fields(trial, h.shape, a)
         if fields is None:
             return None
         for name, value in fields.items():

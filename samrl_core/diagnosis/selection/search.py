@@ -60,7 +60,7 @@ def switched_on(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
     def attempt(fit: Fit, onset: float) -> Fit | None:
         h = fit.hypotheses[0]
         shape = {**h.shape, ONSET: onset}
-        later = hypothesis(evidence.likelihood, h.effect, h.place, h.form, shape)
+        later = hypothesis(evidence.likelihood, h.effect, h.form, shape)
         return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
 
     first = singles[0].hypotheses[0].place

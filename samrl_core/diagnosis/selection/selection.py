@@ -129,7 +129,7 @@ def held_out_rest(held_out: Likelihood, fit: Fit) -> np.ndarray:
     """Held-out residuals with the fitted effects taken out; nothing is fitted again."""
     y = held_out.y
     for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
-        there = hypothesis(held_out, h.effect, h.place, h.form, h.shape)
+        there = hypothesis(held_out, h.effect, h.form, h.shape)
         if there is not None:
             y = held_out.minus(there.regressors, amplitudes, y)
     return y

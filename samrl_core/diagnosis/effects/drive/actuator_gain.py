@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, single
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.trial import Trial
 
 
-class ActuatorGain(DriveTorque):
+class ActuatorGain(DriveEffect):
     """The drive turns commanded torque into another torque: torque constant, current scale."""
 
     family, number, title = "actuator_gain", 14, "Actuator torque gain"
@@ -25,33 +26,31 @@ class ActuatorGain(DriveTorque):
     confounded_with = ("payload", "torque_sensor_error", "load_dependent_friction")
     parameters = (Parameter("e", "1", -0.3, 0.3, "relative error of the torque"),)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return single(("e",))
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        return (ScaledTorque(place=place, amplitudes=("e",)),)
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        # What the drive must have delivered, by the model, and not what was sent: that contains the very
-        # friction that is left over, and beside another rotor it would explain any residual by itself.
+
+class ScaledTorque(DriveForm):
+    """A share of the torque that the drive must have delivered."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        # By the model, and not what was sent: that contains the very friction that is left over, and beside
+        # another rotor it would explain any residual by itself.
         return -(trial.rigid_torque + trial.rotor_share)[:, [joint]].T
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.array([0.15])
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         # A larger one would be another drive, and would stand in for friction wherever friction is most.
         return bool(abs(amplitudes[0]) < 0.35)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         # Of the torque delivered, not of the torque sent: u - (1 + e) u = -e / (1 + e) (1 + e) u.
         return {"e": float(amplitudes[0] / (1.0 - amplitudes[0]))}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        gain = self.physical(trial, place, form, shape, amplitudes)["e"]
-        return {"actuator_gain": at_joint(trial, joints, gain)}
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {"actuator_gain": self.at_joints(trial, self.parameters(trial, shape, amplitudes)["e"])}
 
 
 EFFECT = ActuatorGain()

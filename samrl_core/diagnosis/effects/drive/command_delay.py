@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import LateResponse, clearest_delay
-from samrl_core.diagnosis.effects.packet_age import WANDERING, age_at, usual_age
+from samrl_core.diagnosis.effects.drive.late_response import (
+    LateForm,
+    LateResponse,
+    clearest_delay,
+    late_sides,
+)
+from samrl_core.diagnosis.effects.drive.packet_age import WANDERING, Age, ages, usual_age
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CLEAR = 10.0  # [nat] that a delay which changes must win, above the compared band, against a constant one
 ALWAYS = 0.8  # share of samples that must be late: fresh packets with some late ones are jitter
-JITTERY = "wandering"
+GRID = (0.001, 0.002, 0.004, 0.008, 0.016, 0.03)  # [s]
+LIMITS = (5e-4, 0.1)  # [s]
+TRACKED_GRID = (0.01, 0.02, 0.04, 0.08, 0.16)  # [s] of servos that only log where they are
 
 
 class CommandDelay(LateResponse):
@@ -33,84 +41,89 @@ class CommandDelay(LateResponse):
     experiment = "chirp"
     confounded_with = ("command_low_pass", "viscous_friction", "joint_elasticity")
     parameters = (Parameter("T", "s", 0.001, 0.025, "delay, its mean where it wanders"),)
-    symbol = "T"
-    grid = (0.001, 0.002, 0.004, 0.008, 0.016, 0.03)
-    limits = (5e-4, 0.1)
-    tracking_grid = (0.01, 0.02, 0.04, 0.08, 0.16)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         """Where single samples show a delay of two or more, it may also wander."""
-        constant = super().forms(trial, place)
-        if any(form.name == "effort" for form in constant):
+        if "tracking" in trial.channels:
+            grid, limits = tuple({"T": t} for t in TRACKED_GRID), {"T": (1e-3, 50.0)}
+            return (ConstantDelay(name="tracking", place=place, side="tracking", shapes=grid, refine=limits),)
+        sides = late_sides(trial)
+        constant = []
+        for side in sides:
+            grid = tuple({"T": t} for t in GRID)
             # Detail fixes a delay to a part of a sample: too narrow to be met by a search from afar.
-            clearest = clearest_delay(trial, self.joints_at(trial, place))
-            more = ({"T": clearest},) if clearest * trial.motion.rate > 1.0 else ()
-            constant = tuple(
-                replace(form, shapes=form.shapes + more) if form.name == "effort" else form
-                for form in constant
+            if (
+                side == "effort"
+                and (clearest := clearest_delay(trial, place.joints)) * trial.motion.rate > 1.0
+            ):
+                grid += ({"T": clearest},)
+            constant.append(
+                ConstantDelay(name=side, place=place, side=side, shapes=grid, refine={"T": LIMITS})
             )
-        offered = [
-            f"{form.name} {JITTERY}"
-            for form in constant
-            if form.name != "tracking" and usual_age(trial, place, form.name) > 1
-        ]
-        return constant + tuple(Form(name, ("present",)) for name in offered)
+        wandering = (
+            WanderingDelay(name=f"{side} wandering", place=place, amplitudes=("present",), side=side)
+            for side in sides
+            if usual_age(trial, place, side) > 1
+        )
+        return (*constant, *wandering)
 
-    def late(self, trial: Trial, x: np.ndarray, form: str, shape: Shape) -> np.ndarray:
+
+class ConstantDelay(LateForm):
+    """A constant delay."""
+
+    def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
         return trial.motion.delayed(x, shape["T"])
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        where, _, wanders = form.partition(" ")
-        if not wanders:
-            return super().columns(trial, place, form, shape)
-        age = age_at(trial, place, where, WANDERING)
-        put = trial.controller if where == "command" else trial.drive
-        return add(*(put(j, age.lost(trial, where, j)[None]) for j in self.joints_at(trial, place)))
+    def is_possible(self, trial: Trial, shape: Shape) -> bool:
+        return _is_seen(trial, shape["T"])
 
-    def cost(self, trials: Sequence[Trial], place: str, form: str, shape: Shape) -> float:
-        where, _, wanders = form.partition(" ")
-        if not wanders:
-            return super().cost(trials, place, form, shape)
-        gain = sum(age_at(trial, place, where, WANDERING).gain for trial in trials)
-        return CLEAR if gain > CLEAR else np.inf
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"T": shape["T"]}
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        where, _, wanders = form.partition(" ")
-        if wanders and age_at(trial, place, where, WANDERING).late < ALWAYS:
-            return False
-        # Less than a sample cannot be told from how the channels are stamped.
-        long = self.physical(trial, place, form, shape, amplitudes)["T"] > 1.1 / trial.motion.rate
-        return super().admissible(trial, place, form, shape, amplitudes) and long
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        if self.side == "tracking":
+            return None
+        return {f"{self.side}_delay": self.at_joints(trial, shape["T"])}
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        where, _, wanders = form.partition(" ")
-        return {"T": age_at(trial, place, where, WANDERING).mean_s if wanders else shape["T"]}
 
-    def drawn(
-        self,
-        trial: Trial,
-        place: str,
-        form: str,
-        shape: Shape,
-        amplitudes: np.ndarray,
-        rng: np.random.Generator,
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WanderingDelay(PresentForm):
+    """A delay that drifts and jumps about its mean, tracked sample by sample."""
+
+    side: str  # stream: command or effort
+
+    def age(self, trial: Trial) -> Age:
+        """Age of the packets of the place."""
+        return ages(trial, self.side, WANDERING)[self.place.index]
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        age = self.age(trial)
+        put = trial.controller if self.side == "command" else trial.drive
+        return add(*(put(j, age.lost(trial, self.side, j)[None]) for j in self.place.joints))
+
+    def cost(self, trials: Sequence[Trial], shape: Shape) -> float:
+        return CLEAR if sum(self.age(trial).log_evidence for trial in trials) > CLEAR else np.inf
+
+    def is_possible(self, trial: Trial, shape: Shape) -> bool:
+        age = self.age(trial)
+        return age.late >= ALWAYS and _is_seen(trial, age.mean_s)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"T": self.age(trial).mean_s}
+
+    def sample_parameters(
+        self, trial: Trial, shape: Shape, amplitudes: np.ndarray, rng: np.random.Generator
     ) -> dict[str, float]:
         """Tracked ages are whole samples: the mean is known to half of one."""
-        drawn = self.physical(trial, place, form, shape, amplitudes)["T"]
-        whole = rng.uniform(-0.5, 0.5) / trial.motion.rate if form.endswith(JITTERY) else 0.0
-        return {"T": drawn + whole}
+        return {"T": self.age(trial).mean_s + rng.uniform(-0.5, 0.5) / trial.motion.rate}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        if form == "tracking":
-            return None
-        joints = self.joints_at(trial, place)
-        delay = self.physical(trial, place, form, shape, amplitudes)["T"]
-        field = "command_delay" if form.startswith("command") else "effort_delay"
-        return {field: at_joint(trial, joints, delay)}
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {f"{self.side}_delay": self.at_joints(trial, self.age(trial).mean_s)}
+
+
+def _is_seen(trial: Trial, delay: float) -> bool:
+    """Less than a sample cannot be told from how the channels are stamped."""
+    return delay > 1.1 / trial.motion.rate
 
 
 EFFECT = CommandDelay()

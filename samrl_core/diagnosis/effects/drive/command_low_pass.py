@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import LateResponse
+from samrl_core.diagnosis.effects.drive.late_response import LateForm, LateResponse, late_sides
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import low_passed, resonant
 from samrl_core.diagnosis.residuals.trial import Trial
 
-SECOND = "second order"
+GRID = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # [Hz]
+TRACKED_GRID = (0.5, 1.0, 2.0, 4.0, 8.0)  # [Hz] of servos that only log where they are
 
 
 class CommandLowPass(LateResponse):
@@ -24,32 +26,44 @@ class CommandLowPass(LateResponse):
     experiment = "chirp"
     confounded_with = ("command_delay", "joint_elasticity", "torque_rate_limit")
     parameters = (Parameter("fc", "Hz", 0.5, 100.0, "cutoff frequency, at -3 dB"),)
-    symbol = "fc"
-    grid = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-    limits = (0.2, 200.0)
-    tracking_grid = (0.5, 1.0, 2.0, 4.0, 8.0)
 
-    variants = ("", SECOND)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        if "tracking" in trial.channels:
+            grid, limits = tuple({"fc": f} for f in TRACKED_GRID), {"fc": (1e-3, 50.0)}
+            return (FirstOrder(name="tracking", place=place, side="tracking", shapes=grid, refine=limits),)
+        # Filters faster than a third of the sampling rate are lost in what is aliased.
+        low, high = 0.2, min(200.0, trial.motion.rate / 3.0)
+        grid, limits = tuple({"fc": f} for f in GRID if low < f < high), {"fc": (low, high)}
+        return tuple(
+            make(name=f"{side}{suffix}", place=place, side=side, shapes=grid, refine=limits)
+            for side in late_sides(trial)
+            for make, suffix in ((FirstOrder, ""), (SecondOrder, " second order"))
+        )
 
-    def limits_at(self, trial: Trial) -> tuple[float, float]:
-        """Up to a third of the sampling rate: faster filters are lost in what is aliased."""
-        low, high = self.limits
-        return low, min(high, trial.motion.rate / 3.0)
 
-    def late(self, trial: Trial, x: np.ndarray, form: str, shape: Shape) -> np.ndarray:
-        if form.endswith(SECOND):
-            return resonant(x, shape["fc"], np.sqrt(0.5), 1.0 / trial.motion.rate)
+class FirstOrder(LateForm):
+    """A low-pass of first order."""
+
+    def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
         return low_passed(x, shape["fc"], trial.motion.rate)
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        if form == "tracking" or form.endswith(SECOND):
-            return None  # the simulator's filters are of first order
-        joints = self.joints_at(trial, place)
-        if form == "command":
-            return {"command_cutoff": at_joint(trial, joints, shape["fc"], np.inf)}
-        return {"effort_cutoff": at_joint(trial, joints, shape["fc"], np.inf)}
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"fc": shape["fc"]}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        if self.side == "tracking":
+            return None
+        return {f"{self.side}_cutoff": self.at_joints(trial, shape["fc"], np.inf)}
+
+
+class SecondOrder(LateForm):
+    """A Butterworth low-pass of second order; the simulator's filters are of first order."""
+
+    def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
+        return resonant(x, shape["fc"], np.sqrt(0.5), 1.0 / trial.motion.rate)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"fc": shape["fc"]}
 
 
 EFFECT = CommandLowPass()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.drive_torque import track_joints
+from samrl_core.diagnosis.effects.effect import Effect, Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import TIMING_RATE_HZ, Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
@@ -27,25 +29,26 @@ class ControllerGain(Effect):
         Parameter("sag", "rad", 0.001, 0.5, "how far a soft servo gives way over the poses, without torques"),
     )
 
-    def places(self, trial: Trial) -> tuple[str, ...]:
-        return super().places(trial) + (f"arm:{trial.recording.arm.role}",)
+    def acts_on_arm(self, trial: Trial) -> bool:
+        return True
 
-    def unobservable(self, trial: Trial) -> str | None:
+    def why_unobservable(self, trial: Trial) -> str | None:
         if "tracking" in trial.channels and trial.motion.rate >= TIMING_RATE_HZ:
             return None
         if "controller" in trial.channels:
             return None
         return "needs command, commanded effort and the described controller"
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         if "tracking" in trial.channels:
-            joints = trial.recording.arm.joints
-            return (Form("sag", ("constant", *joints)),)
-        return (Form("gains", ("eK", "eD")),)
+            return (Sag(name="sag", place=place, amplitudes=("constant", *trial.recording.arm.joints)),)
+        return (ScaledGains(name="gains", place=place, amplitudes=("eK", "eD")),)
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        if form == "sag":
-            return self._sag(trial, self.joints_at(trial, place))
+
+class ScaledGains(Form):
+    """Stiffness and damping off by a factor each."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
         motion, command, controller = trial.motion, trial.motion.command, trial.recording.arm.controller
         assert command is not None and command.position is not None and command.velocity is not None
         assert controller is not None and motion.raw_position is not None
@@ -53,48 +56,40 @@ class ControllerGain(Effect):
         spring = controller.stiffness * (command.position - motion.raw_position)
         damper = controller.damping * (command.velocity - speed)
         rows = -np.stack([spring, damper])
-        return add(*(trial.controller(j, rows[:, :, j]) for j in self.joints_at(trial, place)))
+        return add(*(trial.controller(j, rows[:, :, j]) for j in self.place.joints))
 
-    def _sag(self, trial: Trial, joints: tuple[int, ...]) -> Columns:
-        """Error of a servo without integral part: weight over stiffness, linear in the commanded pose."""
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(2), np.full(2, 0.3)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"eK": float(amplitudes[0]), "eD": float(amplitudes[1])}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {
+            "stiffness_scale": self.at_joints(trial, 1.0 + amplitudes[0], 1.0),
+            "damping_scale": self.at_joints(trial, 1.0 + amplitudes[1], 1.0),
+        }
+
+
+class Sag(Form):
+    """Error of a servo without integral part: weight over stiffness, linear in the commanded pose."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
         command = trial.motion.command
         assert command is not None and command.position is not None
         pose = trial.motion.reduce(command.position)
         terms = np.vstack([np.ones(len(pose)), pose.T])
-        out: Columns = {}
-        for i, j in enumerate(joints):
-            rows = np.zeros((len(joints) * len(terms), len(pose)))
-            rows[i * len(terms) : (i + 1) * len(terms)] = terms
-            out |= trial.tracking(j, rows)
-        return out
+        return track_joints(trial, self.place, lambda _: terms)
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        if form == "sag":
-            count = (1 + trial.joints) * len(self.joints_at(trial, place))
-            return np.zeros(count), np.full(count, 0.1)
-        return np.zeros(2), np.full(2, 0.3)
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        count = (1 + trial.joints) * len(self.place.joints)
+        return np.zeros(count), np.full(count, 0.1)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        if form == "sag":
-            joints = self.joints_at(trial, place)
-            columns = self._sag(trial, joints)
-            names = trial.recording.arm.joints
-            spans = {j: float(np.ptp(amplitudes @ columns["tracking", j])) for j in joints}
-            return {"sag" if len(joints) == 1 else f"sag[{names[j]}]": span for j, span in spans.items()}
-        return {"eK": float(amplitudes[0]), "eD": float(amplitudes[1])}
-
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        if form == "sag":
-            return None
-        joints = self.joints_at(trial, place)
-        return {
-            "stiffness_scale": at_joint(trial, joints, 1.0 + amplitudes[0], 1.0),
-            "damping_scale": at_joint(trial, joints, 1.0 + amplitudes[1], 1.0),
-        }
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        joints, names = self.place.joints, trial.recording.arm.joints
+        columns = self.columns(trial, shape)
+        spans = {j: float(np.ptp(amplitudes @ columns["tracking", j])) for j in joints}
+        return {"sag" if len(joints) == 1 else f"sag[{names[j]}]": span for j, span in spans.items()}
 
 
 EFFECT = ControllerGain()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape
-from samrl_core.diagnosis.effects.families import FixedResponse
-from samrl_core.diagnosis.effects.packet_age import HELD, age_at, ages
+from samrl_core.diagnosis.effects.drive.packet_age import HELD, Age, ages
+from samrl_core.diagnosis.effects.effect import Effect, Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
@@ -17,7 +19,7 @@ MOSTLY = 0.6  # share of samples above which packets are not now and then late, 
 UNSEEN = 0.2  # ASSUMPTION: relative deviation of the share by holds too short or too quiet to be told
 
 
-class PacketJitter(FixedResponse):
+class PacketJitter(Effect):
     """Now and then a command does not arrive, and the last one is held.
 
     Packets carry all joints: one joint alone is only named where the others deny that they share its holds.
@@ -32,7 +34,6 @@ class PacketJitter(FixedResponse):
     source = "1.4-1.7 % of packets late, at most 6.2 ms, measured on a Panda's link"
     acts_on = "command"
     by_chance = True
-    freedom = 0.1
     excitation = "any fast motion; stamps"
     confounded_with = ("command_delay",)
     parameters = (
@@ -40,10 +41,10 @@ class PacketJitter(FixedResponse):
         Parameter("longest", "s", 0.001, 0.02, "longest hold"),
     )
 
-    def places(self, trial: Trial) -> tuple[str, ...]:
-        return super().places(trial) + (f"arm:{trial.recording.arm.role}",)
+    def acts_on_arm(self, trial: Trial) -> bool:
+        return True
 
-    def unobservable(self, trial: Trial) -> str | None:
+    def why_unobservable(self, trial: Trial) -> str | None:
         if not ({"controller", "drive"} & set(trial.channels)):
             return "needs commanded and measured effort, or the command"
         return (
@@ -52,49 +53,51 @@ class PacketJitter(FixedResponse):
             else f"sampled at {trial.motion.rate:.0f} Hz, single packets need 200 Hz"
         )
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        forms = []
-        if "controller" in trial.channels:
-            forms.append(Form("command", ("present",)))
-        if "drive" in trial.channels:
-            forms.append(Form("effort", ("present",)))
-        return tuple(forms)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        sides = (("controller", "command"), ("drive", "effort"))
+        return tuple(
+            HeldPackets(name=side, place=place, amplitudes=("present",), side=side)
+            for channel, side in sides
+            if channel in trial.channels
+        )
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        age = age_at(trial, place, form, HELD)
-        put = trial.controller if form == "command" else trial.drive
-        return add(*(put(j, age.lost(trial, form, j)[None]) for j in self.joints_at(trial, place)))
 
-    def cost(self, trials: Sequence[Trial], place: str, form: str, shape: Shape) -> float:
-        gains = np.sum([[a.gain for a in ages(trial, form, HELD)] for trial in trials], axis=0)
-        alone, together = gains[:-1], float(gains[-1])
-        kind, _, name = place.partition(":")
-        mine = float(alone[trials[0].recording.arm.joints.index(name)]) if kind == "joint" else together
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HeldPackets(PresentForm):
+    """The last packet of a stream is held until the next arrives."""
+
+    freedom: ClassVar[float] = 0.1
+    side: str  # stream: command or effort
+
+    def age(self, trial: Trial) -> Age:
+        """Age of the packets of the place."""
+        return ages(trial, self.side, HELD)[self.place.index]
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        age = self.age(trial)
+        put = trial.controller if self.side == "command" else trial.drive
+        return add(*(put(j, age.lost(trial, self.side, j)[None]) for j in self.place.joints))
+
+    def cost(self, trials: Sequence[Trial], shape: Shape) -> float:
+        found = np.sum([[a.log_evidence for a in ages(t, self.side, HELD)] for t in trials], axis=0)
+        alone, together = found[:-1], float(found[-1])
+        mine = float(found[self.place.index])
         # What others deny makes the arm's holds less probable than one joint's; silence does not.
-        denied = mine < together + CLEAR if kind == "joint" else together < float(np.max(alone))
+        denied = together < float(np.max(alone)) if self.place.is_arm else mine < together + CLEAR
         return np.inf if denied or mine < CLEAR else CLEAR
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        rare = age_at(trial, place, form, HELD).late < MOSTLY
-        return rare and super().admissible(trial, place, form, shape, amplitudes)
+    def is_possible(self, trial: Trial, shape: Shape) -> bool:
+        return self.age(trial).late < MOSTLY
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        age = age_at(trial, place, form, HELD)
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        age = self.age(trial)
         return {"held": age.late, "longest": age.longest(0.5) / age.rate}
 
-    def drawn(
-        self,
-        trial: Trial,
-        place: str,
-        form: str,
-        shape: Shape,
-        amplitudes: np.ndarray,
-        rng: np.random.Generator,
+    def sample_parameters(
+        self, trial: Trial, shape: Shape, amplitudes: np.ndarray, rng: np.random.Generator
     ) -> dict[str, float]:
         """Bursts are few, so their share is uncertain; their ends may be missed."""
-        age = age_at(trial, place, form, HELD)
+        age = self.age(trial)
         few = 1.0 / max(1.0, age.bursts)
         # Lengths of bursts are geometric: their sum deviates by twice what their number does, in variance.
         share = age.late * np.exp(np.hypot(UNSEEN, np.sqrt(2.0 * few)) * rng.standard_normal())

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import BEYOND, DriveTorque, single
+from samrl_core.diagnosis.effects.drive_torque import BEYOND, DriveEffect, DriveForm, are_positive, name_sizes
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.trial import Trial
 
 LEAST_SHARE = 0.05  # of a joint's own inertia, from which a rotor counts when all joints are said to have one
 
 
-class ReflectedInertia(DriveTorque):
+class ReflectedInertia(DriveEffect):
     """Rotor inertia that the nominal model does not have."""
 
     family, number, title = "reflected_inertia", 13, "Reflected rotor inertia"
@@ -27,35 +28,35 @@ class ReflectedInertia(DriveTorque):
     parameters = (Parameter("Ja", "kg m2", 0.01, 1.0, "rotor inertia seen at the joint, beyond nominal"),)
     at_every_joint = True
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return single(("Ja",))
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        return (RotorTorque(place=place, amplitudes=("Ja",)),)
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+
+class RotorTorque(DriveForm):
+    """The acceleration itself."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return trial.motion.full_acceleration[:, [joint]].T
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.array([0.5 * max(trial.scale[joint] / 87.0, 0.1)])
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        joints = self.joints_at(trial, place)
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        joints = self.place.joints
         if len(joints) == 1:
             return bool(amplitudes[0] > -trial.rotor[joints[0]])
-        return self.positive(trial, place, amplitudes)
+        return are_positive(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j))
 
-    def beyond_nominal(self, trial: Trial, joint: int) -> float:
-        known = BEYOND * trial.recording.arm.tolerances.armature * float(trial.rotor[joint])
-        return max(known, LEAST_SHARE * float(np.mean(trial.mass[:, joint, joint])))
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return name_sizes(trial, self.place, "Ja", amplitudes)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        return self.sizes(trial, place, form, "Ja", amplitudes)
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {"rotor_inertia": self.at_joints(trial, amplitudes)}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        return {"rotor_inertia": at_joint(trial, joints, amplitudes)}
+
+def _beyond_tolerance(trial: Trial, joint: int) -> float:
+    known = BEYOND * trial.recording.arm.tolerances.armature * float(trial.rotor[joint])
+    return max(known, LEAST_SHARE * float(np.mean(trial.mass[:, joint, joint])))
 
 
 EFFECT = ReflectedInertia()

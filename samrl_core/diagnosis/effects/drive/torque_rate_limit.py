@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, FixedResponse, single
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, lose_torque
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.basis_functions import rate_limited
+from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
 
-class TorqueRateLimit(FixedResponse, DriveTorque):
+class TorqueRateLimit(DriveEffect):
     """The drive's torque cannot change faster than a rate."""
 
     family, number, title = "torque_rate_limit", 16, "Torque rate limit"
@@ -23,38 +25,34 @@ class TorqueRateLimit(FixedResponse, DriveTorque):
     confounded_with = ("command_low_pass", "command_delay", "torque_saturation")
     parameters = (Parameter("R", "N m/s", 5.0, 1000.0, "largest rate"),)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        (joint,) = self.joints_at(trial, place)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        (joint,) = place.joints
         most = 1.0
         if trial.motion.raw_commanded is not None:
             steps = np.abs(np.diff(trial.motion.raw_commanded[:, joint]))
             most = max(float(np.quantile(steps, 0.999)) * trial.motion.rate, 1e-6)
-        return single(
-            ("present",),
-            # Other recordings of the arm may move faster than the first.
-            tuple({"R": f * most} for f in (0.05, 0.1, 0.2, 0.35, 0.6, 0.85, 1.2, 2.0)),
-            R=(0.01 * most, 4.0 * most),
-        )
+        # Other recordings of the arm may move faster than the first.
+        grid = tuple({"R": f * most} for f in (0.05, 0.1, 0.2, 0.35, 0.6, 0.85, 1.2, 2.0))
+        limits = {"R": (0.01 * most, 4.0 * most)}
+        return (LimitedRate(place=place, amplitudes=("present",), shapes=grid, refine=limits),)
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        assert trial.motion.raw_commanded is not None
-        # As it was sent, with what sensor noise does through the gains: a limit acts on that as well.
-        u = trial.motion.raw_commanded[:, joint]
-        return (u - rate_limited(u, shape["R"] / trial.motion.rate))[None]
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        return np.ones(1)
+class LimitedRate(PresentForm):
+    """What a limit of the rate takes away from the effort as it was sent."""
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        sent = trial.motion.raw_commanded
+        assert sent is not None
+        # With what sensor noise does through the gains: a limit acts on that as well.
+        u = sent[:, self.joint]
+        lost = (u - rate_limited(u, shape["R"] / trial.motion.rate))[None]
+        return lose_torque(trial, self.place, lambda _: lost)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"R": shape["R"]}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        return {"effort_rate_limit": at_joint(trial, joints, shape["R"], np.inf)}
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {"effort_rate_limit": self.at_joints(trial, shape["R"], np.inf)}
 
 
 EFFECT = TorqueRateLimit()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, FixedResponse
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, lose_torque
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -14,7 +17,7 @@ SOFTNESS = (2.0, 40.0)  # from a very soft knee to what is nearly a clip
 MOST_LIMITED = 0.75  # share of samples beyond the limit
 
 
-class TorqueSaturation(FixedResponse, DriveTorque):
+class TorqueSaturation(DriveEffect):
     """The drive gives less than is asked for, above a limit that the model does not know."""
 
     family, number, title = "torque_saturation", 15, "Torque saturation"
@@ -30,55 +33,94 @@ class TorqueSaturation(FixedResponse, DriveTorque):
     confounded_with = ("torque_rate_limit", "actuator_gain")
     parameters = (Parameter("L", "N m", 1.0, 87.0, "torque limit"),)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        (joint,) = self.joints_at(trial, place)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        (joint,) = place.joints
         most = float(np.max(np.abs(trial.motion.u[:, joint]))) if trial.motion.u is not None else 1.0
         grid = tuple({"L": f * most} for f in (0.05, 0.12, 0.25, 0.4, 0.6, 0.75, 0.85, 0.92, 0.96))
         limits = {"L": (0.02 * most, 1.3 * most)}
         soft = tuple({"L": f * most, "p": p} for p in SOFT_KNEES for f in (0.7, 0.85, 1.0, 1.1, 1.25))
+        softness = {"L": (0.1 * most, 1.5 * most), "p": SOFTNESS}
+        one = ("present",)
         forms = (
-            Form("drive", ("present",), grid, limits),
-            Form("soft", ("present",), soft, {"L": (0.1 * most, 1.5 * most), "p": SOFTNESS}),
+            DriveClip(name="drive", place=place, amplitudes=one, shapes=grid, refine=limits),
+            SoftKnee(name="soft", place=place, amplitudes=one, shapes=soft, refine=softness),
         )
-        return forms + (
-            (Form("controller", ("present",), grid, limits),) if trial.equations.law is not None else ()
+        if trial.equations.law is None:
+            return forms
+        return (
+            *forms,
+            ControllerClip(name="controller", place=place, amplitudes=one, shapes=grid, refine=limits),
         )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        x = trial.equations.law if form == "controller" else trial.motion.raw_commanded
-        assert x is not None
-        u, most = x[:, joint], shape["L"]
-        if form == "soft":
-            return (u - u / (1.0 + np.abs(u / most) ** shape["p"]) ** (1.0 / shape["p"]))[None]
-        return (u - np.clip(u, -most, most))[None]
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        if form == "controller":
-            (joint,) = self.joints_at(trial, place)
-            return trial.controller(joint, self.torque(trial, joint, form, shape))
-        return super().columns(trial, place, form, shape)
+class LimitedTorque(PresentForm):
+    """A torque that stays below a limit `L`."""
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        return np.ones(1)
+    @abstractmethod
+    def asked(self, trial: Trial) -> np.ndarray | None:
+        """Torque (F, J) that is asked for."""
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    @abstractmethod
+    def given(self, u: np.ndarray, shape: Shape) -> np.ndarray:
+        """What of a torque (F,) comes out."""
+
+    def lost(self, trial: Trial, shape: Shape) -> np.ndarray:
+        """Missing torque (1, F)."""
+        asked = self.asked(trial)
+        assert asked is not None
+        u = asked[:, self.joint]
+        return (u - self.given(u, shape))[None]
+
+    def is_possible(self, trial: Trial, shape: Shape) -> bool:
         # A drive that were in its limit nearly all of the time would not be a limit, but another law.
-        x = trial.equations.law if form == "controller" else trial.motion.raw_commanded
-        (joint,) = self.joints_at(trial, place)
-        limited = x is None or np.mean(np.abs(x[:, joint]) > shape["L"]) > MOST_LIMITED
-        return super().admissible(trial, place, form, shape, amplitudes) and not limited
+        asked = self.asked(trial)
+        return asked is not None and bool(np.mean(np.abs(asked[:, self.joint]) > shape["L"]) <= MOST_LIMITED)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"L": shape["L"]}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         # The simulator clips; a soft knee loses most where a clip at its asymptote begins to.
-        joints = self.joints_at(trial, place)
-        return {"effort_limit": at_joint(trial, joints, shape["L"], np.inf)}
+        return {"effort_limit": self.at_joints(trial, shape["L"], np.inf)}
+
+
+class DriveClip(LimitedTorque):
+    """The drive clips."""
+
+    def asked(self, trial: Trial) -> np.ndarray | None:
+        return trial.motion.raw_commanded
+
+    def given(self, u: np.ndarray, shape: Shape) -> np.ndarray:
+        return np.clip(u, -shape["L"], shape["L"])
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return lose_torque(trial, self.place, lambda _: self.lost(trial, shape))
+
+
+class SoftKnee(LimitedTorque):
+    """The drive gives way before it ends."""
+
+    def asked(self, trial: Trial) -> np.ndarray | None:
+        return trial.motion.raw_commanded
+
+    def given(self, u: np.ndarray, shape: Shape) -> np.ndarray:
+        return u / (1.0 + np.abs(u / shape["L"]) ** shape["p"]) ** (1.0 / shape["p"])
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return lose_torque(trial, self.place, lambda _: self.lost(trial, shape))
+
+
+class ControllerClip(LimitedTorque):
+    """The controller clips what it sends."""
+
+    def asked(self, trial: Trial) -> np.ndarray | None:
+        return trial.equations.law
+
+    def given(self, u: np.ndarray, shape: Shape) -> np.ndarray:
+        return np.clip(u, -shape["L"], shape["L"])
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return trial.controller(self.joint, self.lost(trial, shape))
 
 
 EFFECT = TorqueSaturation()

@@ -4,8 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import BEYOND, ShaftFriction, widest_turn
+from samrl_core.diagnosis.effects.drive_torque import (
+    BEYOND,
+    DriveEffect,
+    DriveForm,
+    ShaftForm,
+    are_positive,
+    name_sizes,
+    track_joints,
+    widest_turn,
+)
+from samrl_core.diagnosis.effects.effect import Parameter, lacks_drive_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import SIGN_SPEEDS, bristle, smooth_sign, travel
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -14,7 +24,7 @@ LEAST_ANGLE = 0.001  # [rad] parked short, from which a joint counts
 STIFF = (3e-5, 1e-4)  # [rad] presliding distances below what encoders of arms resolve
 
 
-class CoulombFriction(ShaftFriction):
+class CoulombFriction(DriveEffect):
     """Dry friction of constant level."""
 
     family, number, title = "coulomb_friction", 1, "Coulomb friction"
@@ -41,94 +51,104 @@ class CoulombFriction(ShaftFriction):
     )
     at_every_joint = True
 
-    def unobservable(self, trial: Trial) -> str | None:
+    def why_unobservable(self, trial: Trial) -> str | None:
         """Also visible as a tracking error."""
-        return None if "tracking" in trial.channels else super().unobservable(trial)
+        return None if "tracking" in trial.channels else lacks_drive_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         """Width of the transition, or of the bristle, is searched."""
         if "tracking" in trial.channels:
-            return (Form("parks short", ("Fc",), tuple({"xs": x} for x in (1e-3, 3e-3, 1e-2, 3e-2))),)
-        widest = widest_turn(trial, self.joints_at(trial, place), 0.1)
-        grid = tuple({"v": v} for v in SIGN_SPEEDS if v < widest)
-        smooth = Form("smooth", ("Fc",), grid, {"v": (5e-4, widest)})
-        if place.startswith("arm:"):
+            grid = tuple({"xs": x} for x in (1e-3, 3e-3, 1e-2, 3e-2))
+            return (ParkingShort(name="parks short", place=place, amplitudes=("Fc",), shapes=grid),)
+        widest = widest_turn(trial, place.joints, 0.1)
+        if place.is_arm:
             # One width for joints of unlike speeds is no parameter of any of them: chosen, not searched.
             grid = tuple({"v": v} for v in (*SIGN_SPEEDS, 3 * SIGN_SPEEDS[-1], 10 * SIGN_SPEEDS[-1]))
             common = tuple(shape for shape in grid if shape["v"] <= widest)
-            return self.coupled_forms(trial, Form("smooth", ("Fc",), common))
-        # A bristle this stiff cannot be told from a jump, but parks where it stopped.
-        return smooth, Form("stiff bristle", ("Fc",), tuple({"xs": x} for x in STIFF), {"xs": (1e-5, 1.5e-4)})
+            return SmoothSign(name="smooth", place=place, amplitudes=("Fc",), shapes=common).with_shafts(
+                trial
+            )
+        grid = tuple({"v": v} for v in SIGN_SPEEDS if v < widest)
+        limits, stiff = {"v": (5e-4, widest)}, tuple({"xs": x} for x in STIFF)
+        return (
+            SmoothSign(name="smooth", place=place, amplitudes=("Fc",), shapes=grid, refine=limits),
+            StiffBristle(
+                name="stiff bristle",
+                place=place,
+                amplitudes=("Fc",),
+                shapes=stiff,
+                refine={"xs": (1e-5, 1.5e-4)},
+            ),
+        )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        """Smooth sign of the velocity, or a stiff bristle along the position."""
-        if form == "stiff bristle":
-            return bristle(travel(trial.motion.full_velocity[:, joint], trial.motion.rate), shape["xs"])[None]
-        return smooth_sign(trial.motion.full_velocity[:, joint], shape["v"])[None]
 
-    def of_shaft(
-        self, trial: Trial, first: int, second: int, sign: float, form: str, shape: Shape
-    ) -> np.ndarray:
-        """Smooth sign of the shaft's speed."""
-        speed = trial.motion.full_velocity
-        return smooth_sign(speed[:, first] + sign * speed[:, second], shape["v"])[None]
+class SmoothSign(ShaftForm):
+    """Smooth sign of the velocity."""
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        """In the drive; without torques, a stiff position loop parks short by Fc / K."""
-        if "tracking" in trial.channels:
-            joints = self.joints_at(trial, place)
-            out: Columns = {}
-            for i, j in enumerate(joints):
-                rows = np.zeros((len(joints), len(trial)))
-                rows[i] = bristle(_command(trial)[:, j], shape["xs"])
-                out |= trial.tracking(j, rows)
-            return out
-        return super().columns(trial, place, form, shape)
+    def friction(self, trial: Trial, speed: np.ndarray, shape: Shape) -> np.ndarray:
+        return smooth_sign(speed, shape["v"])
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        """A tenth of the effort scale."""
-        return np.array([0.02 if "tracking" in trial.channels else 0.1 * trial.scale[joint]])
+    def spread(self, trial: Trial, joint: int) -> float:
+        return 0.1 * trial.scale[joint]
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        """Friction opposes motion."""
-        return self.positive(trial, place, amplitudes)
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return are_positive(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j))
 
-    def beyond_nominal(self, trial: Trial, joint: int) -> float:
-        """Three times the tolerance."""
-        if "tracking" in trial.channels:
-            return LEAST_ANGLE
-        tolerance = np.broadcast_to(trial.recording.arm.tolerances.coulomb_friction, (trial.joints,))[joint]
-        return BEYOND * float(tolerance) * trial.scale[joint]
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return name_sizes(trial, self.place, "Fc", amplitudes, self.shaft)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        """Level."""
-        name = "parked" if "tracking" in trial.channels else "Fc"
-        return self.sizes(trial, place, form, name, amplitudes)
-
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        """The same friction in closed loop."""
-        if "tracking" in trial.channels:
-            return None
-        joints = self.joints_at(trial, place)
-        if form == "stiff bristle":
-            return {
-                "coulomb": at_joint(trial, joints, amplitudes),
-                "presliding_stiffness": at_joint(trial, joints, amplitudes / shape["xs"]),
-            }
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         return {
-            "coulomb": at_joint(trial, joints, amplitudes),
-            "coulomb_velocity": at_joint(trial, joints, shape.get("v", 0.003), 0.005),
+            "coulomb": self.at_joints(trial, amplitudes),
+            "coulomb_velocity": self.at_joints(trial, shape.get("v", 0.003), 0.005),
         }
 
 
-def _command(trial: Trial) -> np.ndarray:
-    command = trial.motion.command
-    assert command is not None and command.position is not None
-    return trial.motion.reduce(command.position)
+class StiffBristle(DriveForm):
+    """A bristle along the position: too stiff to be told from a jump, but it parks where it stopped."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return bristle(travel(trial.motion.full_velocity[:, joint], trial.motion.rate), shape["xs"])[None]
+
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return np.array([0.1 * trial.scale[joint]])
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(amplitudes[0] > 0)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return name_sizes(trial, self.place, "Fc", amplitudes)
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {
+            "coulomb": self.at_joints(trial, amplitudes),
+            "presliding_stiffness": self.at_joints(trial, amplitudes / shape["xs"]),
+        }
+
+
+class ParkingShort(Form):
+    """Without torques: a stiff position loop parks short by Fc / K."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        command = trial.motion.command
+        assert command is not None and command.position is not None
+        path = trial.motion.reduce(command.position)
+        return track_joints(trial, self.place, lambda j: bristle(path[:, j], shape["xs"])[None])
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        count = len(self.place.joints)
+        return np.zeros(count), np.full(count, 0.02)
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return are_positive(self.place, amplitudes, lambda j: LEAST_ANGLE)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return name_sizes(trial, self.place, "parked", amplitudes)
+
+
+def _beyond_tolerance(trial: Trial, joint: int) -> float:
+    tolerance = np.broadcast_to(trial.recording.arm.tolerances.coulomb_friction, (trial.joints,))[joint]
+    return BEYOND * float(tolerance) * trial.scale[joint]
 
 
 EFFECT = CoulombFriction()

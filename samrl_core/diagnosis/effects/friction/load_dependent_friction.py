@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.effect import Parameter, lacks_drive_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import SIGN_SPEEDS, smooth_sign
 from samrl_core.diagnosis.residuals.trial import Trial
 
-DIRECTIONAL = "directional"  # gears lose more, or less, while the load drives them
 
-
-class LoadDependentFriction(DriveTorque):
+class LoadDependentFriction(DriveEffect):
     """Friction that grows with the transmitted torque, and is another when the load drives the motor."""
 
     family, number, title = "load_dependent_friction", 4, "Load-dependent friction"
@@ -31,46 +30,49 @@ class LoadDependentFriction(DriveTorque):
         Parameter("Kb", "1", 0.0, 0.5, "the same where the load drives, if it is another"),
     )
 
-    def unobservable(self, trial: Trial) -> str | None:
+    def why_unobservable(self, trial: Trial) -> str | None:
         if trial.motion.tau is None and trial.motion.u is None:
             return "needs a torque"
-        return super().unobservable(trial)
+        return lacks_drive_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         grid, limits = tuple({"v": v} for v in SIGN_SPEEDS), {"v": (5e-4, 0.05)}
-        return Form("", ("Kl",), grid, limits), Form(DIRECTIONAL, ("Kl", "Kb"), grid[:2], limits)
+        return (
+            ByLoad(place=place, amplitudes=("Kl",), shapes=grid, refine=limits),
+            # Gears lose more, or less, while the load drives them.
+            ByLoad(name="directional", place=place, amplitudes=("Kl", "Kb"), shapes=grid[:2], refine=limits),
+        )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+
+class ByLoad(DriveForm):
+    """A share of the load; with a second amplitude, another share while the load drives."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         motion = trial.motion
         # The model's load: a reading has an offset, which would make plain Coulomb friction of it, and the
         # commanded effort holds the friction itself.
         load = np.interp(motion.time, motion.t, trial.model_torque[:, joint])
         speed = motion.full_velocity[:, joint]
         lost = np.abs(load) * smooth_sign(speed, shape["v"])
-        if form != DIRECTIONAL:
+        if "Kb" not in self.amplitudes:
             return lost[None]
         driving = load * speed > 0
         return np.stack([lost * driving, lost * ~driving])
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        return np.full(2 if form == DIRECTIONAL else 1, 0.2)
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return np.full(len(self.amplitudes), 0.2)
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         return bool(np.all(amplitudes > 0))
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        return dict(zip(("Kl", "Kb"), amplitudes.tolist(), strict=False))
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return dict(zip(self.amplitudes, amplitudes.tolist(), strict=True))
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         # The simulator knows one share: that of both directions together.
         return {
-            "load_friction": at_joint(trial, joints, float(np.mean(amplitudes))),
-            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
+            "load_friction": self.at_joints(trial, float(np.mean(amplitudes))),
+            "coulomb_velocity": self.at_joints(trial, shape["v"], 0.005),
         }
 
 

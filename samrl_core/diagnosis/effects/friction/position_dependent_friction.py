@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.trial import Trial
 
-EVERYWHERE = "friction everywhere"  # positive all over the turn: a level with two harmonics
 WAVES = tuple({"k": k} for k in (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0))
 LEAST_NEGATIVE = 0.25  # of the largest friction: what missing harmonics may make negative somewhere
 LEAST_WAVE = 0.25  # of a harmonic's root mean square that must vary over the travel
 LEAST_CHANGE = 0.1  # likewise of a friction with a level, which for the rest is Coulomb's
 
 
-class PositionDependentFriction(DriveTorque):
+class PositionDependentFriction(DriveEffect):
     """Torque or friction that repeats with the joint's position: tight spots, eccentric bearings."""
 
     family, number, title = "position_dependent_friction", 7, "Position-dependent friction"
@@ -39,74 +41,122 @@ class PositionDependentFriction(DriveTorque):
         Parameter("level", "N m", 0.0, 1.5, "mean over the turn, of a friction that is one everywhere"),
     )
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         grid = tuple({"k": float(k)} for k in (1, 2, 3, 4, 6, 8, 12))
-        limits = {"k": (0.7, 15.0)}
+        limits, wave = {"k": (0.7, 15.0)}, ("sine", "cosine")
         return (
-            Form("friction", ("sine", "cosine"), grid, limits),
-            Form("torque", ("sine", "cosine"), grid, limits),
+            FrictionWave(name="friction", place=place, amplitudes=wave, shapes=grid, refine=limits),
+            TorqueWave(name="torque", place=place, amplitudes=wave, shapes=grid, refine=limits),
             # Orders in steps that the travel tells apart.
-            Form(EVERYWHERE, ("level", "sine", "cosine", "sine2", "cosine2"), WAVES, limits),
+            FrictionEverywhere(
+                name="friction everywhere",
+                place=place,
+                amplitudes=("level", "sine", "cosine", "sine2", "cosine2"),
+                shapes=WAVES,
+                refine=limits,
+            ),
         )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        angle = shape["k"] * trial.motion.full_position[:, joint]
-        rows = _rows(form, angle)
-        if form != "torque":
-            rows = rows * smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
-        return rows
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        return np.full(5 if form == EVERYWHERE else 2, 0.05 * trial.scale[joint])
+class WaveForm(DriveForm):
+    """Waves over the joint's angle."""
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        # Over a short travel a long wave is constant: Coulomb friction under another name.
-        (joint,) = self.joints_at(trial, place)
-        wave = _wave(form, shape["k"] * trial.motion.q[:: max(1, len(trial) // 200), joint], amplitudes)
-        if form == EVERYWHERE:
-            # Also where the joint has not been: else a short travel is fitted by huge waves that cancel.
-            turn = _wave(form, np.linspace(0.0, 2.0 * np.pi, 60), amplitudes)
-            if np.min(turn) < -LEAST_NEGATIVE * np.max(turn):
-                return False
-        least = LEAST_CHANGE if form == EVERYWHERE else LEAST_WAVE
+    @abstractmethod
+    def waves(self, angle: np.ndarray) -> np.ndarray:
+        """Waves (p, ...) over an angle, one for each amplitude."""
+
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return np.full(len(self.amplitudes), 0.05 * trial.scale[joint])
+
+    def varies(self, trial: Trial, shape: Shape, amplitudes: np.ndarray, least: float) -> bool:
+        """Whether the wave varies over the travel by a share of its root mean square.
+
+        Over a short travel a long wave is constant: Coulomb friction under another name.
+        """
+        angle = shape["k"] * trial.motion.q[:: max(1, len(trial) // 200), self.joint]
+        wave = np.asarray(amplitudes @ self.waves(angle))
         return bool(np.std(wave) > least * np.sqrt(np.mean(wave**2)))
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        a, b = amplitudes[-4:-2] if form == EVERYWHERE else amplitudes
-        found = {"amplitude": float(np.hypot(a, b)), "order": shape["k"], "phase": float(np.arctan2(b, a))}
-        return {**found, "level": float(amplitudes[0])} if form == EVERYWHERE else found
+    def name_wave(self, shape: Shape, a: float, b: float) -> dict[str, float]:
+        """Parameters of a wave of sine a and cosine b."""
+        return {"amplitude": float(np.hypot(a, b)), "order": shape["k"], "phase": float(np.arctan2(b, a))}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        head = "harmonic" if form == "torque" else "friction_harmonic"
-        # The simulator knows one harmonic of friction, upon a level. A friction is lost as the residual
-        # counts it; a torque is added by the simulator.
-        level, a, b = amplitudes[:3] if form == EVERYWHERE else (0.0, *amplitudes)
-        if form == "torque":
-            a, b = -a, -b
+    def simulate_wave(
+        self, trial: Trial, head: str, shape: Shape, level: float, a: float, b: float
+    ) -> PlantFields:
+        """Fields of a simulator that knows one harmonic, upon a level."""
         return {
-            "coulomb": at_joint(trial, joints, level),
-            f"{head}_amplitude": at_joint(trial, joints, np.hypot(a, b)),
-            f"{head}_order": at_joint(trial, joints, shape["k"]),
-            f"{head}_phase": at_joint(trial, joints, np.arctan2(b, a)),
+            "coulomb": self.at_joints(trial, level),
+            f"{head}_amplitude": self.at_joints(trial, np.hypot(a, b)),
+            f"{head}_order": self.at_joints(trial, shape["k"]),
+            f"{head}_phase": self.at_joints(trial, np.arctan2(b, a)),
         }
 
 
-def _rows(form: str, angle: np.ndarray) -> np.ndarray:
-    """Waves (p, ...) over an angle, one for each amplitude."""
-    rows = [np.sin(angle), np.cos(angle)]
-    if form == EVERYWHERE:
-        rows = [np.ones_like(angle), *rows, np.sin(2 * angle), np.cos(2 * angle)]
-    return np.stack(rows)
+class FrictionWave(WaveForm):
+    """A harmonic of the friction."""
+
+    def waves(self, angle: np.ndarray) -> np.ndarray:
+        return np.stack([np.sin(angle), np.cos(angle)])
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        rows = self.waves(shape["k"] * trial.motion.full_position[:, joint])
+        return rows * smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return self.varies(trial, shape, amplitudes, LEAST_WAVE)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return self.name_wave(shape, *amplitudes)
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return self.simulate_wave(trial, "friction_harmonic", shape, 0.0, *amplitudes)
 
 
-def _wave(form: str, angle: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
-    """Torque or friction [N m] over an angle."""
-    return np.asarray(amplitudes @ _rows(form, angle))
+class TorqueWave(WaveForm):
+    """A harmonic of the torque, whichever way the joint turns."""
+
+    def waves(self, angle: np.ndarray) -> np.ndarray:
+        return np.stack([np.sin(angle), np.cos(angle)])
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return self.waves(shape["k"] * trial.motion.full_position[:, joint])
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return self.varies(trial, shape, amplitudes, LEAST_WAVE)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return self.name_wave(shape, *amplitudes)
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        # A torque is lost as the residual counts it, and added by the simulator.
+        a, b = -amplitudes
+        return self.simulate_wave(trial, "harmonic", shape, 0.0, a, b)
+
+
+class FrictionEverywhere(WaveForm):
+    """A friction that is positive all over the turn: a level with two harmonics."""
+
+    def waves(self, angle: np.ndarray) -> np.ndarray:
+        rows = [np.ones_like(angle), np.sin(angle), np.cos(angle), np.sin(2 * angle), np.cos(2 * angle)]
+        return np.stack(rows)
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        rows = self.waves(shape["k"] * trial.motion.full_position[:, joint])
+        return rows * smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        # Also where the joint has not been: else a short travel is fitted by huge waves that cancel.
+        turn = np.asarray(amplitudes @ self.waves(np.linspace(0.0, 2.0 * np.pi, 60)))
+        if np.min(turn) < -LEAST_NEGATIVE * np.max(turn):
+            return False
+        return self.varies(trial, shape, amplitudes, LEAST_CHANGE)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {**self.name_wave(shape, *amplitudes[1:3]), "level": float(amplitudes[0])}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return self.simulate_wave(trial, "friction_harmonic", shape, *amplitudes[:3])
 
 
 EFFECT = PositionDependentFriction()

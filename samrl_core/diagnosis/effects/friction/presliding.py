@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import bristle, play, travel
+from samrl_core.diagnosis.residuals.motion import Motion
 from samrl_core.diagnosis.residuals.trial import Trial
 
-SLIP = "Maxwell slip"
 YIELDS = (0.25, 0.75, 1.25, 1.75)  # of xs: springs of equal strength that yield at evenly spread twists
 
 
-class Presliding(DriveTorque):
+class Presliding(DriveEffect):
     """Friction that builds up over a small displacement, like a spring, before it slides."""
 
     family, number, title = "presliding", 5, "Presliding friction"
@@ -38,41 +41,62 @@ class Presliding(DriveTorque):
         Parameter("sigma0", "N m/rad", 50.0, 10000.0, "stiffness of the contact, Fc / xs"),
     )
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         limits = {"xs": (1.5e-4, 0.03)}
+        soft = tuple({"xs": x} for x in (2e-4, 6e-4, 2e-3, 6e-3))
         return (
-            Form("", ("Fc",), tuple({"xs": x} for x in (2e-4, 6e-4, 2e-3, 6e-3)), limits),
-            Form(SLIP, ("Fc",), tuple({"xs": x} for x in (1e-3, 6e-3)), limits),
+            DahlBristle(place=place, amplitudes=("Fc",), shapes=soft, refine=limits),
+            MaxwellSlip(
+                name="Maxwell slip",
+                place=place,
+                amplitudes=("Fc",),
+                shapes=tuple({"xs": x} for x in (1e-3, 6e-3)),
+                refine=limits,
+            ),
         )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        motion = trial.motion
-        if form != SLIP:
-            return bristle(travel(motion.full_velocity[:, joint], motion.rate), shape["xs"])[None]
-        q = motion.q[:, joint]
-        # The mean of the yields is the distance by which Dahl's bristle turns over, too.
-        parts = [(q - play(q, share * shape["xs"])) / (share * shape["xs"]) for share in YIELDS]
-        return np.interp(motion.time, motion.t, np.mean(parts, axis=0))[None]
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+class BuildingUp(DriveForm):
+    """A friction that builds up over a distance `xs`."""
+
+    @abstractmethod
+    def build_up(self, motion: Motion, joint: int, distance: float) -> np.ndarray:
+        """Friction (F,) of unit level."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return self.build_up(trial.motion, joint, shape["xs"])[None]
+
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.array([0.1 * trial.scale[joint]])
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         return bool(amplitudes[0] > 0)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"Fc": float(amplitudes[0]), "sigma0": float(amplitudes[0]) / shape["xs"]}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         return {
-            "coulomb": at_joint(trial, joints, amplitudes[0]),
-            "presliding_stiffness": at_joint(trial, joints, amplitudes[0] / shape["xs"]),
+            "coulomb": self.at_joints(trial, amplitudes[0]),
+            "presliding_stiffness": self.at_joints(trial, amplitudes[0] / shape["xs"]),
         }
+
+
+class DahlBristle(BuildingUp):
+    """One bristle."""
+
+    def build_up(self, motion: Motion, joint: int, distance: float) -> np.ndarray:
+        return bristle(travel(motion.full_velocity[:, joint], motion.rate), distance)
+
+
+class MaxwellSlip(BuildingUp):
+    """Springs that yield one after another."""
+
+    def build_up(self, motion: Motion, joint: int, distance: float) -> np.ndarray:
+        q = motion.q[:, joint]
+        # The mean of the yields is the distance by which Dahl's bristle turns over, too.
+        parts = [(q - play(q, share * distance)) / (share * distance) for share in YIELDS]
+        return np.interp(motion.time, motion.t, np.mean(parts, axis=0))
 
 
 EFFECT = Presliding()

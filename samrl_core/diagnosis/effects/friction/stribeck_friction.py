@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 from scipy.special import gamma
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque, fastest_motion, widest_turn
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, fastest_motion, widest_turn
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.trial import Trial
 
-RATIONAL = "rational"
 
-
-class StribeckFriction(DriveTorque):
+class StribeckFriction(DriveEffect):
     """Dry friction that drops as the film builds up: stick-slip at crawling speed."""
 
     family, number, title = "stribeck_friction", 3, "Stribeck friction"
@@ -35,52 +36,82 @@ class StribeckFriction(DriveTorque):
         Parameter("d", "1", 0.8, 2.5, "exponent of the exponential drop"),
     )
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         # A drop that is not over at the fastest motion cannot be told from the level.
-        fastest = fastest_motion(trial, self.joints_at(trial, place))
+        fastest = fastest_motion(trial, place.joints)
         speeds = [vs for vs in (0.03, 0.08, 0.2) if vs < fastest] or [0.03]
-        widest = min(0.03, widest_turn(trial, self.joints_at(trial, place), 0.1))
+        widest = min(0.03, widest_turn(trial, place.joints, 0.1))
         limits = {"v": (5e-4, max(widest, 0.011)), "vs": (0.01, max(min(0.6, fastest), 0.04))}
         grid = tuple({"v": 0.004, "vs": vs} for vs in speeds)
         exponents = tuple({**shape, "d": d} for d in (2.0, 1.0) for shape in grid)
+        names = ("Fc", "drop")
         return (
-            Form("exponential", ("Fc", "drop"), exponents, {**limits, "d": (0.7, 2.6)}),
-            Form(RATIONAL, ("Fc", "drop"), grid, limits),
+            ExponentialDrop(
+                name="exponential",
+                place=place,
+                amplitudes=names,
+                shapes=exponents,
+                refine={**limits, "d": (0.7, 2.6)},
+            ),
+            RationalDrop(name="rational", place=place, amplitudes=names, shapes=grid, refine=limits),
         )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+
+class FallingForm(DriveForm):
+    """A level and a drop towards it."""
+
+    @abstractmethod
+    def fall(self, x: np.ndarray, shape: Shape) -> np.ndarray:
+        """Share of the drop that is left at a speed over Stribeck's."""
+
+    @abstractmethod
+    def area(self, shape: Shape) -> float:
+        """Integral of the fall over x."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         speed = trial.motion.full_velocity[:, joint]
         sign = smooth_sign(speed, shape["v"])
-        x = np.abs(speed) / shape["vs"]
-        return np.stack(
-            [sign, sign * (1.0 / (1.0 + x**2) if form == RATIONAL else np.exp(-(x ** shape["d"])))]
-        )
+        return np.stack([sign, sign * self.fall(np.abs(speed) / shape["vs"], shape)])
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.full(2, 0.1 * trial.scale[joint])
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         return bool(amplitudes[1] > 0 and amplitudes[0] > -0.1 * amplitudes[1])
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         found = {"Fc": float(amplitudes[0]), "drop": float(amplitudes[1]), "vs": shape["vs"]}
-        return found if form == RATIONAL else {**found, "d": shape["d"]}
+        return {**found, "d": shape["d"]} if "d" in shape else found
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         # The simulator's drop is exp(-x^2); the others are given its width by their area.
-        area = np.pi / 2.0 if form == RATIONAL else gamma(1.0 + 1.0 / shape["d"])
-        wide = float(area / gamma(1.5))
+        wide = float(self.area(shape) / gamma(1.5))
         return {
-            "coulomb": at_joint(trial, joints, amplitudes[0]),
-            "coulomb_velocity": at_joint(trial, joints, shape["v"], 0.005),
-            "stribeck_drop": at_joint(trial, joints, amplitudes[1]),
-            "stribeck_velocity": at_joint(trial, joints, shape["vs"] * wide, 0.1),
+            "coulomb": self.at_joints(trial, amplitudes[0]),
+            "coulomb_velocity": self.at_joints(trial, shape["v"], 0.005),
+            "stribeck_drop": self.at_joints(trial, amplitudes[1]),
+            "stribeck_velocity": self.at_joints(trial, shape["vs"] * wide, 0.1),
         }
+
+
+class ExponentialDrop(FallingForm):
+    """exp(-x^d)."""
+
+    def fall(self, x: np.ndarray, shape: Shape) -> np.ndarray:
+        return np.exp(-(x ** shape["d"]))
+
+    def area(self, shape: Shape) -> float:
+        return gamma(1.0 + 1.0 / shape["d"])
+
+
+class RationalDrop(FallingForm):
+    """1 / (1 + x^2)."""
+
+    def fall(self, x: np.ndarray, shape: Shape) -> np.ndarray:
+        return 1.0 / (1.0 + x**2)
+
+    def area(self, shape: Shape) -> float:
+        return np.pi / 2.0
 
 
 EFFECT = StribeckFriction()

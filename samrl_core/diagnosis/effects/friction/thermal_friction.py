@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from dataclasses import dataclass
+
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import low_passed, smooth_sign
 from samrl_core.diagnosis.residuals.motion import Motion
 from samrl_core.diagnosis.residuals.trial import Trial
 
-WORKED = "by its work"
 
-
-class ThermalFriction(DriveTorque):
+class ThermalFriction(DriveEffect):
     """Dry friction that changes as the joint warms up, with time or by its own motion."""
 
     family, number, title = "thermal_friction", 9, "Friction that drifts with temperature"
@@ -37,57 +39,83 @@ class ThermalFriction(DriveTorque):
         Parameter("vw", "rad/s", 0.01, 1.0, "mean speed that warms the joint by one e-folding"),
     )
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         grid = tuple({"T": t} for t in (3.0, 10.0, 40.0, 300.0))
-        limits = {"T": (0.3, 3600.0)}
-        # Cold at the start of each recording, or once before the first.
+        limits, names = {"T": (0.3, 3600.0)}, ("Finf", "rise")
         return (
-            Form("each recording", ("Finf", "rise"), grid, limits),
-            Form("session", ("Finf", "rise"), grid[2:], limits),
-            Form(
-                WORKED,
-                ("Finf", "rise"),
-                tuple({"T": t, "vw": vw} for t in (3.0, 10.0) for vw in (0.05, 0.2)),
-                {"T": (0.3, 600.0), "vw": (0.01, 2.0)},
+            WarmingWithTime(
+                name="each recording", place=place, amplitudes=names, shapes=grid, refine=limits, once=False
+            ),
+            WarmingWithTime(
+                name="session", place=place, amplitudes=names, shapes=grid[2:], refine=limits, once=True
+            ),
+            WarmingByWork(
+                name="by its work",
+                place=place,
+                amplitudes=names,
+                shapes=tuple({"T": t, "vw": vw} for t in (3.0, 10.0) for vw in (0.05, 0.2)),
+                refine={"T": (0.3, 600.0), "vw": (0.01, 2.0)},
             ),
         )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        sign = smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
-        if form == WORKED:
-            return np.stack([sign, sign * np.exp(-_warmth(trial.motion, joint, shape["T"]) / shape["vw"])])
-        start = trial.motion.start_s if form == "session" else 0.0
-        time = start + trial.motion.time - trial.motion.time[0]
-        return np.stack([sign, sign * np.exp(-time / shape["T"])])
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+class WarmingForm(DriveForm):
+    """A warm level, and a rise above it that is lost as the drive warms up."""
+
+    @abstractmethod
+    def cold(self, motion: Motion, joint: int, shape: Shape) -> np.ndarray:
+        """Share (F,) of the rise that is left."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        sign = smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
+        return np.stack([sign, sign * self.cold(trial.motion, joint, shape)])
+
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.full(2, 0.1 * trial.scale[joint])
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         warm, rise = amplitudes
         # Warm grease is thinner: friction that grows as the drive warms is something else, switched on late.
         return bool(rise > 0 and warm > -0.1 * rise and rise > 0.2 * abs(warm))
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         found = {"Finf": float(amplitudes[0]), "F0": float(amplitudes[0] + amplitudes[1]), "T": shape["T"]}
-        return {**found, "vw": shape["vw"]} if form == WORKED else found
+        return {**found, "vw": shape["vw"]} if "vw" in shape else found
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        warm, rise, time = float(amplitudes[0]), float(amplitudes[1]), shape["T"]
-        if form == WORKED:
-            level = warm + rise * np.exp(-_warmth(trial.motion, joints[0], shape["T"]) / shape["vw"])
-            warm, rise, time = _with_time(trial.motion.time - trial.motion.time[0], level)
+    def simulate_warming(self, trial: Trial, warm: float, rise: float, time: float) -> PlantFields:
+        """Fields of a simulator that warms with time."""
         warm = max(warm, 1e-6)
         return {
-            "coulomb": at_joint(trial, joints, warm),
-            "thermal_ratio": at_joint(trial, joints, rise / warm),
-            "thermal_time": at_joint(trial, joints, time, 60.0),
+            "coulomb": self.at_joints(trial, warm),
+            "thermal_ratio": self.at_joints(trial, rise / warm),
+            "thermal_time": self.at_joints(trial, time, 60.0),
         }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WarmingWithTime(WarmingForm):
+    """Cold at the start of each recording, or once before the first."""
+
+    once: bool
+
+    def cold(self, motion: Motion, joint: int, shape: Shape) -> np.ndarray:
+        start = motion.start_s if self.once else 0.0
+        return np.exp(-(start + motion.time - motion.time[0]) / shape["T"])
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return self.simulate_warming(trial, float(amplitudes[0]), float(amplitudes[1]), shape["T"])
+
+
+class WarmingByWork(WarmingForm):
+    """Warmed by the joint's own motion."""
+
+    def cold(self, motion: Motion, joint: int, shape: Shape) -> np.ndarray:
+        return np.exp(-_warmth(motion, joint, shape["T"]) / shape["vw"])
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        motion = trial.motion
+        level = float(amplitudes[0]) + float(amplitudes[1]) * self.cold(motion, self.joint, shape)
+        return self.simulate_warming(trial, *_fit_time(motion.time - motion.time[0], level))
 
 
 def _warmth(motion: Motion, joint: int, time_constant: float) -> np.ndarray:
@@ -100,7 +128,7 @@ def _warmth(motion: Motion, joint: int, time_constant: float) -> np.ndarray:
     return low_passed(np.append(0.0, speed), 1.0 / (2.0 * np.pi * time_constant), motion.rate)[1:]
 
 
-def _with_time(time: np.ndarray, level: np.ndarray) -> tuple[float, float, float]:
+def _fit_time(time: np.ndarray, level: np.ndarray) -> tuple[float, float, float]:
     """Warm level, rise and time constant of the simulator, which warms with time alone, that come closest."""
     best: tuple[float, float, float, float] = (np.inf, 0.0, 0.0, 1.0)
     for constant in np.geomspace(0.3, 60.0, 16):

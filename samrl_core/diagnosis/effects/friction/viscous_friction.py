@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import BEYOND, ShaftFriction, single
+from samrl_core.diagnosis.effects.drive_torque import BEYOND, DriveEffect, ShaftForm, are_positive, name_sizes
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.trial import Trial
 
 
-class ViscousFriction(ShaftFriction):
+class ViscousFriction(DriveEffect):
     """Friction in proportion to speed."""
 
     family, number, title = "viscous_friction", 2, "Viscous friction"
@@ -28,42 +29,36 @@ class ViscousFriction(ShaftFriction):
     # Drag that grows with the square of speed is a steeper line less a dry friction; none is negative.
     least_share = 0.75
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        (form,) = single(("Fv",))
-        return self.coupled_forms(trial, form) if place.startswith("arm:") else (form,)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        form = ProportionalToSpeed(place=place, amplitudes=("Fv",))
+        return form.with_shafts(trial) if place.is_arm else (form,)
 
-    def of_shaft(
-        self, trial: Trial, first: int, second: int, sign: float, form: str, shape: Shape
-    ) -> np.ndarray:
-        speed = trial.motion.full_velocity
-        return (speed[:, first] + sign * speed[:, second])[None]
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        return trial.motion.full_velocity[:, [joint]].T
+class ProportionalToSpeed(ShaftForm):
+    """The speed itself."""
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+    def friction(self, trial: Trial, speed: np.ndarray, shape: Shape) -> np.ndarray:
+        return speed
+
+    def spread(self, trial: Trial, joint: int) -> float:
         speed = float(np.sqrt(np.mean(trial.motion.full_velocity[:, joint] ** 2))) + 1e-9
-        return np.array([0.1 * trial.scale[joint] / max(speed, 0.05)])
+        return 0.1 * trial.scale[joint] / max(speed, 0.05)
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return self.positive(trial, place, amplitudes)
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return are_positive(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j))
 
-    def beyond_nominal(self, trial: Trial, joint: int) -> float:
-        tolerance = np.broadcast_to(trial.recording.arm.tolerances.viscous_friction, (trial.joints,))[joint]
-        assert trial.rigid is not None
-        speed = float(trial.rigid.velocity_limits()[joint])
-        return BEYOND * float(tolerance) * trial.scale[joint] / (speed if np.isfinite(speed) else 1.0)
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return name_sizes(trial, self.place, "Fv", amplitudes, self.shaft)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        return self.sizes(trial, place, form, "Fv", amplitudes)
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {"viscous": self.at_joints(trial, amplitudes)}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        return {"viscous": at_joint(trial, joints, amplitudes)}
+
+def _beyond_tolerance(trial: Trial, joint: int) -> float:
+    tolerance = np.broadcast_to(trial.recording.arm.tolerances.viscous_friction, (trial.joints,))[joint]
+    assert trial.rigid is not None
+    speed = float(trial.rigid.velocity_limits()[joint])
+    return BEYOND * float(tolerance) * trial.scale[joint] / (speed if np.isfinite(speed) else 1.0)
 
 
 EFFECT = ViscousFriction()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -28,28 +29,26 @@ class BaseTilt(Effect):
         Parameter("ay", "rad", -0.035, 0.035, "about the base's y"),
     )
 
-    def unobservable(self, trial: Trial) -> str | None:
-        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            return "needs a torque and a dynamic model"
-        return None
+    def why_unobservable(self, trial: Trial) -> str | None:
+        return lacks_link_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return (Form("", ("ax", "ay")),)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        return (TiltedGravity(place=place, amplitudes=("ax", "ay")),)
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+
+class TiltedGravity(Form):
+    """Gravity turned by two small angles."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
         return trial.link(trial.tilt)
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(2), np.full(2, 0.02)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"ax": float(amplitudes[0]), "ay": float(amplitudes[1])}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         assert trial.rigid is not None
         g = trial.rigid.gravity_vector
         axis = np.array([amplitudes[0], amplitudes[1], 0.0])

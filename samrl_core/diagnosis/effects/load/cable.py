@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import bristle
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -37,92 +40,116 @@ class Cable(Effect):
         Parameter("h", "N m", 0.0, 0.5, "half height of the loop"),
     )
 
-    def unobservable(self, trial: Trial) -> str | None:
-        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            return "needs a torque and a dynamic model"
-        return None
+    def why_unobservable(self, trial: Trial) -> str | None:
+        return lacks_link_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         """A straight spring, and one that is slack within a gap and hardens beyond.
 
         A shape is searched in its logarithm, so the middle of the slack is searched as its exponential.
         """
-        (joint,) = self.joints_at(trial, place)
+        (joint,) = place.joints
         q = trial.motion.q[:, joint]
         low, span = float(np.min(q)), float(np.ptp(q))
         limits = {"x": (0.002, 0.3)}
         slack = tuple({"x": TURN, "s": s, "e": float(np.exp(low + c * span))} for s in SLACK for c in CENTRES)
         ends = {"s": (0.005, 1.0), "e": (float(np.exp(low - 1.0)), float(np.exp(low + span + 1.0)))}
         return (
-            Form("", ("k", "kq0", "h"), ({"x": TURN},), limits),
-            Form("slack", ("k", "c", "h"), slack, limits | ends),
+            StraightCable(place=place, amplitudes=("k", "kq0", "h"), shapes=({"x": TURN},), refine=limits),
+            SlackCable(
+                name="slack", place=place, amplitudes=("k", "c", "h"), shapes=slack, refine=limits | ends
+            ),
         )
 
-    def pull(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+
+class CableForm(Form):
+    """A spring of two amplitudes, and the hysteresis of the cable's own friction."""
+
+    @abstractmethod
+    def pull(self, trial: Trial, shape: Shape) -> np.ndarray:
         """Torque (2, N) of the spring per unit of its two amplitudes."""
-        q = trial.motion.q[:, joint]
-        if form == "":
-            return np.stack([q, -np.ones(len(q))])
-        away = q - np.log(shape["e"])
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        rows = np.zeros((3, len(trial), trial.joints))
+        rows[:2, :, self.joint] = self.pull(trial, shape)
+        rows[2, :, self.joint] = self._loop(trial, shape["x"])
+        return trial.link(rows)
+
+    def _loop(self, trial: Trial, distance: float) -> np.ndarray:
+        """Hysteresis (N,) of unit height."""
+        key = ("cable", f"{self.joint} {distance:.9g}")
+        if key not in trial.kept:
+            trial.kept[key] = trial.motion.reduce(
+                bristle(trial.motion.full_position[:, self.joint], distance)
+            )
+        return trial.kept[key]
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        scale = trial.scale[self.joint]
+        return np.zeros(3), np.array([0.05 * scale, 0.05 * scale, 0.01 * scale])
+
+    def is_spring(self, torque: np.ndarray, amplitudes: np.ndarray) -> bool:
+        """Whether the spring's torque (N,) pulls, and changes enough beside the hysteresis.
+
+        Hysteresis without a spring is dry friction under another name.
+        """
+        return bool(amplitudes[0] > 0 and float(np.ptp(torque)) > LEAST_PULL * abs(amplitudes[2]))
+
+    def simulate_spring(
+        self, trial: Trial, stiffness: float, constant: float, hysteresis: float
+    ) -> PlantFields | None:
+        """Fields of the simulator's cable, which is straight."""
+        if stiffness <= 0:
+            return None
+        return {
+            "cable_stiffness": self.at_joints(trial, stiffness),
+            "cable_rest": self.at_joints(trial, constant / stiffness),
+            "cable_friction": self.at_joints(trial, hysteresis),
+        }
+
+
+class StraightCable(CableForm):
+    """A straight spring."""
+
+    def pull(self, trial: Trial, shape: Shape) -> np.ndarray:
+        q = trial.motion.q[:, self.joint]
+        return np.stack([q, -np.ones(len(q))])
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return self.is_spring(amplitudes[:2] @ self.pull(trial, shape), amplitudes)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        k, second, h = (float(a) for a in amplitudes)
+        return {"k": k, "q0": second / k if k else 0.0, "h": h}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return self.simulate_spring(trial, float(amplitudes[0]), float(amplitudes[1]), amplitudes[2])
+
+
+class SlackCable(CableForm):
+    """A spring that is slack within a gap and hardens beyond."""
+
+    def pull(self, trial: Trial, shape: Shape) -> np.ndarray:
+        away = trial.motion.q[:, self.joint] - np.log(shape["e"])
         taut = np.sign(away) * np.maximum(np.abs(away) - shape["s"], 0.0)
         return np.stack([taut, taut * np.abs(taut)])
 
-    def loop(self, trial: Trial, joint: int, distance: float) -> np.ndarray:
-        """Hysteresis (N,) of unit height."""
-        key = ("cable", f"{joint} {distance:.9g}")
-        if key not in trial.kept:
-            z = trial.motion.reduce(bristle(trial.motion.full_position[:, joint], distance))
-            trial.kept[key] = (z, z)
-        return trial.kept[key][0]
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        torque = amplitudes[:2] @ self.pull(trial, shape)
+        sides = [float(np.sum(np.clip(side * torque, 0.0, None) ** 2)) for side in (1.0, -1.0)]
+        # Felt on one side only, it may as well be a stop: a cable is known by both.
+        if min(sides) < LEAST_TAUT * sum(sides) or min(amplitudes[:2]) <= 0:
+            return False
+        return self.is_spring(torque, amplitudes)
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        (joint,) = self.joints_at(trial, place)
-        rows = np.zeros((3, len(trial), trial.joints))
-        rows[:2, :, joint] = self.pull(trial, joint, form, shape)
-        rows[2, :, joint] = self.loop(trial, joint, shape["x"])
-        return trial.link(rows)
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"k": float(amplitudes[0]), "q0": float(np.log(shape["e"])), "h": float(amplitudes[2])}
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        (joint,) = self.joints_at(trial, place)
-        scale = trial.scale[joint]
-        return np.zeros(3), np.array([0.05 * scale, 0.05 * scale, 0.01 * scale])
-
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        (joint,) = self.joints_at(trial, place)
-        if form != "":
-            torque = amplitudes[:2] @ self.pull(trial, joint, form, shape)
-            sides = [float(np.sum(np.clip(side * torque, 0.0, None) ** 2)) for side in (1.0, -1.0)]
-            # Felt on one side only, it may as well be a stop: a cable is known by both.
-            if min(sides) < LEAST_TAUT * sum(sides) or min(amplitudes[:2]) <= 0:
-                return False
-        # Hysteresis without a spring is dry friction under another name.
-        pull = float(np.ptp(amplitudes[:2] @ self.pull(trial, joint, form, shape)))
-        return bool(amplitudes[0] > 0 and pull > LEAST_PULL * abs(amplitudes[2]))
-
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        k, second, h = (float(a) for a in amplitudes)
-        rest = float(np.log(shape["e"])) if form != "" else second / k if k else 0.0
-        return {"k": k, "q0": rest, "h": h}
-
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        k, constant = float(amplitudes[0]), float(amplitudes[1])
-        if form != "":  # the simulator's cable is straight: the line through its pull over the travel
-            q = trial.motion.q[:, joints[0]]
-            pull = amplitudes[:2] @ self.pull(trial, joints[0], form, shape)
-            k, offset = (float(c) for c in np.polyfit(q, pull, 1))
-            constant = -offset
-        if k <= 0:
-            return None
-        return {
-            "cable_stiffness": at_joint(trial, joints, k),
-            "cable_rest": at_joint(trial, joints, constant / k),
-            "cable_friction": at_joint(trial, joints, amplitudes[2]),
-        }
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        # The line through its pull over the travel.
+        pull = amplitudes[:2] @ self.pull(trial, shape)
+        k, offset = (float(c) for c in np.polyfit(trial.motion.q[:, self.joint], pull, 1))
+        return self.simulate_spring(trial, k, -offset, amplitudes[2])
 
 
 EFFECT = Cable()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
+from samrl_core.diagnosis.effects.load.payload import INERTIAL
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -27,42 +29,37 @@ class LinkInertia(Effect):
         Parameter("first_moment", "kg m", 0.0, 0.2, "length of the change of mass times centre"),
     )
 
-    def places(self, trial: Trial) -> tuple[str, ...]:
-        # A mass on the last link and one in the gripper are the same to every joint: that is a payload.
-        return super().places(trial)[:-1]
+    def why_unobservable(self, trial: Trial) -> str | None:
+        return lacks_link_torque(trial)
 
-    def unobservable(self, trial: Trial) -> str | None:
-        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            return "needs a torque and a dynamic model"
-        return None
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        return (AtLink(place=place, amplitudes=INERTIAL),)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return (Form("", ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")),)
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+class AtLink(Form):
+    """Inertial parameters of a link."""
+
+    def link(self, trial: Trial) -> int:
+        """Index of the link."""
         assert trial.rigid is not None
-        link = trial.rigid.links.index(place.partition(":")[2])
-        return trial.link(np.moveaxis(trial.regressor[:, :, link, :], 2, 0))
+        return trial.rigid.links.index(self.place.name.partition(":")[2])
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return trial.link(np.moveaxis(trial.regressor[:, :, self.link(trial), :], 2, 0))
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         assert trial.rigid is not None
-        link = trial.rigid.links.index(place.partition(":")[2])
-        nominal = trial.rigid.inertial_parameters[link]
+        nominal = trial.rigid.inertial_parameters[self.link(trial)]
         mass, size = max(nominal[0], 0.1), np.linalg.norm(nominal[1:4]) / max(nominal[0], 0.1)
         inertia = max(float(np.trace(_matrix(nominal))) / 3.0, 1e-4)
         return np.zeros(10), np.array([0.1 * mass] + [0.1 * mass * max(size, 0.05)] * 3 + [0.2 * inertia] * 6)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"mass": float(amplitudes[0]), "first_moment": float(np.linalg.norm(amplitudes[1:4]))}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        assert trial.rigid is not None
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         delta = np.zeros((trial.joints, 10))
-        delta[trial.rigid.links.index(place.partition(":")[2])] = amplitudes
+        delta[self.link(trial)] = amplitudes
         return {"inertial_delta": delta}
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from typing import ClassVar
+
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
+from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.residuals.basis_functions import resonant
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
-
-LEAST_ROTATION = 1.5e-5  # [rad/(N m)]
-LEAST_SHIFT = 1e-5  # [m/N]
 
 
 class MountCompliance(Effect):
@@ -37,46 +38,67 @@ class MountCompliance(Effect):
         Parameter("compliance", "rad/(N m)", 1e-06, 0.001, "angle per moment, or m/N for a shift"),
     )
 
-    def unobservable(self, trial: Trial) -> str | None:
-        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            return "needs a torque and a dynamic model"
-        return None
+    def why_unobservable(self, trial: Trial) -> str | None:
+        return lacks_link_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         grid = tuple({"f": f, "z": 0.05} for f in (3.0, 4.5, 6.5, 9.0, 13.0, 19.0))
         limits = {"f": (1.5, 40.0), "z": (0.005, 1.0)}
-        return (Form("rotation", ("x", "y"), grid, limits), Form("shift", ("x", "y"), grid, limits))
+        return tuple(
+            make(name=name, place=place, amplitudes=("x", "y"), shapes=grid, refine=limits)
+            for make, name in ((RotatingMount, "rotation"), (ShiftingMount, "shift"))
+        )
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        assert trial.rigid is not None
+
+class SwingingMount(Form):
+    """A base that swings about or along two axes; `spread` and `least` are its compliance."""
+
+    spread: ClassVar[float]  # of the prior
+    least: ClassVar[float]  # less is how far the base of any arm gives: COMPLIANCE in nominal.py for joints
+
+    @abstractmethod
+    def swing(self, trial: Trial, axis: int, shape: Shape) -> np.ndarray:
+        """Joint torques (N, J) per unit compliance about or along an axis of the base."""
+
+    def respond(self, trial: Trial, component: int, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        """Deflection (N,) under a component of the wrench, and joint torques (N, J) of its acceleration."""
         wrench, unit = trial.base_reaction
-        rows = []
-        for axis in (0, 1):
-            load = wrench[:, 3 + axis] if form == "rotation" else wrench[:, axis]
-            angle = resonant(load, shape["f"], shape["z"], trial.motion.dt)
-            second = trial.motion.second_derivative(angle)
-            row = unit[3 + axis if form == "rotation" else axis] * second[:, None]
-            if form == "rotation":
-                row = row + trial.tilt[axis] * angle[:, None]
-            rows.append(row)
-        return trial.link(np.stack(rows))
+        angle = resonant(wrench[:, component], shape["f"], shape["z"], trial.motion.dt)
+        return angle, unit[component] * trial.motion.second_derivative(angle)[:, None]
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        assert trial.rigid is not None
-        weight = 100.0
-        spread = 0.02 / weight if form == "rotation" else 0.01 / weight
-        return np.zeros(2), np.full(2, spread)
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return trial.link(np.stack([self.swing(trial, axis, shape) for axis in (0, 1)]))
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        # Less is how far the base of any arm gives: see COMPLIANCE in nominal.py for joints.
-        least = LEAST_ROTATION if form == "rotation" else LEAST_SHIFT
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(2), np.full(2, self.spread)
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         most = float(np.max(amplitudes))
-        return bool(most > least and np.min(amplitudes) > -0.3 * most)
+        return bool(most > self.least and np.min(amplitudes) > -0.3 * most)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"frequency": shape["f"], "damping": shape["z"], "compliance": float(np.max(amplitudes))}
+
+
+class RotatingMount(SwingingMount):
+    """The stand tilts under the moment."""
+
+    spread = 0.02 / 100.0  # [rad/(N m)]
+    least = 1.5e-5  # [rad/(N m)]
+
+    def swing(self, trial: Trial, axis: int, shape: Shape) -> np.ndarray:
+        angle, torque = self.respond(trial, 3 + axis, shape)
+        return torque + trial.tilt[axis] * angle[:, None]
+
+
+class ShiftingMount(SwingingMount):
+    """The stand shifts under the force."""
+
+    spread = 0.01 / 100.0  # [m/N]
+    least = 1e-5  # [m/N]
+
+    def swing(self, trial: Trial, axis: int, shape: Shape) -> np.ndarray:
+        return self.respond(trial, axis, shape)[1]
 
 
 EFFECT = MountCompliance()

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
+
+INERTIAL = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
 class Payload(Effect):
@@ -30,26 +33,26 @@ class Payload(Effect):
         Parameter("com_z", "m", -0.2, 0.2, "in the flange frame"),
     )
 
-    def unobservable(self, trial: Trial) -> str | None:
-        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            return "needs a torque and a dynamic model"
-        return None
+    def why_unobservable(self, trial: Trial) -> str | None:
+        return lacks_link_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return (Form("", ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")),)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        return (AtFlange(place=place, amplitudes=INERTIAL),)
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
+
+class AtFlange(Form):
+    """Inertial parameters of the last link."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
         return trial.link(np.moveaxis(trial.regressor[:, :, -1, :], 2, 0))
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(10), np.array([1.0, 0.15, 0.15, 0.15] + [0.03] * 6)
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         return bool(abs(amplitudes[0]) > 1e-4)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         assert trial.rigid is not None
         mass = float(amplitudes[0])
         center = (
@@ -57,9 +60,7 @@ class Payload(Effect):
         )
         return {"mass": mass, "com_x": float(center[0]), "com_y": float(center[1]), "com_z": float(center[2])}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         delta = np.zeros((trial.joints, 10))
         delta[-1] = amplitudes
         return {"inertial_delta": delta}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
@@ -35,18 +36,23 @@ class EncoderEccentricity(Effect):
         Parameter("phi", "rad", -3.1416, 3.1416, "phase", bounded=False),
     )
 
-    def unobservable(self, trial: Trial) -> str | None:
-        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            return "needs a torque and a dynamic model"
-        return None
+    def why_unobservable(self, trial: Trial) -> str | None:
+        return lacks_link_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         grid = tuple({"k": float(k)} for k in (*HARMONICS, *RATIOS))
-        return (Form("", ("sine", "cosine"), grid, {"k": (0.8, 250.0)}, step=0.01),)
+        return (
+            PeriodicError(
+                place=place, amplitudes=("sine", "cosine"), shapes=grid, refine={"k": (0.8, 250.0)}, step=0.01
+            ),
+        )
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        (joint,) = self.joints_at(trial, place)
-        motion = trial.motion
+
+class PeriodicError(Form):
+    """An error of the reading that repeats with the angle."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        joint, motion = self.joint, trial.motion
         q = shape["k"] * motion.full_position[:, joint]
         error = motion.reduce(np.stack([np.sin(q), np.cos(q)], axis=1)).T
         # The rotor's share of the torque is reckoned from the same reading as the arm's.
@@ -55,32 +61,26 @@ class EncoderEccentricity(Effect):
         lost: Columns = {(channel, joint): rotor} if channel in trial.channels else {}
         return add(trial.link(trial.deflection(joint, error)), lost)
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(2), np.full(2, 0.005)
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         # Over a short travel a long wave is constant: an encoder's offset under another name.
-        (joint,) = self.joints_at(trial, place)
-        angle = shape["k"] * trial.motion.q[:: max(1, len(trial) // 200), joint]
+        angle = shape["k"] * trial.motion.q[:: max(1, len(trial) // 200), self.joint]
         wave = amplitudes[0] * np.sin(angle) + amplitudes[1] * np.cos(angle)
         return bool(np.std(wave) > LEAST_WAVE * np.sqrt(np.mean(wave**2)))
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         a, b = amplitudes
         return {"a": float(np.hypot(a, b)), "harmonic": shape["k"], "phi": float(np.arctan2(b, a))}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         if abs(shape["k"] - 1.0) > 0.05:
             return None  # the simulator's reading errs once per turn
-        joints = self.joints_at(trial, place)
         a, b = amplitudes
         return {
-            "encoder_amplitude": at_joint(trial, joints, np.hypot(a, b)),
-            "encoder_phase": at_joint(trial, joints, np.arctan2(b, a)),
+            "encoder_amplitude": self.at_joints(trial, np.hypot(a, b)),
+            "encoder_phase": self.at_joints(trial, np.arctan2(b, a)),
         }
 
 

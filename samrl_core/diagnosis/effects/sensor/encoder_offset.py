@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -24,31 +25,27 @@ class EncoderOffset(Effect):
     confounded_with = ("base_tilt", "payload", "kinematic_error")
     parameters = (Parameter("e", "rad", 0.001, 0.1, "offset of the reading"),)
 
-    def unobservable(self, trial: Trial) -> str | None:
-        if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-            return "needs a torque and a dynamic model"
-        return None
+    def why_unobservable(self, trial: Trial) -> str | None:
+        return lacks_link_torque(trial)
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        return (Form("", ("e",)),)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        return (ConstantError(place=place, amplitudes=("e",)),)
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        (joint,) = self.joints_at(trial, place)
-        return trial.link(trial.deflection(joint, np.ones((1, len(trial)))))
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+class ConstantError(Form):
+    """The link trails its reading by a constant angle."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return trial.link(trial.deflection(self.joint, np.ones((1, len(trial)))))
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(1), np.full(1, 0.03)
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"e": float(amplitudes[0])}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
-        return {"encoder_offset": at_joint(trial, joints, amplitudes[0])}
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {"encoder_offset": self.at_joints(trial, amplitudes[0])}
 
 
 EFFECT = EncoderOffset()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Form, Parameter, Shape, at_joint
+from samrl_core.diagnosis.effects.effect import Effect, Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -32,75 +33,71 @@ class TorqueSensorError(Effect):
         Parameter("T", "s", 0.5, 60.0, "time constant of the warm-up"),
     )
 
-    def unobservable(self, trial: Trial) -> str | None:
+    def why_unobservable(self, trial: Trial) -> str | None:
         return None if "drive" in trial.channels else "needs commanded and link-side effort"
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        grid = tuple({"T": t} for t in (1.0, 4.0, 16.0))
-        return (
-            Form("gain and bias", ("g", "b")),
-            Form("drift", ("b", "d")),
-            Form("gain and drift", ("g", "b", "d")),
-            Form("warm-up", ("g", "b", "w"), grid, {"T": (0.3, 60.0)}),
-        )
-
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        (joint,) = self.joints_at(trial, place)
-        motion = trial.motion
-        one = np.ones(len(trial))
-        zero = [one]
-        if form.endswith("drift"):
-            zero.append(motion.start_s + motion.t)
-        elif form == "warm-up":
-            # Powered for the recording: cold at each one's start.
-            zero.append(np.exp(-(motion.t - motion.time[0]) / shape["T"]))
-        if form == "drift":
-            return trial.sensor(joint, np.stack(zero))
-        # What the model expects of the sensor, never its own reading or what was sent: both hold the noise or
-        # the friction that is left over, and where a joint carries no load a gain would explain them.
-        expected = np.stack([trial.model_torque[:, joint], *zero])
-        return trial.sensor(joint, expected)
-
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        (joint,) = self.joints_at(trial, place)
-        bias = 0.03 * trial.scale[joint]
-        spread = [] if form == "drift" else [0.1]
-        spread.append(bias)
-        if form.endswith("drift"):
-            spread.append(0.2 * bias)
-        elif form == "warm-up":
-            spread.append(bias)
-        return np.zeros(len(spread)), np.array(spread)
-
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(form == "drift" or abs(amplitudes[0]) < MOST_GAIN)
-
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        values = dict(zip(self._names(form), amplitudes.tolist(), strict=True))
-        found = {name: float(values.get(name, 0.0)) for name in ("g", "b", "d")}
-        return found | ({"w": float(values["w"]), "T": shape["T"]} if form == "warm-up" else {})
-
-    @staticmethod
-    def _names(form: str) -> tuple[str, ...]:
-        return {
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        named = {
+            "gain and bias": ("g", "b"),
             "drift": ("b", "d"),
             "gain and drift": ("g", "b", "d"),
-            "warm-up": ("g", "b", "w"),
-        }.get(form, ("g", "b"))
+        }
+        grid = tuple({"T": t} for t in (1.0, 4.0, 16.0))
+        return (
+            *(WrongReading(name=name, place=place, amplitudes=terms) for name, terms in named.items()),
+            WrongReading(
+                name="warm-up",
+                place=place,
+                amplitudes=("g", "b", "w"),
+                shapes=grid,
+                refine={"T": (0.3, 60.0)},
+            ),
+        )
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        if form == "warm-up":
+
+class WrongReading(Form):
+    """A reading with some of the terms: gain, bias, drift, warm-up."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return trial.sensor(self.joint, np.stack([self.term(trial, a, shape) for a in self.amplitudes]))
+
+    def term(self, trial: Trial, amplitude: str, shape: Shape) -> np.ndarray:
+        """What is read (N,) per unit of an amplitude."""
+        motion = trial.motion
+        match amplitude:
+            case "g":
+                # What the model expects of the sensor, never its own reading or what was sent: both hold the
+                # noise or the friction that is left over, and where a joint carries no load a gain would
+                # explain them.
+                return trial.model_torque[:, self.joint]
+            case "d":
+                return motion.start_s + motion.t
+            case "w":
+                # Powered for the recording: cold at each one's start.
+                return np.exp(-(motion.t - motion.time[0]) / shape["T"])
+        return np.ones(len(trial))
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        bias = 0.03 * trial.scale[self.joint]
+        spread = {"g": 0.1, "b": bias, "d": 0.2 * bias, "w": bias}
+        return np.zeros(len(self.amplitudes)), np.array([spread[a] for a in self.amplitudes])
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool("g" not in self.amplitudes or abs(amplitudes[0]) < MOST_GAIN)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        found = {"g": 0.0, "b": 0.0, "d": 0.0}
+        found |= dict(zip(self.amplitudes, amplitudes.tolist(), strict=True))
+        return found | ({"T": shape["T"]} if "T" in shape else {})
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        if "w" in self.amplitudes:
             return None  # the simulated sensor knows no warm-up
-        joints = self.joints_at(trial, place)
-        found = self.physical(trial, place, form, shape, amplitudes)
+        found = self.parameters(trial, shape, amplitudes)
         return {
-            "sensor_gain": at_joint(trial, joints, found["g"]),
-            "sensor_bias": at_joint(trial, joints, found["b"]),
-            "sensor_drift": at_joint(trial, joints, found["d"]),
+            "sensor_gain": self.at_joints(trial, found["g"]),
+            "sensor_bias": self.at_joints(trial, found["b"]),
+            "sensor_drift": self.at_joints(trial, found["d"]),
         }
 
 

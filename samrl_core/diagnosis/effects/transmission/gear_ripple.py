@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import DriveTorque
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.trial import Trial
 
-LINES = "two lines"  # per turn of a wave generator, and twice
 
-
-class GearRipple(DriveTorque):
+class GearRipple(DriveEffect):
     """Torque that repeats many times per turn: teeth, poles, flexspline."""
 
     family, number, title = "gear_ripple", 8, "Gear torque ripple"
@@ -36,39 +35,46 @@ class GearRipple(DriveTorque):
         ),
     )
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        (joint,) = self.joints_at(trial, place)
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        (joint,) = place.joints
         grid = tuple({"N": n} for n in _peaks(trial, joint))
-        limits = {"N": (14.0, 430.0)}
+        limits, first, second = {"N": (14.0, 430.0)}, ("sine", "cosine"), ("sine2", "cosine2")
         return (
-            Form("", ("sine", "cosine"), grid, limits, step=0.003),
-            Form(LINES, ("sine", "cosine", "sine2", "cosine2"), grid[:2], limits, step=0.003),
+            Ripple(place=place, amplitudes=first, shapes=grid, refine=limits, step=0.003),
+            # Per turn of a wave generator, and twice.
+            Ripple(
+                name="two lines",
+                place=place,
+                amplitudes=first + second,
+                shapes=grid[:2],
+                refine=limits,
+                step=0.003,
+            ),
         )
 
-    def torque(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
+
+class Ripple(DriveForm):
+    """One line, or two of which the second repeats twice as often."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         angle = shape["N"] * trial.motion.full_position[:, joint]
-        rows = [np.sin(angle), np.cos(angle)]
-        return np.stack(rows + [np.sin(2 * angle), np.cos(2 * angle)] if form == LINES else rows)
+        lines = range(1, len(self.amplitudes) // 2 + 1)
+        return np.stack([wave(n * angle) for n in lines for wave in (np.sin, np.cos)])
 
-    def spread(self, trial: Trial, joint: int, form: str, shape: Shape) -> np.ndarray:
-        return np.full(4 if form == LINES else 2, 0.03 * trial.scale[joint])
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return np.full(len(self.amplitudes), 0.03 * trial.scale[joint])
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         a, b = amplitudes[:2]
         return {"amplitude": float(np.hypot(a, b)), "order": shape["N"], "phase": float(np.arctan2(b, a))}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
-        joints = self.joints_at(trial, place)
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         a, b = amplitudes[:2]  # the simulator knows one line
         return {
-            "harmonic_amplitude": at_joint(trial, joints, np.hypot(a, b)),
-            "harmonic_order": at_joint(trial, joints, shape["N"]),
+            "harmonic_amplitude": self.at_joints(trial, np.hypot(a, b)),
+            "harmonic_order": self.at_joints(trial, shape["N"]),
             # The simulator adds to the drive what the residual counts as lost.
-            "harmonic_phase": at_joint(trial, joints, np.arctan2(-b, -a)),
+            "harmonic_phase": self.at_joints(trial, np.arctan2(-b, -a)),
         }
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Form, Parameter, Shape, at_joint
-from samrl_core.diagnosis.effects.families import TorqueDeflection
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
+from samrl_core.diagnosis.effects.transmission.deflection import Deflection, TwistForm
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -16,7 +17,7 @@ HARDENS = (0.5, 1.0, 2.0)
 DAMPING_S = 0.002  # of stiffness: lightly damped
 
 
-class JointElasticity(TorqueDeflection):
+class JointElasticity(Deflection):
     """The joint twists under torque, like a spring between motor and link."""
 
     family, number, title = "joint_elasticity", 11, "Joint elasticity"
@@ -31,66 +32,90 @@ class JointElasticity(TorqueDeflection):
         Parameter("K", "N m/rad", 500.0, 50000.0, "joint stiffness, of a hardening spring at no twist"),
     )
 
-    def forms(self, trial: Trial, place: str) -> tuple[Form, ...]:
-        static = Form("static", ("compliance",))
+    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
+        static = StraightSpring(name="static", place=place, amplitudes=("compliance",))
         if "tracking" in trial.channels:
             return (static,)
-        (joint,) = self.joints_at(trial, place)
+        (joint,) = place.joints
         scale = float(trial.scale[joint])
         grid = tuple({"K": s * scale, "d": DAMPING_S * s * scale} for s in STIFF)
         limits = {"K": (3.0 * scale, 3000.0 * scale), "d": (1e-4 * scale, 5.0 * scale)}
         most = max(float(np.max(np.abs(trial.transmitted[:, joint]))), 1e-3)
         steps = tuple({"F": f * most} for f in HARDENS)
-        hardening = Form("hardening", ("compliance",), steps, {"F": (0.1 * most, 5.0 * most)})
-        return static, Form("swinging", ("present",), grid, limits), hardening
+        return (
+            static,
+            SwingingLink(name="swinging", place=place, amplitudes=("present",), shapes=grid, refine=limits),
+            HardeningSpring(
+                name="hardening",
+                place=place,
+                amplitudes=("compliance",),
+                shapes=steps,
+                refine={"F": (0.1 * most, 5.0 * most)},
+            ),
+        )
 
-    def columns(self, trial: Trial, place: str, form: str, shape: Shape) -> Columns:
-        if form != "swinging":
-            return super().columns(trial, place, form, shape)
-        (joint,) = self.joints_at(trial, place)
-        angle = trial.motion.reduce(trial.sprung(joint, shape["K"], shape["d"], 0.0))
-        return trial.link(trial.deflection(joint, angle[None]))
 
-    def angle(self, trial: Trial, joint: int, form: str, shape: Shape, torque: np.ndarray) -> np.ndarray:
-        if form == "hardening":
-            return hardened(torque, shape["F"])[None]
-        return torque[None] - np.mean(torque) * (1.0 if "tracking" in trial.channels else 0.0)
+class SpringForm(TwistForm):
+    """A spring without mass, whose amplitude is its compliance."""
 
-    def prior(self, trial: Trial, place: str, form: str, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        if form == "swinging":
-            return np.ones(1), np.full(1, 0.05)
-        (joint,) = self.joints_at(trial, place)
-        return np.zeros(1), np.full(1, 0.02 / trial.scale[joint])
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(1), np.full(1, 0.02 / trial.scale[self.joint])
 
-    def admissible(self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         if "tracking" in trial.channels:
             return True
-        (joint,) = self.joints_at(trial, place)
-        stiffness = self.physical(trial, place, form, shape, amplitudes)["K"]
-        return bool(amplitudes[0] > 0 and stiffness < STIFFEST * trial.scale[joint])
+        stiffness = self.parameters(trial, shape, amplitudes)["K"]
+        return bool(amplitudes[0] > 0 and stiffness < STIFFEST * trial.scale[self.joint])
 
-    def physical(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, float]:
-        if form == "swinging":
-            return {"K": shape["K"]}
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"K": float(1.0 / max(abs(amplitudes[0]), 1e-12))}
 
-    def plant(
-        self, trial: Trial, place: str, form: str, shape: Shape, amplitudes: np.ndarray
-    ) -> dict[str, np.ndarray | float] | None:
+
+class StraightSpring(SpringForm):
+    """Twist in proportion to the torque."""
+
+    def angle(self, trial: Trial, torque: np.ndarray, shape: Shape) -> np.ndarray:
+        return torque[None] - np.mean(torque) * (1.0 if "tracking" in trial.channels else 0.0)
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         if "tracking" in trial.channels:
             return None
-        joints = self.joints_at(trial, place)
-        stiffness = self.physical(trial, place, form, shape, amplitudes)["K"]
-        if form == "hardening":  # the simulator's spring is straight
-            stiffness = self.line(trial, place, form, shape, amplitudes)
-        fields: dict[str, np.ndarray | float] = {
-            "joint_stiffness": at_joint(trial, joints, stiffness, np.inf)
+        stiffness = self.parameters(trial, shape, amplitudes)["K"]
+        return {"joint_stiffness": self.at_joints(trial, stiffness, np.inf)}
+
+
+class HardeningSpring(SpringForm):
+    """A cubic spring."""
+
+    def angle(self, trial: Trial, torque: np.ndarray, shape: Shape) -> np.ndarray:
+        return hardened(torque, shape["F"])[None]
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        # The simulator's spring is straight.
+        return {"joint_stiffness": self.at_joints(trial, self.line(trial, shape, amplitudes), np.inf)}
+
+
+class SwingingLink(Form):
+    """The link swings on its spring."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        angle = trial.motion.reduce(trial.sprung(self.joint, shape["K"], shape["d"], 0.0))
+        return trial.link(trial.deflection(self.joint, angle[None]))
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.ones(1), np.full(1, 0.05)
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(amplitudes[0] > 0 and shape["K"] < STIFFEST * trial.scale[self.joint])
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"K": shape["K"]}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {
+            "joint_stiffness": self.at_joints(trial, shape["K"], np.inf),
+            "joint_damping": self.at_joints(trial, shape["d"]),
         }
-        if form == "swinging":
-            fields["joint_damping"] = at_joint(trial, joints, shape["d"])
-        return fields
 
 
 def hardened(torque: np.ndarray, level: float) -> np.ndarray:

@@ -14,14 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from samrl_core.diagnosis.effects.age_chain import Chain, forward_backward
+from samrl_core.diagnosis.effects.drive.age_chain import Chain, forward_backward
+from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.residuals.motion import BAND_HZ
 from samrl_core.diagnosis.residuals.trial import Trial
 
 DETAIL_HZ = 1.6 * BAND_HZ  # what is slower is taken out
 OLDEST_S = 0.025  # the catalogue knows of holds up to 20 ms and of delays up to 25 ms
 ROUNDS = 6  # of expectation maximisation
-FUTILE = 3.0  # [nat] gain below which further rounds are not worth their time
+FUTILE = 3.0  # [nat] improvement below which further rounds are not worth their time
 AGED = 10.0  # [nat] from which on a constant age is believed rather than none
 OUTLIER = 12.0  # [nat] most that one joint's sample may speak against an age: friction turns, contacts click
 SHARPEST = 0.02  # of the stream's rms step: logs without noise must not be decided by rounding
@@ -34,7 +35,7 @@ class Age:
     """Age of the packets of one joint, or of an arm's joints together."""
 
     posterior: np.ndarray  # (F, ages) probability of each age in samples
-    gain: float  # [nat] log likelihood above `DETAIL_HZ` against packets of the usual age
+    log_evidence: float  # [nat] above `DETAIL_HZ` against packets of the usual age
     rate: float  # [Hz]
 
     @property
@@ -60,37 +61,29 @@ class Age:
         """Expected number of times that fresh packets cease to arrive."""
         return float(np.sum(np.clip(np.diff(1.0 - self.posterior[:, 0]), 0.0, None)))
 
-    def lost(self, trial: Trial, form: str, joint: int) -> np.ndarray:
+    def lost(self, trial: Trial, side: str, joint: int) -> np.ndarray:
         """Expected torque (F,) [N m] missing at a joint: what was sent less the packet acted on."""
-        x = _sent(trial, form)[:, joint]
+        x = _sent(trial, side)[:, joint]
         return x - np.einsum("fa,fa->f", self.posterior, _by_age(x, self.posterior.shape[1]))
 
 
-def ages(trial: Trial, form: str, clock: str) -> tuple[Age, ...]:
+def ages(trial: Trial, side: str, clock: str) -> tuple[Age, ...]:
     """Of each joint alone, then of all joints together; found once per recording."""
-    key = (clock, form)
+    key = (clock, side)
     if key not in trial.kept:
-        trial.kept[key] = _find(trial, form, clock)
+        trial.kept[key] = _find(trial, side, clock)
     return trial.kept[key]
 
 
-def age_at(trial: Trial, place: str, form: str, clock: str) -> Age:
-    """Of a place: a joint, or the arm."""
-    kind, _, name = place.partition(":")
-    index = trial.recording.arm.joints.index(name) if kind == "joint" else -1
-    return ages(trial, form, clock)[index]
-
-
-def usual_age(trial: Trial, place: str, form: str) -> int:
+def usual_age(trial: Trial, place: Place, side: str) -> int:
     """The constant age [samples] that explains a place's detail best; 0 where none does clearly."""
-    key = ("usual", form)
+    key = ("usual", side)
     if key not in trial.kept:
-        sent, done = _sent(trial, form), _done(trial, form)
+        sent, done = _sent(trial, side), _done(trial, side)
         trial.kept[key] = _usual_ages(
             [_by_age(x, _oldest(trial)) for x in sent.T], done, _slow_filter(trial.motion.rate)
         )
-    kind, _, name = place.partition(":")
-    return int(trial.kept[key][trial.recording.arm.joints.index(name) if kind == "joint" else -1])
+    return int(trial.kept[key][place.index])
 
 
 def detail_support(trial: Trial, late: np.ndarray) -> np.ndarray:
@@ -105,10 +98,10 @@ def detail_support(trial: Trial, late: np.ndarray) -> np.ndarray:
     return -0.5 * len(fast) * np.log(np.maximum(left, 1e-6))
 
 
-def _sent(trial: Trial, form: str) -> np.ndarray:
+def _sent(trial: Trial, side: str) -> np.ndarray:
     """Stream (F, J) [N m] as sent: effort to the drives, or what the controller makes of its command."""
     motion = trial.motion
-    if form == "effort":
+    if side == "effort":
         assert motion.raw_commanded is not None
         return motion.raw_commanded
     command, controller = motion.command, trial.recording.arm.controller
@@ -117,16 +110,16 @@ def _sent(trial: Trial, form: str) -> np.ndarray:
     return controller.stiffness * command.position + controller.damping * command.velocity + command.effort
 
 
-def _done(trial: Trial, form: str) -> np.ndarray:
+def _done(trial: Trial, side: str) -> np.ndarray:
     """What was made of it (F, J) [N m]."""
     motion, law = trial.motion, trial.equations.law
     assert motion.raw_commanded is not None
-    if form == "effort":
+    if side == "effort":
         # The rotor's share is left to the gain: measured accelerations are too noisy at these frequencies.
         assert motion.raw_effort is not None
         return motion.raw_effort
     assert law is not None
-    return _sent(trial, form) + motion.raw_commanded - law
+    return _sent(trial, side) + motion.raw_commanded - law
 
 
 def _oldest(trial: Trial) -> int:
@@ -144,8 +137,8 @@ def _by_age(x: np.ndarray, ages: int) -> np.ndarray:
     return np.lib.stride_tricks.sliding_window_view(padded, ages)[:, ::-1]
 
 
-def _find(trial: Trial, form: str, clock: str) -> tuple[Age, ...]:
-    sent, done = _sent(trial, form), _done(trial, form)
+def _find(trial: Trial, side: str, clock: str) -> tuple[Age, ...]:
+    sent, done = _sent(trial, side), _done(trial, side)
     rate, joints, oldest = trial.motion.rate, sent.shape[1], _oldest(trial)
     chain = Chain.held(joints + 1, oldest) if clock == HELD else Chain.wandering(joints + 1, oldest)
     low = _slow_filter(rate)

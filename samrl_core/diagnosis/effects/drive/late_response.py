@@ -1,0 +1,116 @@
+"""Effects by which what is commanded acts later, and their forms by what passes through them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.drive.packet_age import detail_support
+from samrl_core.diagnosis.effects.effect import Effect
+from samrl_core.diagnosis.effects.form import PresentForm, Shape
+from samrl_core.diagnosis.residuals.basis_functions import low_passed, resonant
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.trial import Trial, add
+
+CUTOFFS = (8.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0)  # [Hz] of filters that detail is compared with
+DELAYS = np.arange(0.0, 25.1, 0.5)  # [samples] likewise of delays
+
+
+class LateResponse(Effect):
+    """What is commanded acts later: the command before the controller, or the torque before the drive."""
+
+    acts_on = "command"
+
+    def acts_on_arm(self, trial: Trial) -> bool:
+        """Each joint, or all of them alike."""
+        return True
+
+    def why_unobservable(self, trial: Trial) -> str | None:
+        """Needs what was asked for and what came of it, fast enough."""
+        if trial.motion.command is None and trial.motion.u is None:
+            return "needs the command or the commanded effort"
+        if not trial.motion.dynamic and trial.motion.rate < 20.0:
+            return f"sampled at {trial.motion.rate:.0f} Hz, timing needs 20 Hz"
+        if set(trial.channels) <= {"link", "dynamics"}:
+            return "needs the command, or both commanded and measured effort"
+        return None
+
+
+def late_sides(trial: Trial) -> tuple[str, ...]:
+    """Streams that may be late, as far as the channels show it: command, effort."""
+    shown = (("controller", "command"), ("drive", "effort"))
+    return tuple(side for channel, side in shown if channel in trial.channels)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LateForm(PresentForm):
+    """A filter or delay that a stream passes through."""
+
+    amplitudes: tuple[str, ...] = ("present",)
+    side: str  # stream: command, effort, or tracking of servos that only log where they are
+
+    @abstractmethod
+    def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
+        """A full-rate signal (F, J) as it arrives."""
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        """What is missing while the signal is on its way."""
+        motion, command, controller = trial.motion, trial.motion.command, trial.recording.arm.controller
+        joints = self.place.joints
+        if self.side == "effort":
+            assert motion.raw_commanded is not None
+            lost = motion.raw_commanded - self.late(trial, motion.raw_commanded, shape)
+            return add(*(trial.drive(j, lost[:, [j]].T) for j in joints))
+        if command is None or command.position is None:
+            return {}
+        lost = command.position - self.late(trial, command.position, shape)
+        if self.side == "tracking":
+            return add(*(trial.tracking(j, motion.reduce(lost[:, [j]]).T) for j in joints))
+        assert controller is not None and command.velocity is not None and command.effort is not None
+        lost = controller.stiffness * lost
+        lost = lost + controller.damping * (command.velocity - self.late(trial, command.velocity, shape))
+        lost = lost + command.effort - self.late(trial, command.effort, shape)
+        return add(*(trial.controller(j, lost[:, [j]].T) for j in joints))
+
+    def cost(self, trials: Sequence[Trial], shape: Shape) -> float:
+        """What the best response loses of the torque's detail above the compared band, where noise passes.
+
+        There a delay leaves everything as it was and a filter takes it away: within the band both look alike.
+        """
+        if self.side != "effort":
+            return 0.0
+        lacks = 0.0
+        for trial in trials:
+            joints = list(self.place.joints)
+            mine = np.sum(self._support(trial, shape)[joints])
+            lacks += max(0.0, max(float(np.sum(x[joints])) for x in _supports(trial)) - float(mine))
+        return lacks
+
+    def _support(self, trial: Trial, shape: Shape) -> np.ndarray:
+        key = (type(self).__name__, repr(sorted(shape.items())))
+        if key not in trial.kept:
+            assert trial.motion.raw_commanded is not None
+            trial.kept[key] = detail_support(trial, self.late(trial, trial.motion.raw_commanded, shape))
+        return trial.kept[key]
+
+
+def clearest_delay(trial: Trial, joints: Sequence[int]) -> float:
+    """The delay [s] that explains most of the torque's detail, to half a sample."""
+    supports = [float(np.sum(x[list(joints)])) for x in _supports(trial)[: len(DELAYS)]]
+    return float(DELAYS[int(np.argmax(supports))]) / trial.motion.rate
+
+
+def _supports(trial: Trial) -> list[np.ndarray]:
+    """What pure delays and filters of a few sizes explain of the torque's detail, (J,) [nat] each."""
+    key = ("supports", "effort")
+    if key not in trial.kept:
+        motion, u = trial.motion, trial.motion.raw_commanded
+        assert u is not None
+        late = [motion.delayed(u, d / motion.rate) for d in DELAYS]
+        late += [low_passed(u, f, motion.rate) for f in CUTOFFS]
+        late += [resonant(u, f, np.sqrt(0.5), 1.0 / motion.rate) for f in CUTOFFS]
+        trial.kept[key] = [detail_support(trial, x) for x in late]
+    return trial.kept[key]

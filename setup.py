@@ -33,7 +33,9 @@ if IN_CHECKOUT:  # what hatchling copies into the package from elsewhere; behind
 arguments = {
     "packages": packages,
     "package_dir": package_dir,
-    "package_data": {"": ["*.urdf", "*.yaml", "*.xml", "*.msg", "*.srv", "*.json", "*.npz"]},
+    "package_data": {
+        "": ["*.urdf", "*.yaml", "*.xml", "*.msg", "*.srv", "*.json", "*.npz", "*.j2", "*.css", "*.js"]
+    },
     "data_files": [(os.path.dirname(target), [source]) for source, target in WHEEL["shared-data"].items()],  # noqa: PTH120
 }
 if not IN_CHECKOUT:

@@ -32,6 +32,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "mitsuba": ("samrl_core/studies/speed/peers/",),
     "newton": ("samrl_core/studies/speed/peers/",),
     "pinocchio": ("samrl_core/cell/robots/", "samrl_core/diagnosis/simulation/", "samrl_core/studies/speed/"),
+    "jinja2": ("samrl_core/diagnosis/report/",),
     "pandas": ("samrl_ros/log_import/",),
     "pydantic": ("samrl_core/common/validation.py", "samrl_core/diagnosis/report/", "samrl_ros/log_import/"),
     "plotly": ("samrl_core/diagnosis/report/",),

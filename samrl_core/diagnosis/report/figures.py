@@ -18,10 +18,23 @@ MEASURED, NOMINAL, NAMED, RUNNER_UP = "#1f2933", "#d55e00", "#0072b2", "#aa4499"
 ROW_COLORS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#8a6d00", "#56b4e9", "#555555")
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Liberation Sans', sans-serif"
 
+# ColorBrewer's YlOrRd without its darkest tones, so that dark figures stay readable on the first four.
+SCALE = ("#ffffff", "#fff3c4", "#fed976", "#feb24c", "#fd8d3c", "#c8301b", "#8f0d24")
+TEXT_LIGHT_FROM = 5
+LEAST_THRESHOLD = 1e-3  # standard deviations; where all quiet cells are exactly zero
+
 CURVE_POINTS = 3000
 OVERLAY_BYTES = 2_000_000  # for all overlays together, before base64 adds a third
 OVERLAY_POINTS = 2400  # at most, for one signal: twice the pixels of a wide screen
 OVERLAY_COUNT = 120  # at most; those with the largest error are kept
+
+
+def cell_tone(value: float, threshold: float) -> int:
+    """Which colour a cell gets: below the threshold pale, then one step for every factor of 1.6."""
+    threshold = max(threshold, LEAST_THRESHOLD)
+    if value < threshold:
+        return 1 if value > 0.75 * threshold else 0
+    return min(2 + int(math.log(value / threshold, 1.6)), len(SCALE) - 1)
 
 
 def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:

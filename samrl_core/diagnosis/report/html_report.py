@@ -1,4 +1,7 @@
-"""report.html: one file without any outside part, to be shown in a meeting; verdict first."""
+"""report.html: one file without any outside part, to be shown in a meeting; verdict first.
+
+What stands where is in `templates/`; here is what the templates show. Values are escaped by Jinja.
+"""
 
 from __future__ import annotations
 
@@ -6,84 +9,125 @@ import base64
 import gzip
 import json
 import math
+from dataclasses import dataclass
 from functools import cache
+from itertools import groupby
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+import yaml
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.report import words
-from samrl_core.diagnosis.report.html_how_far import how_far_section
-from samrl_core.diagnosis.report.html_parts import (
-    Markup,
-    box,
-    bullets,
-    element,
-    join,
-    key_figure,
-    put,
-    section,
-    table,
+from samrl_core.diagnosis.report.figures import (
+    OVERLAY_COUNT,
+    SCALE,
+    TEXT_LIGHT_FROM,
+    cell_tone,
+    curve_figure,
+    figure_json,
+    overlay_figure,
+    overlay_points,
+    rms,
+    script_json,
+    timeline_figure,
 )
-from samrl_core.diagnosis.report.html_where import where_section
-from samrl_core.diagnosis.report.html_which import ambiguity_section, unknown_section, which_section
-from samrl_core.diagnosis.report.page_script import SCRIPT
-from samrl_core.diagnosis.report.page_style import STYLE
-from samrl_core.diagnosis.result import Diagnosis
+from samrl_core.diagnosis.result import Curve, Diagnosis, Heatmap, Overlay, Signature, Timeline
 
-# What the browser may do with the page: run what stands in it, and fetch nothing.
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; font-src data:"
-)
+TEMPLATES = Path(__file__).parent / "templates"
+TIMELINES = 6  # at most; further recordings are left to report.json
+
+PLAIN_VERDICT = {
+    "no_gap": "Whatever difference remains is no larger than what sensors and stated tolerances explain. "
+    "Nothing needs to be added to the model.",
+    "effect": "The cause below explains the difference between model and machine.",
+    "ambiguous": "Each of the candidates below fits about equally well. Choosing one would be a guess; "
+    "a further recording decides.",
+    "none_of_mine": "The machine differs from its model, but adding any known effect would fit for "
+    "the wrong reason. What the difference looks like stands below.",
+    "not_testable": "What was recorded does not show enough to tell model and machine apart.",
+}
+
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """One of the row of figures below the headline."""
+
+    title: str
+    number: str
+    unit: str
+    note: str
+
+
+@dataclass(frozen=True)
+class HeatCell:
+    """A cell of the heatmap."""
+
+    shown: str
+    title: str
+    background: str
+    color: str
+    hot: bool  # significant
+    hottest: bool
+
+
+@dataclass(frozen=True, eq=False)
+class RankedOverlay:
+    """A signal and the RMS of its errors."""
+
+    signal: Overlay
+    before: float  # nominal model
+    after: float  # with the effect; NaN without one
 
 
 def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
     """The page; `picture` is a PNG that readers see where scripts do not run (mail, previews)."""
     d = diagnosis
-    sections = {
-        "alarms": _alarms(d),
-        "open": ambiguity_section(d),
-        "unknown": unknown_section(d),
-        "which": which_section(d),
-        "where": where_section(d),
-        "far": how_far_section(d),
-        "untested": _not_testable(d),
-        "from": _provenance(d),
-    }
-    order = ["alarms", "open", "unknown", "where", "which", "far", "untested", "from"]
-    if d.verdict == "not_testable":
-        order.remove("untested")
-        order.insert(0, "untested")
-    fallback = ""
-    if picture is not None:
-        source = f"data:image/png;base64,{base64.b64encode(picture).decode()}"
-        fallback = element("noscript", Markup(f'<img alt="{put(words.headline(d))}" src="{source}">'))
-    head = join(
-        (
-            Markup('<meta charset="utf-8">'),
-            element("title", f"{words.headline(d)} ({d.arm})"),
-            Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
-            Markup(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'),
-            Markup('<meta name="referrer" content="no-referrer"><link rel="icon" href="data:,">'),
-            Markup(f"<style>{STYLE}</style>"),
+    causes = [FAMILIES[e.family] for e in d.effects[:2] if d.verdict == "effect" and e.family in FAMILIES]
+    experiment = d.next_experiment
+    named = {e.place for e in d.effects} | {w.place for w in d.where[:1]}
+    return (
+        _environment()
+        .get_template("page.html.j2")
+        .render(
+            d=d,
+            causes=causes,
+            plain_verdict=PLAIN_VERDICT[d.verdict],
+            seconds=sum(i.duration for i in d.inputs),
+            key_figures=_key_figures(d),
+            picture=base64.b64encode(picture).decode() if picture is not None else None,
+            fits={e.name: e for e in (*d.effects, *d.runner_ups)},
+            next_yaml=_yaml(experiment.programme) if experiment is not None else "",
+            heat=_heat(d.heatmap) if d.heatmap is not None else None,
+            timeline_json=lambda timeline: _timeline(timeline, named),
+            untested=_by_reason(d),
+            settings=json.dumps(d.settings, indent=1, ensure_ascii=False, default=str),
+            library=_library(),
+            **_overlays(d),
         )
     )
-    body = join(
-        (
-            _header(d),
-            element("main", _key_figures(d), fallback, *(sections[name] for name in order)),
-            element(
-                "footer",
-                element(
-                    "div", f"samrl {d.version}, seed {d.seed}. The same facts for programs: report.json."
-                ),
-            ),
-            Markup(f'<script type="text/plain" id="library">{_library()}</script>'),
-            Markup(f"<script>{SCRIPT}</script>"),
-        )
+
+
+@cache
+def _environment() -> Environment:
+    loader = FileSystemLoader(TEMPLATES)
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    top = f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>'
-    return f'{top}<body class="{d.verdict}">{body}</body></html>\n'
+    environment.globals.update(
+        words=words,
+        timeline_limit=TIMELINES,
+        clip=lambda fraction: min(max(fraction, 0.0), 1.0),
+        source=lambda name: Markup((TEMPLATES / name).read_text(encoding="utf-8")),
+        meaning=_meaning,
+        hints=_hints,
+        curve_json=_curve,
+    )
+    return environment
 
 
 @cache
@@ -92,115 +136,165 @@ def _library() -> str:
     return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
 
 
-def _header(d: Diagnosis) -> Markup:
-    durations = sum(i.duration for i in d.inputs)
-    recordings = f"{words.count(len(d.inputs), 'recording')}, {durations:.0f} s" if durations else ""
-    top = element(
-        "p",
-        element("span", words.VERDICT_LABEL[d.verdict], css="chip"),
-        ", ".join(filter(None, (f"Sim-to-real gap of {d.arm}", recordings))),
-        css="eyebrow",
-    )
-    lead: list[object] = []
-    for e in d.effects[:2] if d.verdict == "effect" else ():
-        if e.family in FAMILIES:
-            f = FAMILIES[e.family]
-            lead.append(element("p", f.meaning, css="lead"))
-            lead.append(element("p", element("b", "What to do: "), f.remedy))
-    if not lead:
-        lead += [element("p", _plain_verdict(d), css="lead")]
-    return element("header", element("div", top, element("h1", words.headline(d)), *lead))
+def _meaning(effect: str) -> str:
+    family = FAMILIES.get(effect.partition("@")[0])
+    return family.meaning if family else ""
 
 
-def _plain_verdict(d: Diagnosis) -> str:
-    return {
-        "no_gap": "Whatever difference remains is no larger than what sensors and stated tolerances explain. "
-        "Nothing needs to be added to the model.",
-        "effect": "The cause below explains the difference between model and machine.",
-        "ambiguous": "Each of the candidates below fits about equally well. Choosing one would be a guess; "
-        "a further recording decides.",
-        "none_of_mine": "The machine differs from its model, but adding any known effect would fit for "
-        "the wrong reason. What the difference looks like stands below.",
-        "not_testable": "What was recorded does not show enough to tell model and machine apart.",
-    }[d.verdict]
+def _hints(signature: Signature) -> list[tuple[str, float]]:
+    """Strongest correlation first."""
+    return sorted(signature.hints, key=lambda hint: -abs(hint[1]))
 
 
-def _key_figures(d: Diagnosis) -> Markup:
-    items: list[Markup] = []
+def _curve(curve: Curve) -> str:
+    return figure_json(curve_figure(curve))
+
+
+def _timeline(timeline: Timeline, named: set[str]) -> str:
+    return figure_json(timeline_figure(timeline, named))
+
+
+def _yaml(value: Any) -> str:
+    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True)
+
+
+def _by_reason(d: Diagnosis) -> dict[str, list[str]]:
+    """Titles of effects that cannot be tested, by the reason."""
+    found: dict[str, list[str]] = {}
+    for name, reason in d.not_testable.items():
+        found.setdefault(reason, []).append(FAMILIES[name].title if name in FAMILIES else name)
+    return found
+
+
+def _key_figure(title: str, value: str, note: str = "") -> KeyFigure:
+    """`value` is a number, perhaps a space and a unit."""
+    # `> 99 %` stays together: its sign belongs to the number.
+    number, _, unit = value.partition(" ") if value[:1] not in "<>" else (value, "", "")
+    return KeyFigure(title, number, unit, note)
+
+
+def _key_figures(d: Diagnosis) -> list[KeyFigure]:
+    items: list[KeyFigure] = []
     gap = d.gap
     if d.effects and d.verdict == "effect":
         if gap is not None and gap.shrink is not None:
             interval = words.percent_interval(gap.ci95)
             note = f"95 % interval {interval}" if interval else "on held-out recordings"
-            items.append(key_figure("held-out gap shrinks by", words.percent(gap.shrink), note))
+            items.append(_key_figure("held-out gap shrinks by", words.percent(gap.shrink), note))
         first = d.effects[0]
         for e in d.effects[:2]:
             for name, estimate in list(e.parameters.items())[: 2 if len(d.effects) == 1 else 1]:
                 note = f"95 % interval {words.interval(estimate)}"
-                items.append(key_figure(name, words.value(estimate), note))
+                items.append(_key_figure(name, words.value(estimate), note))
         items.append(
-            key_figure("probability", words.percent(first.probability), "of this cause among all tried")
+            _key_figure("probability", words.percent(first.probability), "of this cause among all tried")
         )
         if gap is not None and gap.margin is not None:
             other = words.effect(gap.runner_up_effect) if gap.runner_up_effect else "the runner-up"
-            items.append(key_figure("on the runner-up", words.points(gap.margin), other))
+            items.append(_key_figure("on the runner-up", words.points(gap.margin), other))
     elif gap is not None and math.isfinite(gap.nominal):
         value = f"{words.number(gap.nominal)} {words.symbol(gap.unit)}".rstrip()
-        items.append(key_figure("held-out gap of the nominal model", value, gap.metric))
+        items.append(_key_figure("held-out gap of the nominal model", value, gap.metric))
     if d.verdict == "ambiguous":
-        items.append(key_figure("candidates", str(sum(map(len, d.ambiguity_set)))))
+        items.append(_key_figure("candidates", str(sum(map(len, d.ambiguity_set)))))
         if d.next_experiment is not None:
             note = "probability that the proposed recording decides"
             items.append(
-                key_figure("next recording decides", words.percent(d.next_experiment.separates), note)
+                _key_figure("next recording decides", words.percent(d.next_experiment.separates), note)
             )
     if math.isfinite(d.unexplained_fraction):
         note = "of the excess energy, after " + {"effect": "the named effects"}.get(
             d.verdict, "the best effect"
         )
-        items.append(key_figure("unexplained", words.percent(d.unexplained_fraction), note))
+        items.append(_key_figure("unexplained", words.percent(d.unexplained_fraction), note))
     if d.heatmap is not None and d.verdict == "no_gap":
         items.append(
-            key_figure("significant parts", str(int((d.heatmap.values >= d.heatmap.threshold).sum())))
+            _key_figure("significant parts", str(int((d.heatmap.values >= d.heatmap.threshold).sum())))
         )
     if d.not_testable and d.verdict != "effect":
         items.append(
-            key_figure("not testable", str(len(d.not_testable)), "effects that these recordings cannot show")
+            _key_figure("not testable", str(len(d.not_testable)), "effects that these recordings cannot show")
         )
-    reasons = join((element("h3", "Why this verdict"), bullets(d.reasons))) if d.reasons else ""
-    return join((element("dl", *items, css="figures") if items else "", reasons))
+    return items
 
 
-def _alarms(d: Diagnosis) -> Markup:
-    # An alarm that made the verdict stands among its reasons already.
-    further = [alarm for alarm in d.alarms if alarm not in d.reasons]
-    return box("Alarms", bullets(further), css="alarm") if further else Markup("")
+def _heat(h: Heatmap) -> dict[str, Any]:
+    """Groups of columns, rows of cells (None: nothing observed) and the width of the first column."""
+    values = np.asarray(h.values, dtype=float)
+    finite = values[np.isfinite(values)]
+    hottest = finite.max() if len(finite) else math.inf
+    names = [name.partition(":")[2] or name for name in h.places]
+    rows = []
+    for place, name, row in zip(h.places, names, values, strict=True):
+        cells = (
+            _cell(value, h.threshold, place, column, value == hottest)
+            for value, column in zip(row, h.columns, strict=True)
+        )
+        rows.append((name, list(cells)))
+    return {
+        "groups": [(channel, len(list(items))) for channel, items in groupby(h.columns, key=lambda c: c[0])],
+        "rows": rows,
+        "first": f"{min(0.58 * max(map(len, names), default=0) + 1.2, 15):.1f}em",
+    }
 
 
-def _not_testable(d: Diagnosis) -> Markup:
-    if not d.not_testable:
-        return Markup("")
-    by_reason: dict[str, list[str]] = {}
-    for name, reason in d.not_testable.items():
-        by_reason.setdefault(reason, []).append(FAMILIES[name].title if name in FAMILIES else name)
-    rows = [(reason, ", ".join(names)) for reason, names in by_reason.items()]
-    return section(
-        "Not testable with these recordings", table(("because", "effects"), rows), anchor="not-testable"
+def _cell(
+    value: float, threshold: float, place: str, column: tuple[str, str], hottest: bool
+) -> HeatCell | None:
+    if not math.isfinite(value):
+        return None
+    tone, hot = cell_tone(value, threshold), value >= threshold
+    return HeatCell(
+        shown=f"{value:.1f}" if value < 99.5 else f"{value:.0f}" if value < 1e4 else f"{value:.0e}",
+        title=f"{words.place(place)}, {' at '.join(column)}: {value:.2f}{', significant' if hot else ''}",
+        background=SCALE[tone],
+        color="#ffffff" if tone >= TEXT_LIGHT_FROM else "#1f2933",
+        hot=hot,
+        hottest=hottest,
     )
 
 
-def _provenance(d: Diagnosis) -> Markup:
-    rows = [
-        (i.bag, i.role.replace("_", " "), f"{i.duration:.1f}", element("span", i.sha256, css="hash"))
-        for i in d.inputs
-    ]
-    parts: list[object] = [table(("recording", "used as", "length [s]", "sha256"), rows, numbers=(2,))]
-    if d.notes:
-        parts += [element("h3", "Notes on the input"), bullets(d.notes)]
-    if d.timings:
-        spent = [(stage, f"{seconds:.1f}") for stage, seconds in d.timings.items()]
-        parts += [element("h3", "Time spent"), table(("stage", "[s]"), spent, numbers=(1,), css="")]
-    if d.settings:
-        text = json.dumps(d.settings, indent=1, ensure_ascii=False, default=str)
-        parts.append(element("details", element("summary", "Settings"), element("pre", text)))
-    return section("Where this comes from", *parts, anchor="provenance")
+def _overlays(d: Diagnosis) -> dict[str, Any]:
+    """Signals in the order of interest, and what the script needs to switch between them."""
+    ranked = _rank(d)
+    chosen = ranked[:OVERLAY_COUNT]
+    points = overlay_points(tuple(o.signal for o in chosen))
+    label = words.effect_label(d)
+    index = []
+    for i, o in enumerate(chosen):
+        s = o.signal
+        after = f", {label} {words.number(o.after)} {s.unit}" if math.isfinite(o.after) else ""
+        error = f"RMS error of {words.quantity(s.quantity)} {words.number(o.before)} {s.unit}{after}"
+        index.append(
+            {
+                "id": f"overlay-{i}",
+                "key": [s.recording, s.joint, s.quantity],
+                "caption": f"{s.recording}, {s.joint}: {error}",
+            }
+        )
+    keys = [list(dict.fromkeys(entry["key"][k] for entry in index)) for k in range(3)]
+    return {
+        "overlays": chosen,
+        "left_out": len(ranked) - OVERLAY_COUNT,
+        "picks": {"recording": sorted(keys[0]), "joint": sorted(keys[1]), "quantity": keys[2]},
+        "overlay_index": script_json(index),
+        "overlay_json": lambda signal: figure_json(overlay_figure(signal, points, label)),
+    }
+
+
+def _rank(d: Diagnosis) -> list[RankedOverlay]:
+    """The named joint first, then by nominal error as a fraction of the largest one of its quantity."""
+    named = [e.place.partition(":")[2] for e in d.effects] or [w.place.partition(":")[2] for w in d.where[:1]]
+    found = [RankedOverlay(o, rms(o.nominal, o.measured), rms(o.with_effect, o.measured)) for o in d.overlays]
+    largest: dict[str, float] = {}
+    for o in found:
+        if math.isfinite(o.before):
+            largest[o.signal.quantity] = max(largest.get(o.signal.quantity, 0.0), o.before)
+
+    def rank(o: RankedOverlay) -> tuple[bool, float]:
+        most = largest.get(o.signal.quantity, 0.0)
+        return o.signal.joint not in named, -(
+            o.before / most if math.isfinite(o.before) and most > 0 else 0.0
+        )
+
+    return sorted(found, key=rank)

@@ -13,8 +13,17 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from samrl_core.diagnosis.report import words
-from samrl_core.diagnosis.report.figures import INK, MEASURED, NAMED, NOMINAL, rms, thinned
-from samrl_core.diagnosis.report.html_where import SCALE, TEXT_LIGHT_FROM, cell_tone
+from samrl_core.diagnosis.report.figures import (
+    INK,
+    MEASURED,
+    NAMED,
+    NOMINAL,
+    SCALE,
+    TEXT_LIGHT_FROM,
+    cell_tone,
+    rms,
+    thinned,
+)
 from samrl_core.diagnosis.result import Diagnosis, Heatmap, Overlay
 
 WIDTH, DPI = 9.6, 125  # [inch], dots per inch

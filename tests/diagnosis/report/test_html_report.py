@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.report.figures import OVERLAY_COUNT, OVERLAY_POINTS, rms, thinned
+from samrl_core.diagnosis.report.figures import OVERLAY_COUNT, OVERLAY_POINTS, cell_tone, rms, thinned
 from samrl_core.diagnosis.report.html_report import to_html
-from samrl_core.diagnosis.report.html_where import cell_tone
 from samrl_core.diagnosis.report.json_report import read_report
 from samrl_core.diagnosis.report.summary_picture import to_png
 from samrl_core.diagnosis.report.write_report import write_report

@@ -1,8 +1,3 @@
-"""The script of report.html: unpacks the plot library, draws each figure, and switches the overlay."""
-
-from __future__ import annotations
-
-SCRIPT = """
 (async () => {
   const text = id => document.getElementById(id).textContent;
   const plots = [...document.querySelectorAll('.plot')];
@@ -61,4 +56,3 @@ SCRIPT = """
   });
   addEventListener('afterprint', resize);
 })();
-"""

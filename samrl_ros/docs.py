@@ -10,6 +10,7 @@ import yaml
 
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
 from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.report.report_schema import schema_text
 from samrl_ros.contract.topics import SERVICES, TOPICS
 from samrl_ros.nodes.registry import all_settings
 
@@ -129,6 +130,7 @@ def pages(folder: Path) -> dict[Path, str]:
         folder / "reference" / "parameters.md": parameters_page(),
         folder / "reference" / "interfaces.md": interfaces_page(folder),
         folder / "reference" / "effects.md": effects_page(),
+        folder / "reference" / "report.schema.json": schema_text(),
         folder.parent / "samrl_ros" / "config" / "cell.yaml": default_parameters(),
     }
 

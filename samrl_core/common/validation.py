@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from samrl_core.common.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_WANTED = {  # pydantic's kinds of error
+    "bool_type": "true or false",
+    "dict_type": "a mapping of keys to values",
+    "finite_number": "a finite number or null",
+    "float_type": "a number",
+    "int_from_float": "a whole number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "model_type": "a mapping of keys to values",
+    "string_type": "text",
+}
 
 
 class Checked(BaseModel):
@@ -27,11 +41,16 @@ class Checked(BaseModel):
 
     @classmethod
     def read(cls, value: Any, where: str) -> Self:
-        """The model of `value`. Raises `InputError` with the key path below `where` of the first fault."""
-        try:
-            return cls.model_validate(value)
-        except ValidationError as error:
-            raise InputError(explain(error, where)) from error
+        """As `read_model`."""
+        return read_model(cls, value, where)
+
+
+def read_model(model: type[Model], value: Any, where: str) -> Model:
+    """The model of `value`. Raises `InputError` with the key path below `where` of the first fault."""
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        raise InputError(explain(error, where)) from error
 
 
 def fault(text: str, *below: str | int) -> PydanticCustomError:
@@ -41,22 +60,26 @@ def fault(text: str, *below: str | int) -> PydanticCustomError:
 
 def explain(error: ValidationError, where: str) -> str:
     """The first fault as `<where>.<key path> is <value>, must be <limit>`."""
-    first = error.errors(include_url=False)[0]
-    context: dict[str, Any] = first.get("ctx", {})
+    found = error.errors(include_url=False)
+    first, context = found[0], found[0].get("ctx", {})
     path = key_path(where, [key for key in (*first["loc"], *context.get("below", ())) if key != "[key]"])
     kind, value, text = first["type"], first["input"], first["msg"]
-    shown = "empty" if value is None else f"{value!r}"[:80]
     if kind == "fault":
         return f"{path}{text}"
     if kind == "missing":
-        present = sorted(value) if isinstance(value, dict) else "none"
-        return f"{path} is missing; present are {present}"
+        parent = first["loc"][:-1]
+        missing = [str(e["loc"][-1]) for e in found if e["type"] == "missing" and e["loc"][:-1] == parent]
+        present = f"; it has {sorted(map(str, value))}" if isinstance(value, dict) else ""
+        return f"{key_path(where, parent)} lacks {', '.join(missing)}{present}"
     if kind == "literal_error":
         allowed = context["expected"].replace(" or ", ", ").replace("'", "")
-        return f"{path} is {shown}, must be one of {allowed}"
-    if kind == "model_type":
-        return f"{path} is {shown}, must be a mapping of keys to values"
-    return f"{path} is {shown}, {text[:1].lower()}{text[1:]}".replace("input should be", "must be")
+        wanted = f"must be one of {allowed}"
+    elif kind in _WANTED:
+        wanted = f"must be {_WANTED[kind]}"
+    else:
+        wanted = f"{text[:1].lower()}{text[1:]}".replace("input should be", "must be")
+    shown = repr(value)
+    return f"{path} is {shown if len(shown) < 80 else shown[:77] + '...'}, {wanted}"
 
 
 def key_path(where: str, keys: Sequence[str | int]) -> str:

@@ -2,16 +2,157 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.result import VERDICTS
+from samrl_core.common.validation import fault, read_model
 
 SCHEMA = 1
-KINDS_OF_PLACE = ("joint", "arm", "link", "body", "sensor")
+_KINDS = "joint, arm, link, body, sensor"
+_PLACE = rf"cell|({_KINDS.replace(', ', '|')}):.+"
 
-Check = Callable[[object, str], None]
+
+def _place(value: str) -> str:
+    if not re.fullmatch(_PLACE, value, re.DOTALL):
+        raise fault(f" is {value!r}, must be `cell` or one of {_KINDS}, a colon and a name")
+    return value
+
+
+def _effect_name(value: str) -> str:
+    family, at, place = value.partition("@")
+    if not (family and at):
+        raise fault(f" is {value!r}, must be written `family@place`")
+    _place(place)
+    return value
+
+
+def _version(value: int) -> int:
+    if value != SCHEMA:
+        raise fault(f" is {value!r}, must be {SCHEMA}")
+    return value
+
+
+def _fraction(value: float) -> float:
+    if not 0 <= value <= 1:
+        raise fault(f" is {value!r}, must be within 0 and 1")
+    return value
+
+
+def _pair(value: Any) -> Any:
+    if isinstance(value, list) and len(value) != 2:
+        raise fault(f" is {value!r}, must be a pair [low, high]")
+    return value
+
+
+Place = Annotated[str, AfterValidator(_place), Field(json_schema_extra={"pattern": f"^({_PLACE})$"})]
+EffectName = Annotated[
+    str, AfterValidator(_effect_name), Field(json_schema_extra={"pattern": f"^[^@]+@({_PLACE})$"})
+]
+Fraction = Annotated[float, AfterValidator(_fraction), Field(json_schema_extra={"minimum": 0, "maximum": 1})]
+Interval = Annotated[
+    list[float | None], BeforeValidator(_pair), Field(json_schema_extra={"minItems": 2, "maxItems": 2})
+]
+
+
+class _Part(BaseModel):
+    """Exact types; every key must be there, null where nothing is known; extra keys are welcome."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class WhereEntry(_Part):
+    """A part of the recordings in which the gap is significant."""
+
+    place: Place
+    channel: str
+    phase: str
+    t0: float | None = Field(description="in the recording [s]")
+    t1: float | None = Field(description="in the recording [s]")
+    share: float | None = Field(description="of the whole excess energy")
+
+
+class ParameterEntry(_Part):
+    """A parameter with its 95 % interval."""
+
+    value: float | None
+    unit: str
+    ci95: Interval | None
+
+
+class EffectEntry(_Part):
+    """A named effect."""
+
+    family: str
+    place: Place
+    probability: Fraction | None = Field(description="among all that were tried")
+    parameters: dict[str, ParameterEntry]
+
+
+class NextExperimentEntry(_Part):
+    """The recording that would split the ambiguity set."""
+
+    file: str = Field(description="relative to the report; `samrl excite` plays it")
+    why: str
+    separates: Fraction | None = Field(description="probability that the best pair is told apart by it")
+
+
+class HeldOutEntry(_Part):
+    """How far the gap shrinks on recordings never fitted."""
+
+    metric: str | None
+    unit: str | None
+    nominal: float | None
+    with_effect: float | None
+    runner_up: float | None
+    runner_up_effect: str | None
+    shrink: float | None = Field(description="1 - with_effect / nominal")
+    ci95: Interval | None = Field(description="of `shrink`")
+
+
+class GapEntry(_Part):
+    """The gap in numbers."""
+
+    held_out: HeldOutEntry
+
+
+class InputEntry(_Part):
+    """A bag that was read."""
+
+    bag: str
+    sha256: str
+    role: Literal["fit", "held_out"]
+
+
+class Report(_Part):
+    """report.json of samrl, schema 1. What is not finite is null."""
+
+    schema_: Annotated[int, AfterValidator(_version)] = Field(
+        alias="schema", json_schema_extra={"const": SCHEMA}
+    )
+    verdict: Literal["no_gap", "effect", "ambiguous", "none_of_mine", "not_testable"]
+    where: list[WhereEntry] = Field(description="strongest first")
+    effects: list[EffectEntry]
+    ambiguity_set: list[list[EffectName]]
+    next_experiment: NextExperimentEntry | None
+    gap: GapEntry
+    unexplained_fraction: float | None
+    not_testable: dict[str, str] = Field(description="reason by family")
+    inputs: list[InputEntry]
+    seed: int
+    version: str
+
+    @model_validator(mode="after")
+    def _verdict_has_its_evidence(self) -> Report:
+        if self.verdict == "effect" and not self.effects:
+            raise fault(" is empty, but the verdict is `effect`; name at least one", "effects")
+        if self.verdict == "ambiguous" and not any(len(names) > 1 for names in self.ambiguity_set):
+            raise fault(" has no set of two, but the verdict is `ambiguous`", "ambiguity_set")
+        return self
 
 
 def check_report(report: object) -> None:
@@ -20,171 +161,23 @@ def check_report(report: object) -> None:
     Raises:
         InputError: the first thing that is wrong, with its place in the report.
     """
-    _record(
-        {
-            "schema": _schema,
-            "verdict": _one_of(VERDICTS),
-            "where": _list_of(_record(_WHERE)),
-            "effects": _list_of(_record(_EFFECT)),
-            "ambiguity_set": _list_of(_list_of(_effect_name)),
-            "next_experiment": _or_null(
-                _record({"file": _text, "why": _text, "separates": _or_null(_fraction)})
-            ),
-            "gap": _record({"held_out": _record(_HELD_OUT)}),
-            "unexplained_fraction": _or_null(_number),
-            "not_testable": _mapping_of(_text),
-            "inputs": _list_of(
-                _record({"bag": _text, "sha256": _text, "role": _one_of(("fit", "held_out"))})
-            ),
-            "seed": _integer,
-            "version": _text,
-        }
-    )(report, "report")
-    assert isinstance(report, dict)
-    _all_finite(report, "report")
-    if report["verdict"] == "effect" and not report["effects"]:
-        raise InputError("report.effects is empty, but the verdict is `effect`; name at least one")
-    if report["verdict"] == "ambiguous" and not any(len(names) > 1 for names in report["ambiguity_set"]):
-        raise InputError("report.ambiguity_set has no set of two, but the verdict is `ambiguous`")
+    read_model(Report, report, "report")
+    _refuse_infinite(report, "report")
 
 
-def _fail(where: str, value: object, wanted: str) -> InputError:
-    shown = repr(value)
-    return InputError(f"{where} is {shown if len(shown) < 80 else shown[:77] + '...'}, must be {wanted}")
+def schema_text() -> str:
+    """The JSON schema that is published as `msgs_docs/reference/report.schema.json`."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Report.model_json_schema()}
+    return json.dumps(schema, indent=1) + "\n"
 
 
-def _schema(value: object, where: str) -> None:
-    if value != SCHEMA or isinstance(value, bool):
-        raise _fail(where, value, f"{SCHEMA}")
-
-
-def _text(value: object, where: str) -> None:
-    if not isinstance(value, str):
-        raise _fail(where, value, "text")
-
-
-def _integer(value: object, where: str) -> None:
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise _fail(where, value, "a whole number")
-
-
-def _number(value: object, where: str) -> None:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        raise _fail(where, value, "a number")
-
-
-def _fraction(value: object, where: str) -> None:
-    _number(value, where)
-    if not 0 <= value <= 1:  # type: ignore[operator]
-        raise _fail(where, value, "within 0 and 1")
-
-
-def _place(value: object, where: str) -> None:
-    _text(value, where)
-    assert isinstance(value, str)
-    kind, _, name = value.partition(":")
-    if value != "cell" and not (kind in KINDS_OF_PLACE and name):
-        raise _fail(where, value, f"`cell` or one of {', '.join(KINDS_OF_PLACE)}, a colon and a name")
-
-
-def _effect_name(value: object, where: str) -> None:
-    _text(value, where)
-    assert isinstance(value, str)
-    family, at, place = value.partition("@")
-    if not (family and at):
-        raise _fail(where, value, "written `family@place`")
-    _place(place, where)
-
-
-def _one_of(allowed: tuple[str, ...]) -> Check:
-    def check(value: object, where: str) -> None:
-        if value not in allowed:
-            raise _fail(where, value, f"one of {', '.join(allowed)}")
-
-    return check
-
-
-def _or_null(inner: Check) -> Check:
-    def check(value: object, where: str) -> None:
-        if value is not None:
-            inner(value, where)
-
-    return check
-
-
-def _list_of(inner: Check) -> Check:
-    def check(value: object, where: str) -> None:
-        if not isinstance(value, list):
-            raise _fail(where, value, "a list")
-        for i, item in enumerate(value):
-            inner(item, f"{where}[{i}]")
-
-    return check
-
-
-def _mapping_of(inner: Check) -> Check:
-    def check(value: object, where: str) -> None:
-        if not isinstance(value, dict):
-            raise _fail(where, value, "a mapping")
-        for key, item in value.items():
-            _text(key, where)
-            inner(item, f"{where}.{key}")
-
-    return check
-
-
-def _record(keys: dict[str, Check]) -> Check:
-    def check(value: object, where: str) -> None:
-        if not isinstance(value, dict):
-            raise _fail(where, value, "a mapping")
-        if missing := [key for key in keys if key not in value]:
-            raise InputError(f"{where} lacks {', '.join(missing)}")
-        for key, inner in keys.items():
-            inner(value[key], f"{where}.{key}")
-
-    return check
-
-
-def _pair(value: object, where: str) -> None:
-    _list_of(_or_null(_number))(value, where)
-    assert isinstance(value, list)
-    if len(value) != 2:
-        raise _fail(where, value, "a pair [low, high]")
-
-
-def _all_finite(value: object, where: str) -> None:
+def _refuse_infinite(value: object, where: str) -> None:
+    """Keys beyond the schema hold no infinite number either."""
     if isinstance(value, float) and not math.isfinite(value):
-        raise _fail(where, value, "a finite number or null")
+        raise InputError(f"{where} is {value!r}, must be a finite number or null")
     if isinstance(value, dict):
         for key, item in value.items():
-            _all_finite(item, f"{where}.{key}")
+            _refuse_infinite(item, f"{where}.{key}")
     elif isinstance(value, list):
         for i, item in enumerate(value):
-            _all_finite(item, f"{where}[{i}]")
-
-
-_WHERE: dict[str, Check] = {
-    "place": _place,
-    "channel": _text,
-    "phase": _text,
-    "t0": _or_null(_number),
-    "t1": _or_null(_number),
-    "share": _or_null(_number),
-}
-_PARAMETER: dict[str, Check] = {"value": _or_null(_number), "unit": _text, "ci95": _or_null(_pair)}
-_EFFECT: dict[str, Check] = {
-    "family": _text,
-    "place": _place,
-    "probability": _or_null(_fraction),
-    "parameters": _mapping_of(_record(_PARAMETER)),
-}
-_HELD_OUT: dict[str, Check] = {
-    "metric": _or_null(_text),
-    "unit": _or_null(_text),
-    "nominal": _or_null(_number),
-    "with_effect": _or_null(_number),
-    "runner_up": _or_null(_number),
-    "runner_up_effect": _or_null(_text),
-    "shrink": _or_null(_number),
-    "ci95": _or_null(_pair),
-}
+            _refuse_infinite(item, f"{where}[{i}]")

@@ -6,12 +6,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.report.json_report import read_report, to_json, write_json
-from samrl_core.diagnosis.report.report_schema import check_report
+from samrl_core.diagnosis.report.report_schema import check_report, schema_text
 from samrl_core.diagnosis.result import VERDICTS
 from tests.diagnosis.report import samples
 
@@ -79,6 +80,7 @@ def test_nothing_known_is_null_with_all_keys() -> None:
     [
         (("verdict",), "maybe", "report.verdict is 'maybe', must be one of no_gap"),
         (("schema",), 2, "report.schema is 2, must be 1"),
+        (("schema",), True, "report.schema is True, must be a whole number"),
         (("seed",), 1.5, "report.seed is 1.5, must be a whole number"),
         (("unexplained_fraction",), float("nan"), "must be a finite number or null"),
         (("effects",), [], "report.effects is empty"),
@@ -130,3 +132,39 @@ def test_reading_what_is_no_report_says_so(content: str | None, tmp_path: Path) 
         path.write_text(content)
     with pytest.raises(InputError, match="report"):
         read_report(path)
+
+
+PUBLISHED = Path(__file__).resolve().parents[3] / "msgs_docs" / "reference" / "report.schema.json"
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_reports_hold_the_published_schema(verdict: str) -> None:
+    schema = json.loads(PUBLISHED.read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(to_json(samples.diagnosis(verdict)), schema, jsonschema.Draft202012Validator)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("verdict",), "maybe"),
+        (("schema",), 2),
+        (("effects", 0, "place"), "panda_joint4"),
+        (("effects", 0, "probability"), 1.2),
+        (("effects", 0, "parameters", "Fc", "ci95"), [0.1]),
+        (("gap",), {}),
+        (("ambiguity_set",), [["backlash"]]),
+    ],
+)
+def test_the_published_schema_refuses_what_the_program_refuses(path: tuple, value: object) -> None:
+    report = to_json(samples.diagnosis("effect"))
+    inner = report
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = value
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(report, json.loads(PUBLISHED.read_text()), jsonschema.Draft202012Validator)
+
+
+def test_the_published_schema_is_current() -> None:
+    assert PUBLISHED.read_text() == schema_text(), "run `make docs`"

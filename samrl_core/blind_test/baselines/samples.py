@@ -12,7 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
-CUTOFF_HZ = 15.0  # zero-phase low-pass on every channel alike (as for real Panda logs: gap.md 3.5 has 10 Hz)
+CUTOFF_HZ = 15.0  # zero-phase low-pass on every channel alike (10 Hz is usual for logs of a real Panda)
 RATE_HZ = 50.0  # samples kept
 TILT_STEP = 1e-4  # [rad], for the derivative with respect to the direction of gravity
 

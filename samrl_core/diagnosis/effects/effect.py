@@ -16,7 +16,7 @@ class Parameter:
 
     name: str
     unit: str
-    low: float  # plausible range of the catalogue (gap.md 5) for a Panda-class arm
+    low: float  # plausible range for an arm of the size of a Panda
     high: float
     meaning: str
     bounded: bool = True  # an angle that may be anything has no plausible range

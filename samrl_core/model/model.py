@@ -175,7 +175,7 @@ class Model:
             values: (P,) in the order of `Task.parameters`; (B, P) gives B images in one go.
             colors: (G, 3) linear RGB in the order of `color_names`.
             camera: a camera, or world-to-camera rotation and translation as tensors.
-            tool_arm_position: joint positions (7,) [rad].
+            tool_arm_position: joint positions (J,) [rad].
 
         Raises:
             InputError: wrong shapes, non-finite values, or a camera with other intrinsics than the cell's.

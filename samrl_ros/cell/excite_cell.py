@@ -23,6 +23,7 @@ from samrl_core.cell.excitation.signal import (
 )
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.robot import ROLES, CellSpec
+from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.arm_description import ArmDescription, Tool
@@ -100,7 +101,7 @@ class CellPlayer:
         description = ArmDescription(
             role=self._role,
             joints=spec.joint_names,
-            urdf=spec.urdf.read_text(),
+            urdf=description_of(spec),
             controller=replace(run.controller, gravity=tuple(float(g) for g in gravity)),
             tool=tool,
         )

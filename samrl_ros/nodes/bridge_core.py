@@ -18,6 +18,7 @@ from tf2_msgs.msg import TFMessage
 from samrl_core.cell.control.guard import CommandGuard, GuardState
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.robot import ROLES, CellSpec
+from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.world.evaluation import TruthLog
 from samrl_core.cell.world.world import SimulatedWorld
@@ -92,7 +93,7 @@ class BridgeCore:
         tool = self._task.scene(self._cell).tool
         for role in ROLES:
             spec = self._cell.arm(role)
-            self._outbox.publish(arm_topic(role, "robot_description"), String(data=spec.urdf.read_text()))
+            self._outbox.publish(arm_topic(role, "robot_description"), String(data=description_of(spec)))
             self._outbox.publish(arm_topic(role, "controller"), to_message.controller(spec, GRAVITY))
         self._outbox.publish(
             arm_topic("tool_arm", "tool"), to_message.payload(tool.mass, tool.center_of_mass, tool.inertia)

@@ -21,6 +21,7 @@ from samrl_core.cell.excitation.excitation_trajectory import programme
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.effects import EFFECTS
@@ -53,7 +54,7 @@ def trials_of(role: str, number: int, duration_s: float) -> list[Trial]:
         effort_limit=spec.limits.effort,
         armature=np.full(len(spec.joint_names), ARMATURE),
     )
-    arm = ArmDescription(role, spec.joint_names, spec.urdf.read_text(), controller, TOOL)
+    arm = ArmDescription(role, spec.joint_names, description_of(spec), controller, TOOL)
     rigid, out = RigidArm(arm), []
     rng = np.random.default_rng([number, 7])
     for kind in KINDS:

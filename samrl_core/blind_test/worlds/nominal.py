@@ -13,6 +13,7 @@ from samrl_core.cell.excitation.excitation_trajectory import gains, programme
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
+from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
 from samrl_core.cell.types.arm_recording import JointSignal
@@ -60,7 +61,7 @@ def nominal_arm(role: str) -> NominalArm:
     spec = replace(cell.arm(role), armature=ARMATURE[role])
     bare = read_arm_body(spec)
     model = ArmModel(spec, Pose.identity(), payload_of(tool))
-    return NominalArm(role, spec, tool, bare, with_tool(bare, tool), model, spec.urdf.read_text())
+    return NominalArm(role, spec, tool, bare, with_tool(bare, tool), model, description_of(spec))
 
 
 def payload_of(tool: Tool) -> Payload:

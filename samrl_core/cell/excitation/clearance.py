@@ -12,6 +12,7 @@ import numpy as np
 
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.robot import RobotSpec
+from samrl_core.cell.robots.urdf import child_link, links_to_flange
 from samrl_core.cell.types.pose import Pose
 
 LINK_HEIGHT = 0.15  # least height of the moving line above the base's foot, half a link and margin [m]
@@ -40,13 +41,25 @@ class ArmLine:
 
     def __init__(self, spec: RobotSpec, payload: Payload | None, base_in_world: Pose | None = None) -> None:
         self.model = ArmModel(spec, base_in_world or Pose.identity(), payload)
+        self._links = links_to_flange(spec)
+        self._fixed_arc = self._fixed()
         # A payload's far end, were its centre of mass its middle.
         reach = np.zeros(3) if payload is None else 2.0 * np.asarray(payload.center_of_mass, dtype=np.float64)
         self._tip_in_flange = reach
 
+    def _fixed(self) -> float:
+        """Length of line that is not held against the table [m]: more where the shoulder stands that low."""
+        placed = self.model.link_poses_in_world(self.model.spec.home)
+        corners = np.array([placed[link].position for link in self._links])
+        shoulder = self._links.index(child_link(self.model.spec, self.model.spec.joint_names[1]))
+        height = corners[shoulder, 2] - corners[0, 2]
+        arc = float(np.linalg.norm(np.diff(corners[: shoulder + 1], axis=0), axis=1).sum())
+        return _FIXED_ARC if height >= LINK_HEIGHT else arc + LINK_HEIGHT
+
     def points(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points on the line (M, 3) [m] and their distance from the foot along it (M,) [m], tip last."""
-        poses = list(self.model.link_poses_in_world(q).values())
+        placed = self.model.link_poses_in_world(q)
+        poses = [placed[link] for link in self._links]
         corners = np.array([*(p.position for p in poses), poses[-1].apply(self._tip_in_flange)])
         lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -59,7 +72,7 @@ class ArmLine:
         height = distance = np.inf
         for q in positions:
             points, arc = self.points(q)
-            moving = arc > _FIXED_ARC
+            moving = arc > self._fixed_arc
             least = np.where(arc[moving] > arc[-1] - 0.2, TIP_HEIGHT, LINK_HEIGHT)
             height = min(height, float((points[moving, 2] - least).min()))
             apart = np.linalg.norm(points[:, None] - points[None], axis=2)

@@ -83,7 +83,6 @@ class ArmModel:
         self._base_placement = pin.SE3(base_in_world.matrix())
         self._model = model
         self._data: Any = model.createData()
-        # A serial chain: parents come before children, so base first and flange last.
         self._links = [(f.name, i) for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY]
 
     def flange_in_base(self, q: np.ndarray) -> Pose:
@@ -98,7 +97,7 @@ class ArmModel:
         return _pose(self._base_placement * self._placement(self._flange))
 
     def link_poses_in_world(self, q: np.ndarray) -> dict[str, Pose]:
-        """Pose of every link of the URDF, from the base to the flange."""
+        """Pose of every link of the URDF, parents before children."""
         pin.framesForwardKinematics(self._model, self._data, self._checked("position", q))
         return {name: _pose(self._base_placement * self._data.oMf[i]) for name, i in self._links}
 

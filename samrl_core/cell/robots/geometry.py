@@ -6,11 +6,12 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from samrl_core.cell.robots.robot import RobotSpec
-from samrl_core.cell.robots.urdf import numbers, origin_of, read_urdf
+from samrl_core.cell.robots.urdf import mesh_file, numbers, origin_of, read_urdf
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Box, Capsule, Cylinder, Part
 from samrl_core.common.errors import InputError
@@ -22,10 +23,10 @@ STRIP = 0.01  # half width of such a strip at most; a plate is thinner than that
 def link_shapes(spec: RobotSpec) -> dict[str, tuple[Part, ...]]:
     """Collision shapes per link, poses in the link frame; links without shapes are left out.
 
-    A sphere becomes the cylinder that just holds it.
+    A sphere becomes the cylinder that just holds it, a mesh the box along its axes.
 
     Raises:
-        InputError: no such URDF, or a shape that is a mesh or of an unknown kind.
+        InputError: no such URDF or mesh, or a shape of an unknown kind.
     """
     shapes: dict[str, tuple[Part, ...]] = {}
     for link in read_urdf(spec.urdf).findall("link"):
@@ -47,10 +48,30 @@ def _part(spec: RobotSpec, link: ElementTree.Element, collision: ElementTree.Ele
         is_sphere = kinds[0].tag == "sphere"
         length = 2.0 * radius if is_sphere else float(numbers(kinds[0], "length", "", 1)[0])
         return Cylinder(radius, length, pose)
+    if len(kinds) == 1 and kinds[0].tag == "mesh":
+        return _box_about(mesh_file(spec.urdf, kinds[0]), numbers(kinds[0], "scale", "1 1 1", 3), pose)
     raise InputError(
         f"link '{link.get('name')}' of {spec.urdf} has collision shape {[k.tag for k in kinds]}; only box, "
-        "cylinder and sphere are read: replace it by such shapes"
+        "cylinder, sphere and mesh are read: replace it by such shapes"
     )
+
+
+def _box_about(file: Path, scale: np.ndarray, pose: Pose) -> Box:
+    """The box along a mesh's axes that just holds it.
+
+    Raises:
+        InputError: the file holds no triangles.
+    """
+    import trimesh  # here: a tenth of a second that most arms do not need
+
+    try:
+        low, high = trimesh.load_mesh(file).bounds * scale
+    except (ValueError, TypeError) as error:
+        raise InputError(
+            f"{file} holds no mesh that can be read ({error}); give an STL, OBJ or PLY"
+        ) from error
+    x, y, z = (0.5 * np.abs(high - low)).tolist()
+    return Box((x, y, z), pose @ Pose(0.5 * (low + high), np.array([0.0, 0.0, 0.0, 1.0])))
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,70 @@ def origin_of(element: ElementTree.Element) -> Pose:
     return Pose.from_rpy(numbers(origin, "xyz", "0 0 0", 3), (roll, pitch, yaw))
 
 
+def mesh_file(urdf: Path, mesh: ElementTree.Element) -> Path:
+    """File of a <mesh>: beside the URDF, or of `package://NAME/...`, where NAME is a folder above the URDF.
+
+    Raises:
+        InputError: no such file.
+    """
+    name = mesh.get("filename", "").removeprefix("file://")
+    if name.startswith("package://"):
+        package, _, rest = name.removeprefix("package://").partition("/")
+        found = [folder / rest for folder in urdf.resolve().parents if folder.name == package]
+    else:
+        found = [urdf.parent / name]
+    for path in found:
+        if path.is_file():
+            return path
+    raise InputError(
+        f"{urdf} names mesh '{mesh.get('filename', '')}', which is not there; put the file beside the URDF, "
+        "or the URDF below the folder of the package"
+    )
+
+
+def links_to_flange(spec: RobotSpec) -> list[str]:
+    """Names of the links from the base to the flange; what branches off is left out."""
+    parents: dict[str, str] = {}
+    for joint in read_urdf(spec.urdf).findall("joint"):
+        ends = [end.get("link", "") for tag in ("parent", "child") if (end := joint.find(tag)) is not None]
+        if len(ends) == 2:
+            parents[ends[1]] = ends[0]
+    links = [spec.flange]
+    while links[-1] in parents:
+        links.append(parents[links[-1]])
+    return links[::-1]
+
+
+def description_of(spec: RobotSpec) -> str:
+    """The URDF's text for whoever gets no spec, who takes the last link of the chain as the flange.
+
+    Massless links that branch off the way to the flange are left out.
+    """
+    text = spec.urdf.read_text(encoding="utf-8")
+    root, kept = ElementTree.fromstring(text), links_to_flange(spec)
+    for link in root.findall("link"):
+        name = str(link.get("name"))
+        if name in kept or _mass(link) or root.find(f"joint/parent[@link='{name}']") is not None:
+            continue
+        root.remove(link)
+        for joint in root.findall("joint"):
+            if joint.find(f"child[@link='{name}']") is not None:
+                root.remove(joint)
+    return text if len(root) == len(ElementTree.fromstring(text)) else ElementTree.tostring(root, "unicode")
+
+
+def _mass(link: ElementTree.Element) -> float:
+    mass = link.find("inertial/mass")
+    return 0.0 if mass is None else float(numbers(mass, "value", "0", 1)[0])
+
+
+def child_link(spec: RobotSpec, joint: str) -> str:
+    """Name of the link that a joint moves."""
+    found = read_urdf(spec.urdf).find(f"joint[@name='{joint}']/child")
+    assert found is not None, joint  # `check_robot` has seen it
+    return found.get("link", "")
+
+
 def with_urdf(spec: RobotSpec, path: Path | str) -> RobotSpec:
     """The same arm described by another file, checked.
 

@@ -56,7 +56,7 @@ def test_inertias_are_physical(spec: RobotSpec) -> None:
 def test_mass_matrix_is_positive_everywhere(spec: RobotSpec) -> None:
     arm = ArmModel(spec, cell_named().tool_base_in_world, None)
     rng = np.random.default_rng(0)
-    for q in rng.uniform(spec.limits.lower, spec.limits.upper, (200, 7)):
+    for q in rng.uniform(spec.limits.lower, spec.limits.upper, (200, len(spec.home))):
         assert np.linalg.eigvalsh(arm.mass_matrix(q)).min() > 0
 
 
@@ -73,8 +73,8 @@ def test_impedance_law_is_stable_when_sampled(role: str, loaded: bool) -> None:
     arm = ArmModel(spec, cell.base_in_world(role), load if loaded else None)
     h, k, d = spec.controller.period_s, np.diag(spec.controller.stiffness), np.diag(spec.controller.damping)
     rng = np.random.default_rng(0)
-    one = np.eye(7)
-    for q in [spec.home, *rng.uniform(spec.limits.lower, spec.limits.upper, (200, 7))]:
+    one = np.eye(len(spec.home))
+    for q in [spec.home, *rng.uniform(spec.limits.lower, spec.limits.upper, (200, len(spec.home)))]:
         m = np.linalg.inv(arm.mass_matrix(q))
         step = np.block([[one - h * h * m @ k, h * (one - h * m @ d)], [-h * m @ k, one - h * m @ d]])
         assert np.abs(np.linalg.eigvals(step)).max() < 1.0

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from samrl_core.cell.robots.geometry import link_shapes
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Body, Box, Capsule, ChainLink, Part, Rgb, SurfaceMesh, Tool
@@ -37,12 +38,15 @@ class Mounted:
 
 
 GRIPPER_COLOR: Rgb = (0.75, 0.75, 0.75)
+ARM_COLOR: Rgb = (0.85, 0.85, 0.85)  # of links whose shapes are meshes in the URDF
 
 
 def write_arm_urdf(
     spec: RobotSpec, payload: Mounted, folder: Path, chain: tuple[ChainLink, ...], tip_in_flange: Pose
 ) -> Path:
     """The arm's URDF with `payload` as one more link, fixed to the flange, and a chain hanging at the tip.
+
+    Links that are drawn as meshes get the shapes of `link_shapes`, which the model has too.
 
     Raises:
         InputError: the arm has no such flange link, or already has a link of a name to be added.
@@ -58,6 +62,13 @@ def write_arm_urdf(
     for bare in robot.findall("link"):
         if bare.find("inertial") is None:  # a frame only; PyBullet would give it 1 kg
             _add_inertial(bare, 0.0, np.zeros(3), np.zeros((3, 3)))
+    shapes = link_shapes(spec)
+    for meshed in robot.findall("link"):
+        if meshed.find(".//mesh") is not None:
+            for shape in meshed.findall("visual") + meshed.findall("collision"):
+                meshed.remove(shape)
+            parts = shapes.get(name := str(meshed.get("name")), ())
+            _add_parts(meshed, name, parts, (ARM_COLOR,) * len(parts))
     link = ElementTree.SubElement(robot, "link", name=PAYLOAD_LINK)
     _add_inertial(link, payload.mass, payload.center_of_mass, payload.inertia)
     _add_parts(link, PAYLOAD_LINK, payload.parts, payload.part_colors)

@@ -8,7 +8,7 @@ them; nothing but a simulation can mount a load by itself.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,15 +24,13 @@ from samrl_core.cell.excitation.signal import (
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
-from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.arm_description import ArmDescription, Tool
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.observation import ArmCommand
-from samrl_core.cell.types.scene import Scene
 from samrl_core.cell.world import make_world
 from samrl_core.cell.world.world import SimulatedWorld
-from samrl_core.common.errors import InputError, LimitError
+from samrl_core.common.errors import LimitError
 
 ARM_DISTANCE = 0.25  # least distance of the two arms' middle lines, two link diameters [m]
 _SETTLE_S = 1.0  # at the first pose before the recording starts [s]
@@ -52,18 +50,6 @@ def payloads(task: Task, cell: CellSpec) -> dict[str, Payload]:
     }
 
 
-@dataclass(frozen=True)
-class LoadedPegInsertion(PegInsertion):
-    """Peg insertion whose tool has a known mass added at its centre of mass, for recordings at two loads."""
-
-    tool_mass: float = 0.0  # with the load [kg]
-
-    def scene(self, cell: CellSpec) -> Scene:
-        """See `PegInsertion`; the tool weighs `tool_mass`."""
-        scene = super().scene(cell)
-        return replace(scene, tool=replace(scene.tool, mass=self.tool_mass))
-
-
 class CellPlayer:
     """Records one arm; the other waits out of its way."""
 
@@ -79,16 +65,18 @@ class CellPlayer:
 
         Raises:
             LimitError: the guard refused a command, or the arms would come too near.
-            InputError: a load that the simulated cell cannot mount.
+            InputError: the world cannot be made.
         """
         loaded = heavier(self._loads[self._role], run.extra_mass)
         spec = with_controller(self._cell.arm(self._role), run.controller)
         cell = replace(self._cell, **{self._role: spec})
-        if loaded is not None and run.extra_mass:
-            cell, task = self._with_load(cell, loaded)
-        else:
-            task = self._task
-        world = make_world(self._kind, task, cell)
+        scene = self._task.scene(cell)
+        if loaded is not None and run.extra_mass:  # at the load's centre of mass
+            if self._role == "camera_arm":
+                cell = replace(cell, camera_mass=loaded.mass)
+            else:
+                scene = replace(scene, tool=replace(scene.tool, mass=loaded.mass))
+        world = make_world(self._kind, self._task, cell, scene=scene)
         try:
             world.reset(self._seed)
             stage = _Stage(world, cell, progress)
@@ -106,17 +94,6 @@ class CellPlayer:
             tool=tool,
         )
         return ArmRecording(run.name, "", "", description, states, tracked, effort)
-
-    def _with_load(self, cell: CellSpec, loaded: Payload) -> tuple[CellSpec, Task]:
-        if self._role == "camera_arm":
-            return replace(cell, camera_mass=loaded.mass), self._task
-        if not isinstance(self._task, PegInsertion):
-            raise InputError(
-                "the simulated cell mounts a known load on the tool of peg_insertion, not on that of "
-                f"{self._task.name}; record two_loads with that task, or on hardware"
-            )
-        settings = {f.name: getattr(self._task, f.name) for f in fields(PegInsertion)}
-        return cell, LoadedPegInsertion(**settings, tool_mass=loaded.mass)
 
     def _approach(self, stage: _Stage, run: Run) -> None:
         """The other arm first, for it may stand in the way."""

@@ -14,13 +14,11 @@ from rich.table import Table
 from samrl_core.cell.excitation import KINDS, SETS, ProgrammeFile, Run, file_runs, set_run
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES, CellSpec
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_ros.cell.excite_cell import CellPlayer, payloads
 from samrl_ros.contract.exit_codes import INTERRUPTED, OK
 from samrl_ros.recordings.write import write_recording
-
-TASK = "peg_insertion"  # whose tool the arm holds
 
 
 def excite(
@@ -41,7 +39,7 @@ def excite(
         InputError: a file that is refused, an arm that does not fit it, or a bag that exists.
         LimitError: a motion that the arm must not make.
     """
-    task, cell = task_named(TASK), cell_named(cell_name)
+    task, cell = task_named(DEFAULT_TASK), cell_named(cell_name)
     runs = _runs(programmes, which, arm, seed, duration_s, cell)
     targets = [
         (out / role / f"{run.name}.mcap" if _mixed(runs) else out / f"{run.name}.mcap") for role, run in runs
@@ -120,7 +118,7 @@ def _runs(
     choices = {"all": "ABC", "ALL": "ABC"} | {letter: letter for letter in SETS}
     if which is not None and which.upper() not in choices:
         raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}")
-    loads = payloads(task_named(TASK), cell)
+    loads = payloads(task_named(DEFAULT_TASK), cell)
     runs: list[tuple[str, Run]] = []
     if which is not None or not programmes:
         role = arm or "tool_arm"

@@ -15,7 +15,7 @@ from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import ROLES
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, LimitError, ReachError
 from samrl_ros.contract.behaviour import Behaviour, Outbox
@@ -34,7 +34,7 @@ TRAJECTORY = {arm_topic(role, "joint_trajectory"): role for role in ROLES}
 class ManipulatorSettings:
     """Settings of `manipulator`."""
 
-    task: str = setting("peg_insertion", "task whose tool is held")
+    task: str = setting(DEFAULT_TASK, "task whose tool is held")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     max_velocity_scaling: float = setting(0.4, "fraction of the joint velocity limits", range=(0.01, 1.0))
     max_acceleration_scaling: float = setting(0.4, "fraction of the acceleration limits", range=(0.01, 1.0))

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
 from samrl_core.policy.agent.updating import Updating
@@ -28,7 +28,7 @@ STATE, IMAGE = cell_topic("model_updater/state"), cell_topic("model_updater/imag
 class ModelUpdaterSettings:
     """Settings of `model_updater`."""
 
-    task: str = setting("peg_insertion", "task whose scene the model holds")
+    task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     enabled: bool = setting(True, "false leaves the model as it starts: for ablations")
     max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))

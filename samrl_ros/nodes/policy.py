@@ -9,7 +9,7 @@ from typing import Any
 from samrl_msgs.msg import ToolAction
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
 from samrl_core.policy.agent.acting import Acting
@@ -30,7 +30,7 @@ WEIGHTS, ACTION = cell_topic("residual_trainer/weights"), cell_topic("policy/nom
 class PolicySettings:
     """Settings of `policy`."""
 
-    task: str = setting("peg_insertion", "task whose scene the model holds")
+    task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     policy: str = setting(
         DEFAULT_POLICY,

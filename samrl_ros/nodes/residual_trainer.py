@@ -16,7 +16,7 @@ from std_msgs.msg import String
 
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
 from samrl_core.learning.residual.replay import End, Replay, Step
@@ -46,7 +46,7 @@ MAX_FRAMES = 20  # images kept from a request on: the updater takes the first th
 class ResidualTrainerSettings:
     """Settings of `residual_trainer`."""
 
-    task: str = setting("peg_insertion", "task that the residual belongs to")
+    task: str = setting(DEFAULT_TASK, "task that the residual belongs to")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     train: bool = setting(False, "collect transitions and train; false keeps the residual as it is")
     folder: str = setting("", "where replay, training and weights lie; kept across runs, empty for none")

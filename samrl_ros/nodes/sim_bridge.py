@@ -15,7 +15,7 @@ from typing import Any, final
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.world import make_world
 from samrl_core.cell.world.evaluation import TruthLog
 from samrl_core.common.errors import SamrlError
@@ -33,7 +33,7 @@ OUTCOME = cell_topic("supervisor/outcome")
 class SimBridgeSettings:
     """Settings of `sim_bridge`."""
 
-    task: str = setting("peg_insertion", "task whose scene is laid out")
+    task: str = setting(DEFAULT_TASK, "task whose scene is laid out")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     world: str = setting("pybullet", "simulator behind the border", choices=("pybullet", "mock"))
     real_time_factor: float = setting(

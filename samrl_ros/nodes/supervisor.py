@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings, LoopState, stage_after_update
 from samrl_ros.contract.behaviour import Behaviour, Outbox
@@ -34,7 +34,7 @@ START_EPISODE = cell_topic("sim_bridge/start_episode")
 class SupervisorSettings:
     """Settings of `supervisor`."""
 
-    task: str = setting("peg_insertion", "task to run")
+    task: str = setting(DEFAULT_TASK, "task to run")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     episodes: int = setting(1, "episodes to run", range=(1, 1_000_000))
     seed: int = setting(0, "seed of the first episode; each next one adds 1", range=(0, 2**31 - 1))

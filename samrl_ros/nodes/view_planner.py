@@ -10,7 +10,7 @@ import numpy as np
 from samrl_msgs.msg import ViewTarget
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
-from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.model.model import Model
 from samrl_core.policy.agent.looking import Looking
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, STRATEGIES, STRATEGY_OF
@@ -29,7 +29,7 @@ TARGET = cell_topic("view_planner/target")
 class ViewPlannerSettings:
     """Settings of `view_planner`."""
 
-    task: str = setting("peg_insertion", "task whose scene the model holds")
+    task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     strategy: str = setting(
         STRATEGY_OF[DEFAULT_POLICY],

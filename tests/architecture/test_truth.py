@@ -34,6 +34,7 @@ MAY_BE_REWARDED = {
 }
 # Who may draw or judge with truth through the task border.
 MAY_JUDGE = {
+    "values_from_truth": {"samrl_core/cell/world/evaluation.py"},
     "draw": {"samrl_core/cell/world/pybullet/world.py", "samrl_core/cell/world/mock_world.py"},
     "succeeded": {"samrl_ros/cell/summary.py", "samrl_core/cell/world/evaluation.py"},
     # The second and third of these make a reward of it, which the fourth hands on.

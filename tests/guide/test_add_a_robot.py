@@ -124,7 +124,8 @@ def test_an_episode_of_the_whole_agent(cell: CellSpec, tmp_path: Path) -> None:
 
     settings = {
         "supervisor": {"seed": 1, "max_actions": 2, "view_period": 100},
-        "view_planner": {"policy": "optimised", "strategy": "best"},
+        "policy": {"policy": "optimised"},
+        "view_planner": {"strategy": "best"},
     }
     truth = tmp_path / "truth.jsonl"
     graph = LocalGraph("peg_insertion", settings, truth, cell=NAME, listener=listen)

@@ -14,7 +14,7 @@ from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
 from samrl_core.cell.robots.urdf import description_of
-from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
+from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.cell.types.pose import Pose
@@ -53,7 +53,7 @@ def nominal_arm(role: str) -> NominalArm:
         InputError: a URDF that does not fit.
     """
     cell = cell_named()
-    held = PegInsertion().scene(cell).tool
+    held = task_named("peg_insertion").scene(cell).tool
     tool = {
         "tool_arm": Tool(held.mass, held.center_of_mass, held.inertia),
         "camera_arm": Tool(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
-from samrl_core.cell.tasks.occluded import OCCLUDED, occluded
+from samrl_core.cell.tasks.occluded import occluded
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError
 
 TASKS: dict[str, Task] = {task.name: task for task in (PegInsertion(), SpatulaFlipping(), NeedleThreading())}
+DEFAULT_TASK = "peg_insertion"
 OCCLUDED_TASKS: dict[str, Task] = {task.name: task for task in occluded()}  # variants with a screen
 
 
@@ -27,4 +28,5 @@ def task_named(name: str) -> Task:
 
 def plain_name(name: str) -> str:
     """The task that this one is a variant of, which networks may have been trained on; its own if of none."""
-    return name.removesuffix(OCCLUDED)
+    task = (TASKS | OCCLUDED_TASKS).get(name)
+    return name if task is None else task.variant_of or name

@@ -70,4 +70,6 @@ def _threading() -> Task:
 def _variant(task: PegInsertion | SpatulaFlipping | NeedleThreading, screens: tuple[Screen, ...]) -> Task:
     """Without the views from steeply above."""
     elevation = (math.radians(20.0), math.radians(34.0))
-    return replace(task, name=task.name + OCCLUDED, view_elevation=elevation, screens=screens)
+    return replace(
+        task, name=task.name + OCCLUDED, variant_of=task.name, view_elevation=elevation, screens=screens
+    )

@@ -1,4 +1,4 @@
-"""Shapes that several tasks build: a ring about z, and a box. Meshes are closed and wound outwards."""
+"""Shapes that several tasks build: a ring and a disc about z, a box. Meshes are closed, wound outwards."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Box, Rgb, SurfaceMesh
 
 SIDES = 16  # boxes of the ring; boxes, because convex meshes carry a 1 mm margin that eats the clearance
+DISC_SIDES = 32  # of a disc's mesh; physics has a true cylinder
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,15 @@ class RingColors:
     top: Rgb
     side: Rgb  # outside and base
     bore: Rgb
+
+
+@dataclass(frozen=True)
+class DiscColors:
+    """Colour of each kind of face."""
+
+    upper: Rgb
+    lower: Rgb
+    rim: Rgb
 
 
 def ring_boxes(hole_radius: float, outer_radius: float, height: float) -> tuple[Box, ...]:
@@ -60,6 +70,36 @@ def ring_mesh(hole_radius: float, outer_radius: float, height: float, paint: Rin
         ):
             faces += [(a, b, c), (a, c, d)]
             colors += [color, color]
+    return SurfaceMesh(vertices, np.array(faces, dtype=np.int32), np.array(colors, dtype=np.float64))
+
+
+def disc_mesh(radius: float, thickness: float, rounding: float, paint: DiscColors) -> SurfaceMesh:
+    """A disc about z with its centre at the origin, edges bevelled.
+
+    The bevel is a chord of the rounded edge.
+    """
+    angle = 2 * math.pi * np.arange(DISC_SIDES) / DISC_SIDES
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    half = 0.5 * thickness
+    profile = (
+        (radius - rounding, -half),
+        (radius, -half + rounding),
+        (radius, half - rounding),
+        (radius - rounding, half),
+    )
+    rings = [np.column_stack([r * circle, np.full(DISC_SIDES, z)]) for r, z in profile]
+    vertices = np.vstack([*rings, [[0.0, 0.0, -half], [0.0, 0.0, half]]])
+    last = len(profile) * DISC_SIDES
+    faces: list[tuple[int, int, int]] = []
+    colors: list[Rgb] = []
+    for i in range(DISC_SIDES):
+        j = (i + 1) % DISC_SIDES
+        faces += [(last, j, i), (last + 1, last - DISC_SIDES + i, last - DISC_SIDES + j)]
+        colors += [paint.lower, paint.upper]
+        for low in range(0, last - DISC_SIDES, DISC_SIDES):
+            high = low + DISC_SIDES
+            faces += [(low + i, low + j, high + j), (low + i, high + j, high + i)]
+            colors += [paint.rim, paint.rim]
     return SurfaceMesh(vertices, np.array(faces, dtype=np.int32), np.array(colors, dtype=np.float64))
 
 

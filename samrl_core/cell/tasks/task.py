@@ -77,6 +77,7 @@ class Task(ABC):
 
     name: str
     max_actions: int
+    variant_of: str = ""  # name of the task whose trained networks serve this one too; empty for none
 
     @property
     @abstractmethod
@@ -105,6 +106,13 @@ class Task(ABC):
 
         What no parameter shows, as a disc's spin about its own axis, is left out.
         """
+
+    def values_from_truth(self, body_in_world: dict[str, Pose], chain_points: np.ndarray) -> np.ndarray:
+        """The parameters (P,) of true poses, and of the points (K + 1, 3) [m] of the tool's chain.
+
+        Evaluation alone calls it. A task whose parameters bend the chain reads them off the points.
+        """
+        return self.values_at(body_in_world, np.zeros(0))
 
     def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
         """Other parameters (P,) that give the target the same shape in the same place, as a disc turned over.

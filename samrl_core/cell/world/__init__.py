@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.types.scene import Scene
 from samrl_core.cell.world.settings import WorldSettings
 from samrl_core.cell.world.world import SimulatedWorld
 from samrl_core.common.errors import InputError
@@ -12,7 +13,11 @@ WORLDS = ("pybullet", "mock")
 
 
 def make_world(
-    kind: str, task: Task, cell: CellSpec, settings: WorldSettings | None = None
+    kind: str,
+    task: Task,
+    cell: CellSpec,
+    settings: WorldSettings | None = None,
+    scene: Scene | None = None,
 ) -> SimulatedWorld:
     """A world with the cell and the task in it.
 
@@ -21,6 +26,7 @@ def make_world(
         task: whose scene is laid.
         cell: the two arms and the camera.
         settings: of the physics and the noise; the mock has neither.
+        scene: in place of the task's own, as with a heavier tool.
 
     Raises:
         InputError: no such kind, or PyBullet is not installed.
@@ -28,7 +34,7 @@ def make_world(
     if kind == "mock":
         from samrl_core.cell.world.mock_world import MockWorld
 
-        return MockWorld(task, cell)
+        return MockWorld(task, cell, scene)
     if kind == "pybullet":
         try:
             import pybullet  # noqa: F401
@@ -39,5 +45,5 @@ def make_world(
             ) from error
         from samrl_core.cell.world.pybullet.world import PyBulletWorld
 
-        return PyBulletWorld(task, cell, settings)
+        return PyBulletWorld(task, cell, settings, scene)
     raise InputError(f"no world is of kind {kind!r}; there are: {', '.join(WORLDS)}")

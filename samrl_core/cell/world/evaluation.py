@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.task import Ending, Task
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.world.world import SimulatedWorld, Truth
@@ -92,9 +91,7 @@ def ending_now(truth: Truth) -> Ending:
 
 def true_values(task: Task, truth: Truth) -> np.ndarray:
     """The task's parameters (P,) as they really are at this instant."""
-    if isinstance(task, NeedleThreading):
-        return task.values_of(truth.chain_points)
-    return task.values_at(_bodies(truth), np.zeros(0))
+    return task.values_from_truth(_bodies(truth), truth.chain_points)
 
 
 def _bodies(truth: Truth) -> dict[str, Pose]:

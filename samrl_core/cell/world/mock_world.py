@@ -9,6 +9,7 @@ from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks.chain import chain_points, checked_angles, link_poses
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import ArmCommand, ArmReading, Frame
+from samrl_core.cell.types.scene import Scene
 from samrl_core.cell.world.command_check import checked_command, checked_role, holding
 from samrl_core.cell.world.world import SimulatedWorld, Truth
 
@@ -16,10 +17,10 @@ from samrl_core.cell.world.world import SimulatedWorld, Truth
 class MockWorld(SimulatedWorld):
     """For tests of what stands around a world: no physics, no noise, no contact."""
 
-    def __init__(self, task: Task, cell: CellSpec) -> None:
+    def __init__(self, task: Task, cell: CellSpec, scene: Scene | None = None) -> None:
         """Lay the scene of seed 0."""
         self._task, self._cell = task, cell
-        scene = task.scene(cell)
+        scene = scene or task.scene(cell)
         self._tool = scene.tool
         self._nominal = {body.name: body.body_in_world for body in scene.bodies}
         loads = {

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from samrl_core.cell.robots.cells import cell_named
-from samrl_core.cell.tasks.spatula_flipping.pancake import BAKED_COLOR, RAW_COLOR, SIDES, disc_mesh
+from samrl_core.cell.tasks.shapes import DISC_SIDES as SIDES
+from samrl_core.cell.tasks.shapes import disc_mesh
+from samrl_core.cell.tasks.spatula_flipping.pancake import BAKED_COLOR, PAINT, RAW_COLOR
 from samrl_core.cell.tasks.spatula_flipping.task import LIP, PANCAKE, SpatulaFlipping
 from samrl_core.cell.tasks.task import Ending
 from samrl_core.cell.types.pose import Pose
@@ -35,7 +37,7 @@ def ended(values: np.ndarray, peak: float = 0.05, speed: float = 0.0) -> Ending:
 def test_disc_is_closed_wound_outwards_and_has_two_faces() -> None:
     """Volume by the divergence theorem: a prism less its two bevels; every edge has two faces."""
     radius, thickness, rounding = 0.05, 0.012, 0.004
-    mesh = disc_mesh(radius, thickness, rounding)
+    mesh = disc_mesh(radius, thickness, rounding, PAINT)
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     inner = radius - rounding
     area = SIDES / 2 * math.sin(2 * math.pi / SIDES)  # of a polygon of unit radius

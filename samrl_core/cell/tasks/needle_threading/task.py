@@ -36,6 +36,7 @@ class NeedleThreading(Task):
     """
 
     name: str = "needle_threading"
+    variant_of: str = ""
     max_actions: int = 100
     links: int = 10
     link_length: float = 0.010  # [m]
@@ -160,6 +161,10 @@ class NeedleThreading(Task):
     def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
         """The angles themselves."""
         return self.chain_angles(chain_angles)
+
+    def values_from_truth(self, body_in_world: dict[str, Pose], chain_points: np.ndarray) -> np.ndarray:
+        """See `Task`."""
+        return self.values_of(chain_points)
 
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """A straight thread would end above the eye; camera in the middle of its region."""

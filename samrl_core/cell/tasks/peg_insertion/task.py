@@ -30,6 +30,7 @@ class PegInsertion(Task):
     """
 
     name: str = "peg_insertion"
+    variant_of: str = ""
     max_actions: int = 100
     peg_radius: float = 0.010  # [m]
     peg_length: float = 0.060  # below the fingertip centre [m]

@@ -38,6 +38,7 @@ class SpatulaFlipping(Task):
     """
 
     name: str = "spatula_flipping"
+    variant_of: str = ""
     max_actions: int = 200
     pancake_radius: float = 0.050  # [m]
     pancake_thickness: float = 0.012  # [m]

@@ -47,12 +47,15 @@ class PyBulletWorld(SimulatedWorld):
         task: whose bodies and tool are built.
         cell: the arms, as calibrated; the world is built exactly to it.
         settings: physics and noise.
+        scene: in place of the task's own, as with a heavier tool.
 
     Raises:
         InputError: the cell, the task or the settings cannot be built.
     """
 
-    def __init__(self, task: Task, cell: CellSpec, settings: WorldSettings | None = None) -> None:
+    def __init__(
+        self, task: Task, cell: CellSpec, settings: WorldSettings | None = None, scene: Scene | None = None
+    ) -> None:
         """Build the cell and lay the scene of seed 0."""
         self._task, self._cell = task, cell
         self._settings = settings or WorldSettings()
@@ -67,7 +70,7 @@ class PyBulletWorld(SimulatedWorld):
                 )
         self._period_s = cell.tool_arm.controller.period_s
         self._period_ns = round(self._period_s * 1e9)
-        self._scene = task.scene(cell)
+        self._scene = scene or task.scene(cell)
         self._start = task.start_joints(cell)
         self._time_ns = 0
         self._folder = tempfile.TemporaryDirectory(prefix="samrl_world_")

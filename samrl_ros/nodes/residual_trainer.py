@@ -19,16 +19,16 @@ from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
+from samrl_core.learning.residual.learners import DEFAULT_LEARNER, LEARNERS, create_settings
 from samrl_core.learning.residual.replay import End, Replay, Step
-from samrl_core.learning.residual.residual import ResidualSettings
-from samrl_core.learning.residual.residual_training import (
+from samrl_core.learning.residual.training import (
     Announcement,
     TrainingSettings,
     announced,
     announcement_of,
     replay_of,
 )
-from samrl_core.learning.residual.residual_worker import write_settings
+from samrl_core.learning.residual.worker import write_settings
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.settings import setting
 from samrl_ros.contract.topics import cell_topic
@@ -39,6 +39,7 @@ from samrl_ros.nodes.training_process import TrainingProcess
 EXECUTED, OUTCOME = cell_topic("manipulator/executed_action"), cell_topic("supervisor/outcome")
 REQUEST, ACTION = cell_topic("supervisor/request"), cell_topic("policy/nominal_action")
 READY, WEIGHTS = cell_topic("sim_bridge/ready"), cell_topic("residual_trainer/weights")
+_OWN = TrainingSettings()  # defaults stand there
 MAX_FRAMES = 20  # images kept from a request on: the updater takes the first that it can use
 
 
@@ -52,19 +53,24 @@ class ResidualTrainerSettings:
     folder: str = setting("", "where replay, training and weights lie; kept across runs, empty for none")
     residual: str = setting("", "a trained residual's weight file to act with, in place of train and folder")
     weights: str = setting("", "folder of the task's trained networks, empty for those of the package")
-    seed: int = setting(0, "seed of the training", range=(0, 2**31 - 1))
-    limit: float = setting(0.003, "longest residual", "m", (1e-4, 0.02))
-    batch: int = setting(256, "transitions per update", range=(1, 4096))
-    capacity: int = setting(10_000, "transitions kept, 82 kB each", range=(100, 1_000_000))
-    first_steps: int = setting(200, "transitions before the first update", range=(1, 1_000_000))
-    updates_per_step: float = setting(2.0, "updates that each further transition allows", range=(0.01, 100.0))
-    publish_every: int = setting(50, "updates from one version to the next", range=(1, 1_000_000))
-    cpu_share: float = setting(0.5, "of one core that the training may use", range=(0.01, 1.0))
+    seed: int = setting(_OWN.seed, "seed of the training", range=(0, 2**31 - 1))
+    learner: str = setting(DEFAULT_LEARNER, "what trains the residual", choices=tuple(LEARNERS))
+    limit: float = setting(_OWN.learner.limit, "longest residual", "m", (1e-4, 0.02))
+    batch: int = setting(_OWN.learner.batch_size, "transitions per update", range=(1, 4096))
+    capacity: int = setting(_OWN.capacity, "transitions kept, 82 kB each", range=(100, 1_000_000))
+    first_steps: int = setting(_OWN.first_steps, "transitions before the first update", range=(1, 1_000_000))
+    updates_per_step: float = setting(
+        _OWN.updates_per_step, "updates that each further transition allows", range=(0.01, 100.0)
+    )
+    publish_every: int = setting(
+        _OWN.publish_every, "updates from one version to the next", range=(1, 1_000_000)
+    )
+    cpu_share: float = setting(_OWN.cpu_share, "of one core that the training may use", range=(0.01, 1.0))
 
     def training(self) -> TrainingSettings:
         """The same for the training."""
         return TrainingSettings(
-            ResidualSettings(limit=self.limit, batch=self.batch),
+            create_settings(self.learner, limit=self.limit, batch_size=self.batch),
             self.seed,
             self.capacity,
             self.first_steps,

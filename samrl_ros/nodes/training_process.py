@@ -22,7 +22,7 @@ class TrainingProcess:
         command = [
             sys.executable,
             "-m",
-            "samrl_core.learning.residual.residual_worker",
+            "samrl_core.learning.residual.worker",
             str(folder),
             "--task",
             task,

@@ -91,7 +91,7 @@ def test_trainings_data_sets_and_experiments_ask_for_it(
 def test_a_second_residual_worker_waits_and_then_refuses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from samrl_core.learning.residual import residual_worker
+    from samrl_core.learning.residual import worker as residual_worker
 
     monkeypatch.setattr(residual_worker, "BEFORE_S", 0.2)
     monkeypatch.setattr(residual_worker.os, "nice", lambda by: 0)

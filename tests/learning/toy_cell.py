@@ -13,8 +13,8 @@ import torch
 from samrl_core.cell.types.pose import look_at
 from samrl_core.learning.images.packed_images import network_images, packed_depth, poses_as_rows
 from samrl_core.learning.residual.replay import End, Replay, Step
-from samrl_core.learning.residual.residual import ResidualSettings
-from samrl_core.learning.residual.residual_training import ResidualTraining, TrainingSettings, replay_of
+from samrl_core.learning.residual.td3 import TD3Settings
+from samrl_core.learning.residual.training import ResidualTraining, TrainingSettings, replay_of
 from samrl_core.policy.agent.exploration import shortened
 from samrl_core.policy.networks.network_image import CHANNELS
 from samrl_core.policy.networks.networks import Encoder
@@ -71,7 +71,7 @@ def act(
         replay.end_episode(replay.append(step), ended)
 
 
-def settings(learner: ResidualSettings, publish_every: int = 10**6) -> TrainingSettings:
+def settings(learner: TD3Settings, publish_every: int = 10**6) -> TrainingSettings:
     """As many updates as a test asks for."""
     return TrainingSettings(
         learner, capacity=2000, first_steps=1, updates_per_step=1000.0, publish_every=publish_every

@@ -19,7 +19,7 @@ from samrl_core.cell.types.observation import ArmReading
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.learning.images.packed_images import network_images
 from samrl_core.learning.residual.replay import End, Replay
-from samrl_core.learning.residual.residual_training import Announcement, replay_of
+from samrl_core.learning.residual.training import Announcement, replay_of
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.weights import sha256_of
 from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic

@@ -15,7 +15,7 @@ from samrl_core.common.errors import InputError, SolveError
 from samrl_core.learning.data.checkpoint import load_checkpoint
 from samrl_core.learning.data.fit import STOPPED
 from samrl_core.learning.residual.replay import End
-from samrl_core.learning.residual.residual import ResidualSettings
+from samrl_core.learning.residual.td3 import TD3, TD3Settings
 from samrl_core.policy.agent.exploration import shortened
 from samrl_core.studies.episodes.residual_episodes import Order, Place, Played
 from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated, evaluated_file, weights_of
@@ -25,7 +25,7 @@ from tests.learning.small_cell import SMALL
 from tests.studies import kinematic_peg
 
 PLACE = Place("toy", "optimised", None, (0.001, 0.0, -0.002))
-LEARNER = ResidualSettings(batch=4, n_step=2, warm_up=1, delay=1)
+LEARNER = TD3Settings(batch_size=4, n_step=2, warm_up=1, policy_delay=1)
 SETTINGS = RunSettings(
     (0, 12, 20), LEARNER, episodes=2, first_steps=5, updates_per_step=0.3, evaluated=3, max_actions=3
 )
@@ -119,6 +119,7 @@ def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
     one = run(tmp_path, FakeCell())
     one.advance(12)
     updates, steps = one._learner.updates, one.steps
+    assert isinstance(one._learner, TD3)
     with torch.no_grad():
         one._learner.critic.get_parameter("first.0.bias")[0] = torch.nan
     with pytest.raises(SolveError, match=f"update {updates}: the critic's loss is nan"):

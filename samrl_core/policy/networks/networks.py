@@ -27,8 +27,9 @@ ACTION_UNIT = 0.01  # [m] per unit in which nominal actions enter a network
 _WIDTHS = (32, 64, 64, 96, 96)
 _STRIDES = (2, 2, 1, 2, 1)
 _MAP_WIDTH = 32
-_DRAWS = 64  # of hidden features, which an action is the mean of: it then has an eighth of one draw's noise
-_UNSEEN = -1e4  # logit of a pixel whose point is unknown: finite, as an image may have no other
+OLD_KEYS = {"seen": "keep_prob"}  # of tensors in files of earlier versions, and what they are called today
+_MASKS = 64  # dropout masks that an action is averaged over: it has an eighth of one mask's noise
+_UNKNOWN = -1e4  # logit of a pixel whose point is unknown: finite, as an image may have no other
 
 
 class Encoder(nn.Module):
@@ -76,7 +77,7 @@ def key_points(xyz: torch.Tensor, logits: torch.Tensor) -> torch.Tensor:
         known = (xyz != 0).any(dim=1, keepdim=True).float()
         share = functional.adaptive_avg_pool2d(known, size)  # of known pixels in each cell
         mean = functional.adaptive_avg_pool2d(xyz, size) / share.clamp(min=1e-6)
-        weights = torch.where(share > 0, logits.float(), _UNSEEN).flatten(2).softmax(dim=2)
+        weights = torch.where(share > 0, logits.float(), _UNKNOWN).flatten(2).softmax(dim=2)
         return torch.bmm(weights, mean.flatten(2).transpose(1, 2))
 
 
@@ -95,7 +96,7 @@ class SimActor(nn.Module):
         """Image (B, 6, H, W) to displacement (B, 3) [m], no longer than the limit."""
         features = self.encoder(image)
         with torch.autocast(image.device.type, enabled=False):
-            return bounded(self.head(features), self.action_limit)
+            return bound_length(self.head(features), self.action_limit)
 
 
 class SensingQ(nn.Module):
@@ -123,23 +124,22 @@ class SensingQ(nn.Module):
 class ResidualActor(nn.Module):
     """Correction of the nominal action from the real image; exactly zero before it is trained.
 
-    Its encoder is the nominal policy's and stands still, only the head is trained: some dozens of episodes
-    with one reward each do not teach an encoder, they are known by heart (`learn/residual.py`). There the
-    head sees few of the features at a time, those shown made up for the others. All of them at once are
-    another input to it, weaker in the mean of its first layer's units: with one in five seen it gave a third
-    of what it had learnt. So it acts by the mean over draws of what is shown (Gal & Ghahramani 2016,
-    "Dropout as a Bayesian approximation"), always the same draws.
+    Its encoder is the nominal policy's and frozen, only the head is trained: a few dozen episodes with one
+    reward each overfit an encoder (`learning/residual/td3.py`). The head is trained with dropout on the
+    features. Without dropout its input differs from the training's: with a `keep_prob` of 0.2 its residuals
+    had a third of the trained length. So it acts by the mean over 64 fixed dropout masks (Gal & Ghahramani
+    2016, "Dropout as a Bayesian approximation").
     """
 
     def __init__(
         self, limit: float, generator: torch.Generator | None = None, encoder: Encoder | None = None
     ) -> None:
-        """Draws the head.
+        """Creates the head.
 
         Args:
             limit: longest correction [m].
             generator: of the first weights, default seed 0.
-            encoder: a copy of it is kept; None draws one, as for weights that are about to be loaded.
+            encoder: is copied; None creates one, as for weights that are about to be loaded.
         """
         super().__init__()
         self.limit = _limit(limit)
@@ -150,11 +150,11 @@ class ResidualActor(nn.Module):
         last = self.head[-1]
         assert isinstance(last, nn.Linear)
         nn.init.zeros_(last.weight)
-        self.seen: torch.Tensor  # (1,) share of the features that the last update saw in a step
-        self.register_buffer("seen", torch.ones(1))
-        drawn = torch.rand((_DRAWS, FEATURES), generator=torch.Generator().manual_seed(0))
-        self._drawn: torch.Tensor
-        self.register_buffer("_drawn", drawn, persistent=False)
+        self.keep_prob: torch.Tensor  # (1,) share of the features that dropout kept in the last update
+        self.register_buffer("keep_prob", torch.ones(1))
+        uniform = torch.rand((_MASKS, FEATURES), generator=torch.Generator().manual_seed(0))
+        self._uniform: torch.Tensor
+        self.register_buffer("_uniform", uniform, persistent=False)
 
     def forward(self, image_real: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
         """Real image (B, 6, H, W) and nominal action (B, 3) [m] to residual (B, 3) [m]."""
@@ -164,22 +164,22 @@ class ResidualActor(nn.Module):
         """The same from the encoder's features (B, 128) of the images.
 
         Raises:
-            InputError: the share that was loaded is none.
+            InputError: the loaded `keep_prob` is not above 0 and at most 1.
         """
-        share = float(self.seen)
-        if share == 1.0:
+        keep_prob = float(self.keep_prob)
+        if keep_prob == 1.0:
             return self.of_features(features, nominal)
-        if not 0.0 < share < 1.0:
-            raise InputError(f"the residual has seen a share of {share} of its features, must be in 0..1")
-        shown = thinned(features[:, None], share, self._drawn).flatten(0, 1)
-        found = self.of_features(shown, nominal.repeat_interleave(_DRAWS, dim=0))
-        return found.unflatten(0, (len(features), _DRAWS)).mean(dim=1)
+        if not 0.0 < keep_prob < 1.0:
+            raise InputError(f"the residual's keep_prob is {keep_prob}, must be above 0 and at most 1")
+        kept = drop_features(features[:, None], keep_prob, self._uniform).flatten(0, 1)
+        found = self.of_features(kept, nominal.repeat_interleave(_MASKS, dim=0))
+        return found.unflatten(0, (len(features), _MASKS)).mean(dim=1)
 
     def of_features(self, features: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
-        """What the head makes of features (B, 128) as they are, all of them or thinned ones."""
+        """The head on features (B, 128) as they are, all of them or after dropout."""
         with torch.autocast(features.device.type, enabled=False):
             state = torch.cat([features.float(), (nominal / ACTION_UNIT).float()], dim=1)
-            return bounded(self.head(state), self.limit)
+            return bound_length(self.head(state), self.limit)
 
 
 class TwinCritic(nn.Module):
@@ -203,14 +203,14 @@ class TwinCritic(nn.Module):
             return self.first(x).squeeze(1), self.second(x).squeeze(1)
 
 
-def thinned(features: torch.Tensor, share: float, drawn: torch.Tensor) -> torch.Tensor:
-    """Features (..., 128) where the draws from 0..1 are below the share, made up for the others; else 0."""
-    return features * (drawn < share) / share
+def drop_features(features: torch.Tensor, keep_prob: float, uniform: torch.Tensor) -> torch.Tensor:
+    """Features (..., 128) over `keep_prob` where the numbers from 0..1 are below it, else 0 (dropout)."""
+    return features * (uniform < keep_prob) / keep_prob
 
 
-def bounded(raw: torch.Tensor, limit: float) -> torch.Tensor:
+def bound_length(raw: torch.Tensor, limit: float) -> torch.Tensor:
     """limit tanh(|v|) v / |v| of rows v (B, 3): no row is longer than the limit, and 0 stays 0."""
-    length = (raw.square().sum(dim=-1, keepdim=True) + 1e-12).sqrt()  # its slope at 0 is finite
+    length = (raw.square().sum(dim=-1, keepdim=True) + 1e-12).sqrt()  # finite gradient at 0
     return limit * raw * torch.tanh(length) / length
 
 
@@ -231,21 +231,21 @@ def _head(inputs: int, outputs: int, generator: torch.Generator, normalised: boo
     for width in (inputs, FEATURES):
         layers.append(_linear(width, FEATURES, generator))
         if normalised:
-            layers.append(nn.LayerNorm(FEATURES))  # bounds what critics make up for unseen actions
+            layers.append(nn.LayerNorm(FEATURES))  # bounds what critics extrapolate to unseen actions
         layers.append(nn.ReLU())
     return nn.Sequential(*layers, _linear(FEATURES, outputs, generator, gain=0.1))
 
 
 def _convolution(inputs: int, outputs: int, size: int, stride: int, generator: torch.Generator) -> nn.Module:
     layer = nn.utils.skip_init(nn.Conv2d, inputs, outputs, size, stride=stride, padding=size // 2)
-    return _drawn(layer, generator, 1.0)
+    return _initialised(layer, generator, 1.0)
 
 
 def _linear(inputs: int, outputs: int, generator: torch.Generator, gain: float = 1.0) -> nn.Module:
-    return _drawn(nn.utils.skip_init(nn.Linear, inputs, outputs), generator, gain)
+    return _initialised(nn.utils.skip_init(nn.Linear, inputs, outputs), generator, gain)
 
 
-def _drawn(layer: nn.Module, generator: torch.Generator, gain: float) -> nn.Module:
+def _initialised(layer: nn.Module, generator: torch.Generator, gain: float) -> nn.Module:
     """First weights after He et al. 2015 for layers with ReLU, times a gain; biases 0."""
     with torch.no_grad():
         weight, bias = layer.get_parameter("weight"), layer.get_parameter("bias")

@@ -21,7 +21,7 @@ from samrl_core.cell.tasks import plain_name
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.common.errors import InputError
 from samrl_core.common.tensor_file import read_tensors, write_tensors
-from samrl_core.policy.networks.networks import ResidualActor, SensingQ, SimActor, TwinCritic
+from samrl_core.policy.networks.networks import OLD_KEYS, ResidualActor, SensingQ, SimActor, TwinCritic
 
 Kind = Literal["sim_actor", "sensing_q", "residual_actor", "twin_critic"]
 FORMAT = 1
@@ -154,6 +154,7 @@ def _read(path: Path) -> tuple[dict[str, torch.Tensor], WeightsInfo]:
     try:
         if stated.pop("format") != FORMAT:
             raise InputError(f"{path} is not of weight format {FORMAT}; train anew")
+        tensors = {OLD_KEYS.get(name, name): value for name, value in tensors.items()}
         return tensors, WeightsInfo(**{**stated, "intrinsics": Intrinsics(**stated["intrinsics"])})
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} has a damaged description ({error}); fetch or train it again") from error

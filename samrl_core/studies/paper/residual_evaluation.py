@@ -14,7 +14,8 @@ from torch import nn
 
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.common.errors import InputError
-from samrl_core.learning.residual.residual import ResidualSettings
+from samrl_core.learning.residual.learner import LearnerSettings
+from samrl_core.learning.residual.td3 import TD3Settings
 from samrl_core.policy.networks.weights import WeightsInfo, load_weights
 from samrl_core.studies.episodes.residual_episodes import Order, Place, Play
 
@@ -30,7 +31,7 @@ class RunSettings:
     """
 
     points: tuple[int, ...]  # real steps at which is evaluated; the last one ends the run
-    learner: ResidualSettings = ResidualSettings()
+    learner: LearnerSettings = TD3Settings()  # which learner follows from their type
     episodes: int = 8  # per round, at least: while the longest of them lasts, nothing is learnt
     growth: float = 0.25  # more of them, up to this share of all before: they are played side by side
     first_steps: int = 200  # in the replay before the first update

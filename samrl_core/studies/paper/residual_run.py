@@ -19,11 +19,10 @@ from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learning.data.fit import STOPPED
+from samrl_core.learning.residual.learners import create_learner, settings_to_json, update_names
 from samrl_core.learning.residual.replay import End, Replay, ReplayInfo
-from samrl_core.learning.residual.residual import ResidualLearner
-from samrl_core.learning.residual.step_features import StepFeatures, fingerprint
-from samrl_core.learning.residual.transitions import transitions_of
-from samrl_core.policy.networks.networks import Encoder
+from samrl_core.learning.residual.transitions import StepFeatures, encoder_sha256, transitions_of
+from samrl_core.policy.networks.networks import Encoder, ResidualActor
 from samrl_core.policy.networks.weights import WeightsInfo, save_weights
 from samrl_core.studies.episodes.residual_episodes import Place, Play, Played
 from samrl_core.studies.paper.residual_evaluation import TRAINING, RunSettings, order_of, weights_of
@@ -51,16 +50,27 @@ class ResidualRun:
     ) -> None:
         self._folder, self._place, self._cell, self._seed = folder, place, cell, seed
         self._settings, self._play = settings, play
-        self._learner = ResidualLearner(settings.learner, encoder, seed, device)
+        self._learner = create_learner(settings.learner, encoder, seed, device)
         # No step is ever written over: the longest run's last round may go beyond its last point.
         capacity = settings.points[-1] + settings.episodes * settings.max_actions
         self._replay = Replay.write(folder / "replay.bin", ReplayInfo(place.task, cell.intrinsics, capacity))
-        about = {"place": asdict(place), "seed": seed, "settings": asdict(settings)}
-        about["encoder"] = fingerprint(encoder)
+        described = {**asdict(settings), "learner": settings_to_json(settings.learner)}
+        about = {"place": asdict(place), "seed": seed, "settings": described}
+        about["encoder"] = encoder_sha256(encoder)
         self._about = {name: _plain(value) for name, value in about.items()}
         self._episodes = 0
         self._resume()
         self._features = StepFeatures(self._replay, cell, self._learner.actor.encoder, device)
+
+    @property
+    def actor(self) -> ResidualActor:
+        """What is being trained."""
+        return self._learner.actor
+
+    @property
+    def updates(self) -> int:
+        """Of the learner so far."""
+        return self._learner.updates
 
     @property
     def steps(self) -> int:
@@ -122,10 +132,10 @@ class ResidualRun:
         s, learner = self._settings, self._learner
         transitions = transitions_of(self._replay, s.learner.n_step, s.learner.gamma)
         allowed = s.updates_per_step * (self.steps - s.first_steps)
-        self._features.take_in()
+        self._features.add_new()
         try:
             while len(transitions) and learner.updates < allowed:
-                learner.learn(partial(self._features.batch, transitions))
+                learner.update(partial(self._features.sample_batch, transitions))
         except SolveError:
             self._save(self._folder / STOPPED)
             raise
@@ -144,6 +154,8 @@ class ResidualRun:
             return
         tensors, about = load_checkpoint(self._checkpoint, KIND)
         steps, self._episodes = int(about.pop("steps")), int(about.pop("episodes"))
+        if isinstance(about.get("settings"), dict):
+            about["settings"]["learner"] = update_names(about["settings"].get("learner", {}))
         if about != self._about:
             different = sorted(k for k in self._about if about.get(k) != self._about[k])
             raise InputError(

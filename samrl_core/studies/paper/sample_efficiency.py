@@ -26,7 +26,7 @@ import torch
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS
 from samrl_core.common.executor import worker_pool
-from samrl_core.learning.residual.step_features import nominal_encoder
+from samrl_core.learning.residual.transitions import nominal_encoder
 from samrl_core.policy.networks.weights import weights_file, weights_name
 from samrl_core.studies.episodes.residual_episodes import Order, Place, Play, Played, play
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell

@@ -26,7 +26,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learning.data.shards import MANIFEST, DataInfo, ShardFolder
 from samrl_core.learning.residual.replay import Replay, ReplayInfo
-from samrl_core.learning.residual.residual_training import Announcement, announced
+from samrl_core.learning.residual.training import Announcement, announced
 from samrl_core.policy.networks.networks import SimActor
 from samrl_core.policy.networks.weights import WeightsInfo, load_weights, save_weights
 from tests.learning.small_cell import SMALL, random_step

@@ -13,9 +13,9 @@ from samrl_core.policy.networks.networks import (
     SensingQ,
     SimActor,
     TwinCritic,
-    bounded,
+    bound_length,
+    drop_features,
     key_points,
-    thinned,
 )
 
 LIMIT = 0.01
@@ -89,13 +89,13 @@ def test_actions_are_bounded_by_length() -> None:
 
 def test_bound_is_the_identity_near_zero_and_smooth_at_zero() -> None:
     raw = torch.tensor([[1e-4, -2e-4, 0.0], [0.0, 0.0, 0.0]], dtype=torch.float64, requires_grad=True)
-    out = bounded(raw, 0.5)
+    out = bound_length(raw, 0.5)
     torch.testing.assert_close(out, 0.5 * raw, rtol=1e-4, atol=0)
     assert bool((out[1] == 0).all())
     out.sum().backward()
     assert bool(torch.isfinite(raw.grad).all())
     wide = torch.randn((4, 3), generator=generator(), dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda v: bounded(v, 0.5), wide)
+    assert torch.autograd.gradcheck(lambda v: bound_length(v, 0.5), wide)
 
 
 def test_residual_is_exactly_zero_at_first_and_can_be_trained() -> None:
@@ -115,16 +115,16 @@ def test_residual_is_the_mean_over_what_may_be_shown() -> None:
         network.head[-1].weight.normal_(generator=generator())
         features = network.encoder(image)
         assert torch.equal(network(image, nominal), network.of_features(features, nominal))
-        network.seen.fill_(0.25)
+        network.keep_prob.fill_(0.25)
         acting = network(image, nominal)
         assert torch.equal(acting, network(image, nominal))
         torch.testing.assert_close(acting[1:2], network(image[1:2], nominal[1:2]))
         assert float(acting.norm(dim=1).max()) <= LIMIT
         drawn = torch.rand((4000, FEATURES), generator=generator())
-        many = network.of_features(thinned(features[:1], 0.25, drawn), nominal[:1].expand(4000, 3))
+        many = network.of_features(drop_features(features[:1], 0.25, drawn), nominal[:1].expand(4000, 3))
         for share in (0.0, -0.5, 1.5, float("nan")):
-            network.seen.fill_(share)
-            with pytest.raises(InputError, match="share of"):
+            network.keep_prob.fill_(share)
+            with pytest.raises(InputError, match="keep_prob is"):
                 network(image, nominal)
     assert (acting[0] - many.mean(dim=0)).norm() < 4.0 * (many.std(dim=0) / 8.0).norm()
 

@@ -162,3 +162,17 @@ def test_what_must_not_be_saved_is_refused_and_leaves_the_old_file(file: Path) -
 def test_shipped_files_are_named_by_task_and_kind() -> None:
     assert shipped("peg_insertion", "sim_actor").name == "peg_insertion_sim_actor.safetensors"
     assert shipped("peg_insertion", "sim_actor").parent.name == "trained"
+
+
+def test_a_residual_of_an_earlier_version_is_read(tmp_path: Path) -> None:
+    """Its `keep_prob` was called `seen`."""
+    path = tmp_path / "residual.safetensors"
+    network = ResidualActor(0.003)
+    network.keep_prob.fill_(0.25)
+    save_weights(
+        path, network, WeightsInfo("residual_actor", "peg_insertion", default_cell().intrinsics, 0.003, 0)
+    )
+
+    _rewritten(path, lambda i, t: (i, {name.replace("keep_prob", "seen"): one for name, one in t.items()}))
+    found, _ = load_weights(path, "residual_actor", "peg_insertion", default_cell())
+    assert isinstance(found, ResidualActor) and float(found.keep_prob) == 0.25

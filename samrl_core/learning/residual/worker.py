@@ -19,9 +19,9 @@ import torch
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_core.common.files import folder_lock, write_whole
-from samrl_core.learning.residual.residual import ResidualSettings
-from samrl_core.learning.residual.residual_training import ResidualTraining, TrainingSettings
-from samrl_core.learning.residual.step_features import nominal_encoder
+from samrl_core.learning.residual.learners import settings_from_json, settings_to_json
+from samrl_core.learning.residual.training import ResidualTraining, TrainingSettings
+from samrl_core.learning.residual.transitions import nominal_encoder
 
 NICENESS = 10  # of 19: control goes first, the rest of the computer as well
 REFUSED = 3  # exit code: the error says why
@@ -30,7 +30,7 @@ BEFORE_S = 10.0  # for one whose node was killed to see it and save: an update a
 
 def write_settings(folder: Path, settings: TrainingSettings) -> None:
     """Record what a worker in this folder shall do; it reads nothing else."""
-    text = json.dumps(asdict(settings), indent=1)
+    text = json.dumps({**asdict(settings), "learner": settings_to_json(settings.learner)}, indent=1)
     write_whole(folder / "settings.json", f"{text}\n".encode())
 
 
@@ -43,7 +43,7 @@ def read_settings(folder: Path) -> TrainingSettings:
     path = folder / "settings.json"
     try:
         found = json.loads(path.read_text())
-        return TrainingSettings(**{**found, "learner": ResidualSettings(**found["learner"])})
+        return TrainingSettings(**{**found, "learner": settings_from_json(found["learner"])})
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"cannot read {path} ({error}); the node that starts a worker writes it") from error
 

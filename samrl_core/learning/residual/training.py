@@ -10,7 +10,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, astuple, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,10 +22,16 @@ from samrl_core.common.errors import InputError, SolveError
 from samrl_core.common.files import write_whole
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learning.data.fit import STOPPED
+from samrl_core.learning.residual.learner import Learner, LearnerSettings
+from samrl_core.learning.residual.learners import create_learner, settings_to_json, update_names
 from samrl_core.learning.residual.replay import End, Replay, ReplayInfo
-from samrl_core.learning.residual.residual import Figures, ResidualLearner, ResidualSettings
-from samrl_core.learning.residual.step_features import StepFeatures, fingerprint
-from samrl_core.learning.residual.transitions import Transitions, transitions_of
+from samrl_core.learning.residual.td3 import TD3Settings
+from samrl_core.learning.residual.transitions import (
+    StepFeatures,
+    Transitions,
+    encoder_sha256,
+    transitions_of,
+)
 from samrl_core.policy.networks.networks import Encoder
 from samrl_core.policy.networks.weights import WeightsInfo, save_weights, sha256_of
 
@@ -43,7 +49,7 @@ class TrainingSettings:
         InputError: a value outside its limits.
     """
 
-    learner: ResidualSettings = field(default_factory=ResidualSettings)
+    learner: LearnerSettings = TD3Settings()  # which learner follows from their type
     seed: int = 0
     capacity: int = 10_000  # steps of the replay; 82 kB each
     first_steps: int = 200  # in the replay before the first update
@@ -129,7 +135,7 @@ class ResidualTraining:
         cell: CellSpec,
         encoder: Encoder,
         settings: TrainingSettings,
-        tell: Callable[[str], None] = print,
+        log: Callable[[str], None] = print,
     ) -> None:
         """Reads what is there.
 
@@ -139,26 +145,26 @@ class ResidualTraining:
             cell: whose camera the replay's images are of.
             encoder: the nominal policy's.
             settings: of the training.
-            tell: hears what the folder does not hold as it should; by default the worker's log.
+            log: gets a message when the folder's replay is not the checkpoint's; by default the worker's log.
         """
-        self._tell = tell
+        self._log_message = log
         self._granted = 0  # updates that the steps of earlier replays allowed
         self._folder, self._task, self._cell, self._settings = folder, task, cell, settings
         self._replay = Replay.read(*replay_of(folder, task, cell, settings))
-        self._learner = ResidualLearner(settings.learner, encoder, settings.seed)
+        self._learner = create_learner(settings.learner, encoder, settings.seed)
         self._features = StepFeatures(self._replay, cell, encoder)
         self._transitions: Transitions | None = None
-        self._figures: Figures | None = None
+        self._metrics: dict[str, float] | None = None
         self._about = {
             "task": task,
             "seed": settings.seed,
-            "learner": asdict(settings.learner),
-            "encoder": fingerprint(encoder),
+            "learner": settings_to_json(settings.learner),
+            "encoder": encoder_sha256(encoder),
         }
         self.version = announced(folder, task).version
         if self._checkpoint.exists():
             self._resume()
-        self._log = _Log(folder / "training.csv", self._learner.updates)
+        self._log = _Log(folder / "training.csv", self._learner.METRICS, self._learner.updates)
 
     @property
     def updates(self) -> int:
@@ -166,21 +172,21 @@ class ResidualTraining:
         return self._learner.updates
 
     @property
-    def learner(self) -> ResidualLearner:
+    def learner(self) -> Learner:
         """What is being trained."""
         return self._learner
 
     def due(self) -> bool:
         """Whether the steps that came in allow another update."""
         self._replay.refresh()
-        self._features.take_in()
+        self._features.add_new()
         s = self._settings.learner
         self._transitions = transitions_of(self._replay, s.n_step, s.gamma)
         steps = max(0, self._replay.last - self._settings.first_steps + 1)
         allowed = self._granted + self._settings.updates_per_step * steps
         return len(self._transitions) > 0 and self.updates < allowed
 
-    def step(self) -> Figures:
+    def step(self) -> dict[str, float]:
         """One update on a batch of the replay; publishes when it is time.
 
         Raises:
@@ -192,16 +198,16 @@ class ResidualTraining:
         assert self._transitions is not None
         learner = self._learner
         try:
-            figures = learner.learn(partial(self._features.batch, self._transitions))
+            metrics = learner.update(partial(self._features.sample_batch, self._transitions))
         except SolveError as error:
             save_checkpoint(self._folder / STOPPED, KIND, learner.state(), self._about)
             self._summarise(str(error))
             raise
-        self._figures = figures
-        self._log.add(learner.updates, self._replay.last, figures)
+        self._metrics = metrics
+        self._log.add(learner.updates, self._replay.last, metrics)
         if learner.updates % self._settings.publish_every == 0:
             self._publish()
-        return figures
+        return metrics
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Train while the cell runs until `stop` says so, then save.
@@ -213,9 +219,9 @@ class ResidualTraining:
             if self.due():
                 self.step()
                 used = time.process_time() - used
-                _rest(used * (1.0 / self._settings.cpu_share - 1.0), stop)
+                _sleep(used * (1.0 / self._settings.cpu_share - 1.0), stop)
             else:
-                _rest(IDLE_S, stop)
+                _sleep(IDLE_S, stop)
         self.save()
 
     def save(self) -> None:
@@ -231,6 +237,7 @@ class ResidualTraining:
     def _resume(self) -> None:
         tensors, about = load_checkpoint(self._checkpoint, KIND)
         steps, self._granted = int(about.pop("steps", 0)), int(about.pop("granted", 0))
+        about["learner"] = update_names(about.get("learner", {}))
         if about != self._about:
             raise InputError(
                 f"{self._checkpoint} was made with {about}, asked for is {self._about}; give another folder "
@@ -240,21 +247,20 @@ class ResidualTraining:
         if self._replay.last < steps:
             # Counted over all steps, the updates done would be ahead of what the new ones allow for long.
             self._granted = self.updates
-            self._tell(
+            self._log_message(
                 f"{self._checkpoint} has learnt from {steps} steps, {self._replay.path} holds "
                 f"{self._replay.last}: another replay. Its steps count anew, the weights go on; remove the "
                 f"checkpoint as well to begin anew"
             )
 
     def _publish(self) -> None:
-        figures = self._figures
-        assert figures is not None
-        finite = {k: v for k, v in asdict(figures).items() if math.isfinite(v)}
+        assert self._metrics is not None
+        finite = {name: value for name, value in self._metrics.items() if math.isfinite(value)}
         info = WeightsInfo(
             "residual_actor",
             self._task,
             self._cell.intrinsics,
-            self._learner.settings.limit,
+            self._settings.learner.limit,
             self._settings.seed,
             {"updates": self.updates, "steps": self._replay.last, **finite},
         )
@@ -283,10 +289,10 @@ class ResidualTraining:
             "detected_successes": int((ended == End.SUCCESS).sum()),
             "episodes_ended": int(ended.size),
             "recent_detected_success_rate": float((recent == End.SUCCESS).mean()) if recent.size else None,
-            "last_update": _plain(asdict(self._figures)) if self._figures else None,
+            "last_update": _finite_or_none(self._metrics) if self._metrics else None,
             "cpu_s": time.process_time(),
             "stopped": stopped,
-            "settings": asdict(self._settings),
+            "settings": {**asdict(self._settings), "learner": settings_to_json(self._settings.learner)},
         }
         write_whole(self._folder / "summary.json", (json.dumps(summary, indent=1) + "\n").encode())
 
@@ -294,24 +300,24 @@ class ResidualTraining:
 class _Log:
     """One row per update; rows of updates that a kill undid are dropped."""
 
-    def __init__(self, path: Path, updates: int) -> None:
-        head = ",".join(("update", "steps", *(f.name for f in fields(Figures))))
+    def __init__(self, path: Path, metrics: tuple[str, ...], updates: int) -> None:
+        head = ",".join(("update", "steps", *metrics))
         rows = path.read_text().splitlines()[1:] if path.is_file() else []
         kept = [row for row in rows if row.split(",")[0].isdigit() and int(row.split(",")[0]) <= updates]
         write_whole(path, ("\n".join([head, *kept]) + "\n").encode())
         self._path = path
 
-    def add(self, update: int, steps: int, figures: Figures) -> None:
-        values = (f"{v:.6g}" if math.isfinite(v) else "" for v in astuple(figures))
+    def add(self, update: int, steps: int, metrics: dict[str, float]) -> None:
+        values = (f"{v:.6g}" if math.isfinite(v) else "" for v in metrics.values())
         with self._path.open("a") as file:
             file.write(",".join((str(update), str(steps), *values)) + "\n")
 
 
-def _plain(values: dict[str, float]) -> dict[str, float | None]:
+def _finite_or_none(values: dict[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def _rest(seconds: float, stop: Callable[[], bool]) -> None:
+def _sleep(seconds: float, stop: Callable[[], bool]) -> None:
     """Sleep in short pieces: a signal does not end a sleep in Python."""
     end = time.monotonic() + seconds
     while not stop() and (left := end - time.monotonic()) > 0:

@@ -14,15 +14,16 @@ import pytest
 import torch
 
 from samrl_core.common.errors import InputError, SolveError
-from samrl_core.learning.data.checkpoint import load_checkpoint
-from samrl_core.learning.residual import residual_training
-from samrl_core.learning.residual.residual import ResidualSettings
-from samrl_core.learning.residual.residual_training import KIND, ResidualTraining, TrainingSettings, announced
+from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
+from samrl_core.learning.residual import training as residual_training
+from samrl_core.learning.residual import worker
+from samrl_core.learning.residual.td3 import TD3, TD3Settings
+from samrl_core.learning.residual.training import KIND, ResidualTraining, TrainingSettings, announced
 from samrl_core.policy.networks.weights import load_weights, sha256_of
 from tests.learning import toy_cell
 from tests.learning.small_cell import SMALL
 
-LEARNER = ResidualSettings(batch=4, n_step=1, warm_up=1, delay=1)
+LEARNER = TD3Settings(batch_size=4, n_step=1, warm_up=1, policy_delay=1)
 SETTINGS = toy_cell.settings(LEARNER, publish_every=2)
 
 
@@ -126,6 +127,7 @@ def test_another_replay_beside_the_checkpoint_is_said_and_counted_anew(tmp_path:
 def test_what_is_not_finite_stops_with_the_state_saved(tmp_path: Path) -> None:
     toy_cell.start(tmp_path, SETTINGS, 30)
     training = trained(tmp_path, 2)
+    assert isinstance(training.learner, TD3)
     with torch.no_grad():
         training.learner.critic.get_parameter("first.0.bias")[0] = math.nan
     assert training.due()
@@ -195,3 +197,46 @@ def test_it_keeps_to_its_share_and_stops_when_told(tmp_path: Path) -> None:
 def test_settings_out_of_range_are_refused(bad: dict) -> None:
     with pytest.raises(InputError, match=next(iter(bad))):
         replace(SETTINGS, **bad)
+
+
+def test_files_of_earlier_versions_go_on(tmp_path: Path) -> None:
+    """A checkpoint and weights with the names that settings and tensors had then."""
+    toy_cell.start(tmp_path, SETTINGS, 30)
+    whole = trained(tmp_path, 4)
+    path = tmp_path / "checkpoint.safetensors"
+    tensors, about = load_checkpoint(path, KIND)
+    assert "keep_prob" in tensors
+    about["learner"] = {
+        "limit": 0.003,
+        "gamma": 0.97,
+        "n_step": 1,
+        "batch": 4,
+        "critic_rate": 3e-4,
+        "actor_rate": 6e-5,
+        "episodes_per_feature": 4.0,
+        "blur": 0.1,
+        "average": 0.01,
+        "target_noise": 0.2,
+        "target_noise_clip": 0.5,
+        "effort": 0.1,
+        "behaviour": 1.0,
+        "few_episodes": 25.0,
+        "delay": 1,
+        "warm_up": 1,
+        "max_gradient": 10.0,
+    }
+    tensors["seen"] = tensors.pop("keep_prob")
+    save_checkpoint(path, KIND, tensors, about)
+    again = toy_cell.training(tmp_path, SETTINGS)
+    assert again.updates == 4
+    mine, other = whole.learner.state(), again.learner.state()
+    assert mine.keys() == other.keys() and all(torch.equal(mine[name], other[name]) for name in mine)
+
+
+def test_settings_of_a_worker_name_their_learner(tmp_path: Path) -> None:
+    worker.write_settings(tmp_path, SETTINGS)
+    assert json.loads((tmp_path / "settings.json").read_text())["learner"]["name"] == "td3"
+    assert worker.read_settings(tmp_path) == SETTINGS
+    (tmp_path / "settings.json").write_text('{"learner": {"name": "luck"}}')
+    with pytest.raises(InputError, match="learner is 'luck', must be one of: td3"):
+        worker.read_settings(tmp_path)

@@ -169,10 +169,8 @@ def test_a_residual_of_an_earlier_version_is_read(tmp_path: Path) -> None:
     path = tmp_path / "residual.safetensors"
     network = ResidualActor(0.003)
     network.keep_prob.fill_(0.25)
-    save_weights(
-        path, network, WeightsInfo("residual_actor", "peg_insertion", default_cell().intrinsics, 0.003, 0)
-    )
+    save_weights(path, network, WeightsInfo("residual_actor", "peg_insertion", CELL.intrinsics, 0.003, 0))
 
     _rewritten(path, lambda i, t: (i, {name.replace("keep_prob", "seen"): one for name, one in t.items()}))
-    found, _ = load_weights(path, "residual_actor", "peg_insertion", default_cell())
+    found, _ = load_weights(path, "residual_actor", "peg_insertion", CELL)
     assert isinstance(found, ResidualActor) and float(found.keep_prob) == 0.25

@@ -35,9 +35,9 @@ def test_a_killed_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     )
     process = subprocess.Popen([sys.executable, "-c", arguments], cwd=ROOT)
     try:
-        killed = tmp_path / "killed"
+        folder = tmp_path / "killed"
         wait_for(
-            lambda: len(list(killed.glob("*.npz"))) >= 2 or process.poll() is not None, "two shards", 0.01
+            lambda: len(list(folder.glob("*.npz"))) >= 2 or process.poll() is not None, "two shards", 0.01
         )
     finally:
         if process.poll() is None:

@@ -21,7 +21,6 @@ from rich.progress import (
 )
 
 from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, Job, diagnose_world
-from samrl_core.blind_test.scores.families import without
 from samrl_core.blind_test.scores.load import load_outcomes
 from samrl_core.blind_test.scores.study import Study, write_atomically
 from samrl_core.common import executor
@@ -158,6 +157,8 @@ def diagnose(
     )
     jobs = [replace(every, world=world) for world in listed[: worlds or len(listed)]]
     if leave_one_out:
+        from samrl_core.blind_test.scores.families import without  # loads torch
+
         for world, family in left_out(study, leave_one_out).items():
             jobs.append(replace(every, world=world, stage=LEFT_OUT_STAGE, library=without(family)))
     todo = [job for job in jobs if not job.finished or (again and job.crashed)]

@@ -61,6 +61,20 @@ def test_files_and_folders_exist(page: Path) -> None:
         assert found and all(file.exists() for file in found), f"{page.name} names {path}"
 
 
+# Words that the field has others for (glossary in reference/conventions.md), and words of a diary.
+REPLACED = ("stand-in", "programmes?", "by heart", "null worlds", "slopes?", "mended", "no longer")
+CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
+
+
+@EVERY_PAGE
+def test_pages_use_the_words_of_the_glossary(page: Path) -> None:
+    if page.name == "CHANGELOG.md":
+        return  # it names the former words
+    prose = CODE.sub("", page.read_text())
+    found = re.search(rf"\b(?:{'|'.join(REPLACED)})\b", prose, re.IGNORECASE)
+    assert not found, f"{page.name} writes {found and found.group()!r}"
+
+
 @cache
 def code() -> str:
     """All source text of the project: what a page may quote."""

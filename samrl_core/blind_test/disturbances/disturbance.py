@@ -50,7 +50,7 @@ class Site:
         return len(self.spec.joint_names)
 
     def sign(self) -> float:
-        """Plus or minus one, drawn."""
+        """Plus or minus one, sampled."""
         return 1.0 if self.rng.random() < 0.5 else -1.0
 
 
@@ -58,9 +58,10 @@ Attach = Callable[[Hooks, np.random.Generator], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Effect:
-    """What a family makes of a severity: parameters for the label, and how to act in one recording.
+class Injection:
+    """What a disturbance makes of a severity: parameters for the label, and how to act in one recording.
 
+    A parameter that the diagnosis reports too has the name and the unit that it has there.
     `attach` adds fresh state to a recording's hooks; its generator is that of the recording.
     """
 
@@ -69,14 +70,19 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Family:
-    """One file of this folder. `make(site, form, severity)`: severity 0 is no effect at all."""
+class Disturbance:
+    """A family that can be injected. `make(site, form, severity)`: severity 0 is no effect at all."""
 
     name: str
     place: str  # `joint`, `arm` or `link`
-    make: Callable[[Site, str, float], Effect]
+    make: Callable[[Site, str, float], Injection]
+    # Channel that it shows in first, as differences from the nominal run. controller: commanded effort
+    # against the law at the measured state; drive: effort against commanded effort; link: effort against inverse
+    # dynamics of the measured motion; encoder: position against velocity; either: controller or drive.
+    shows_in: str
     outside: bool = False  # not in the catalogue: form T2
     onset: bool = False  # may be switched on within a recording
+    twists: bool = False  # needs the transmission of its joint for itself
     also_arm: bool = False  # a joint effect that may also hold for all joints
     needs_reversal: bool = False  # only where the nominal load changes its sign: else nothing moves
     first_joint: int = 0  # joints before it cannot show the effect: gravity does not act on a vertical axis

@@ -1,130 +1,94 @@
-"""All families by name, and how one is made to act on a recording, from some moment on if wanted."""
+"""All disturbances by name, and how one is made to act on a recording, from some moment on if wanted."""
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family
-from samrl_core.blind_test.disturbances.drive import (
-    actuator_gain,
-    command_delay,
-    command_low_pass,
-    controller_gain,
-    packet_jitter,
-    reflected_inertia,
-    torque_rate_limit,
-    torque_saturation,
-)
-from samrl_core.blind_test.disturbances.friction import (
-    coulomb_friction,
-    friction_asymmetry,
-    load_dependent_friction,
-    position_dependent_friction,
-    presliding,
-    stribeck_friction,
-    thermal_friction,
-    viscous_friction,
-)
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection
 from samrl_core.blind_test.disturbances.friction.friction_forms import Gated
-from samrl_core.blind_test.disturbances.load import base_tilt, cable, link_inertia, mount_compliance, payload
-from samrl_core.blind_test.disturbances.outside import (
-    cable_snap,
-    coarse_torque,
-    dead_phase,
-    detent,
-    gravity_not_compensated,
-    moving_platform,
-    neighbour_coupling,
-    periodic_push,
-    quadratic_drag,
-    soft_stop,
-    torque_random_walk,
-)
-from samrl_core.blind_test.disturbances.sensor import (
-    encoder_eccentricity,
-    encoder_offset,
-    torque_sensor_error,
-)
-from samrl_core.blind_test.disturbances.transmission import (
-    backlash,
-    gear_ripple,
-    joint_elasticity,
-    transmission_hysteresis,
-)
 from samrl_core.blind_test.engines.hooks import Hooks
 from samrl_core.common.errors import InputError
 
+# A line each. Their order is a part of what a forge's seed means: a new one goes to the end of its list.
 _CATALOGUE = (
-    coulomb_friction,
-    viscous_friction,
-    stribeck_friction,
-    load_dependent_friction,
-    presliding,
-    friction_asymmetry,
-    position_dependent_friction,
-    gear_ripple,
-    thermal_friction,
-    backlash,
-    joint_elasticity,
-    transmission_hysteresis,
-    reflected_inertia,
-    actuator_gain,
-    torque_saturation,
-    torque_rate_limit,
-    command_low_pass,
-    command_delay,
-    packet_jitter,
-    controller_gain,
-    encoder_offset,
-    encoder_eccentricity,
-    torque_sensor_error,
-    payload,
-    link_inertia,
-    base_tilt,
-    mount_compliance,
-    cable,
+    "friction.coulomb_friction",
+    "friction.viscous_friction",
+    "friction.stribeck_friction",
+    "friction.load_dependent_friction",
+    "friction.presliding",
+    "friction.friction_asymmetry",
+    "friction.position_dependent_friction",
+    "transmission.gear_ripple",
+    "friction.thermal_friction",
+    "transmission.backlash",
+    "transmission.joint_elasticity",
+    "transmission.transmission_hysteresis",
+    "drive.reflected_inertia",
+    "drive.actuator_gain",
+    "drive.torque_saturation",
+    "drive.torque_rate_limit",
+    "drive.command_low_pass",
+    "drive.command_delay",
+    "drive.packet_jitter",
+    "drive.controller_gain",
+    "sensor.encoder_offset",
+    "sensor.encoder_eccentricity",
+    "sensor.torque_sensor_error",
+    "load.payload",
+    "load.link_inertia",
+    "load.base_tilt",
+    "load.mount_compliance",
+    "load.cable",
 )
 _OUTSIDE = (
-    quadratic_drag,
-    periodic_push,
-    torque_random_walk,
-    detent,
-    neighbour_coupling,
-    moving_platform,
-    coarse_torque,
-    gravity_not_compensated,
-    dead_phase,
-    soft_stop,
-    cable_snap,
+    "outside.quadratic_drag",
+    "outside.periodic_push",
+    "outside.torque_random_walk",
+    "outside.detent",
+    "outside.neighbour_coupling",
+    "outside.moving_platform",
+    "outside.coarse_torque",
+    "outside.gravity_not_compensated",
+    "outside.dead_phase",
+    "outside.soft_stop",
+    "outside.cable_snap",
 )
 
-FAMILIES: dict[str, Family] = {m.FAMILY.name: m.FAMILY for m in (*_CATALOGUE, *_OUTSIDE)}
-CATALOGUE: tuple[str, ...] = tuple(m.FAMILY.name for m in _CATALOGUE)  # numbers 1..28 in order
-OUTSIDE: tuple[str, ...] = tuple(m.FAMILY.name for m in _OUTSIDE)
+
+def _load(files: tuple[str, ...]) -> dict[str, Disturbance]:
+    modules = (import_module(f"{__package__}.{file}") for file in files)
+    return {m.DISTURBANCE.name: m.DISTURBANCE for m in modules}
 
 
-def family(name: str) -> Family:
-    """A family by name.
+CATALOGUE: tuple[str, ...] = tuple(_load(_CATALOGUE))  # families that an effect of the diagnosis may name
+OUTSIDE: tuple[str, ...] = tuple(_load(_OUTSIDE))
+DISTURBANCES: dict[str, Disturbance] = _load((*_CATALOGUE, *_OUTSIDE))
+
+
+def find_disturbance(name: str) -> Disturbance:
+    """A disturbance by name.
 
     Raises:
         InputError: unknown name; all known ones are listed.
     """
-    if name not in FAMILIES:
-        raise InputError(f"unknown disturbance '{name}'; known are {sorted(FAMILIES)}")
-    return FAMILIES[name]
+    if name not in DISTURBANCES:
+        raise InputError(f"unknown disturbance '{name}'; known are {sorted(DISTURBANCES)}")
+    return DISTURBANCES[name]
 
 
-def attach(effect: Effect, onset: float | None, hooks: Hooks, rng: np.random.Generator) -> None:
-    """Let an effect act on a recording, from `onset` [s] on.
+def attach(injection: Injection, onset: float | None, hooks: Hooks, rng: np.random.Generator) -> None:
+    """Let a disturbance act on a recording, from `onset` [s] on.
 
     Raises:
-        InputError: an onset for an effect that cannot be switched on.
+        InputError: an onset for a disturbance that cannot be switched on.
     """
     if onset is None:
-        effect.attach(hooks, rng)
+        injection.attach(hooks, rng)
         return
     own = Hooks()
-    effect.attach(own, rng)
+    injection.attach(own, rng)
     filled = {name for name, value in vars(own).items() if value}
     if not filled <= {"friction", "drive", "law", "sensor"}:
         raise InputError(f"an effect on {sorted(filled)} cannot be switched on within a recording")

@@ -60,9 +60,7 @@ def intervals(single: list[Outcome]) -> dict[str, Any]:
     for o in single:
         if not (o.name_right and o.truth.form == "T0" and o.primary is not None):
             continue
-        pairs = comparable(
-            o.primary["family"], o.primary.get("parameters", {}), o.truth.effects[0]["parameters"]
-        )
+        pairs = comparable(o.primary.get("parameters", {}), o.truth.effects[0]["parameters"])
         without += not pairs
         for name, stated, true in pairs:
             inside = float(stated["ci95"][0]) <= true <= float(stated["ci95"][1])

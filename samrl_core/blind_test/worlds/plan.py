@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.registry import CATALOGUE, OUTSIDE, family
+from samrl_core.blind_test.disturbances.registry import CATALOGUE, OUTSIDE, find_disturbance
 from samrl_core.blind_test.engines.engines import ENGINES
 from samrl_core.blind_test.worlds.nominal import PROGRAMMES, REVERSING, nominal_arm
 from samrl_core.cell.robots.robot import ROLES
@@ -26,7 +26,6 @@ CONFOUNDED = (
     ("viscous_friction", "controller_gain"),
     ("backlash", "presliding"),
 )
-_TWISTING = {"backlash", "joint_elasticity", "transmission_hysteresis"}  # one transmission per joint
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ def _total(settings: ForgeSettings) -> int:
 
 def place_of(name: str, arm: str, joint: int) -> str:
     """Contract's name of the place of a family's effect."""
-    kind = family(name).place
+    kind = find_disturbance(name).place
     if kind == "arm":
         return f"arm:{arm}"
     body = nominal_arm(arm).bare
@@ -159,7 +158,7 @@ def place_of(name: str, arm: str, joint: int) -> str:
 def _effect(
     name: str, form: str, severity: float, arm: str, settings: ForgeSettings, rng: np.random.Generator
 ) -> PlannedEffect:
-    known = family(name)
+    known = find_disturbance(name)
     joint = int(rng.integers(known.first_joint, len(nominal_arm(arm).bare.links)))
     if known.needs_reversal:
         joint = int(rng.choice(REVERSING[arm]))
@@ -185,6 +184,6 @@ def _pair(
             _effect(n, "T1" if rng.random() < 0.5 else "T0", float(rng.choice(_STRONG)), arm, settings, rng)
             for n in names
         )
-        twisting = [e.place for e in pair if e.family in _TWISTING]
+        twisting = [e.place for e in pair if find_disturbance(e.family).twists]
         if len(set(twisting)) == len(twisting):
             return pair

@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Site
-from samrl_core.blind_test.disturbances.registry import attach, family
+from samrl_core.blind_test.disturbances.disturbance import Injection, Site
+from samrl_core.blind_test.disturbances.registry import attach, find_disturbance
 from samrl_core.blind_test.engines import simulate as simulation
 from samrl_core.blind_test.engines.hooks import Hooks
 from samrl_core.blind_test.engines.simulate import Reality, Trace, simulate
@@ -62,21 +62,21 @@ def make_world(
     background = draw_background(
         arm.spec, arm.bare, arm.tool, ARMATURE[item.arm], stated, item.scale, streams[0]
     )
-    effects = [
-        _effect(planned, item, arm, stream) for planned, stream in zip(item.effects, streams[2:], strict=True)
+    injections = [
+        _inject(planned, item, arm, stream) for planned, stream in zip(item.effects, streams[2:], strict=True)
     ]
     seeds = streams[1].integers(2**62, size=(len(SETS), 3)).tolist()
     recordings = {}
     for letter, (noise_seed, effect_seed, stamp_seed) in zip(SETS, seeds, strict=True):
-        trace = _run(item, letter, effects, effect_seed, background, noise_seed)
+        trace = _run(item, letter, injections, effect_seed, background, noise_seed)
         recordings[letter] = _recorded(
             item, letter, trace, background, stated, np.random.default_rng(stamp_seed)
         )
     held_out_effects = seeds[list(SETS).index(HELD_OUT)][1]
     nominal = _nominal(item.arm, item.programme, item.duration_s, item.engine)
-    best = _run(item, HELD_OUT, effects, held_out_effects, None, 0) if effects else nominal
+    best = _run(item, HELD_OUT, injections, held_out_effects, None, 0) if injections else nominal
     oracle = Oracle(*_signals(best), *_signals(nominal))
-    return recordings, _label(item, effects, background), oracle
+    return recordings, _label(item, injections, background), oracle
 
 
 def joint_of(place: str, arm: NominalArm) -> int:
@@ -100,7 +100,7 @@ def joint_of(place: str, arm: NominalArm) -> int:
     return names[kind].index(name)
 
 
-def _effect(planned: PlannedEffect, item: PlanItem, arm: NominalArm, rng: np.random.Generator) -> Effect:
+def _inject(planned: PlannedEffect, item: PlanItem, arm: NominalArm, rng: np.random.Generator) -> Injection:
     asked = demands(item.arm, item.programme, item.duration_s)
     site = Site(
         spec=arm.spec,
@@ -115,23 +115,23 @@ def _effect(planned: PlannedEffect, item: PlanItem, arm: NominalArm, rng: np.ran
         highest=asked.highest,
         rng=rng,
     )
-    return family(planned.family).make(site, planned.form, planned.severity)
+    return find_disturbance(planned.family).make(site, planned.form, planned.severity)
 
 
 def _run(
     item: PlanItem,
     letter: str,
-    effects: list[Effect],
+    injections: list[Injection],
     effect_seed: int,
     background: Background | None,
     noise_seed: int,
 ) -> Trace:
     arm = nominal_arm(item.arm)
     hooks = Hooks()
-    for effect, planned, rng in zip(
-        effects, item.effects, np.random.default_rng(effect_seed).spawn(len(effects)), strict=True
+    for injection, planned, rng in zip(
+        injections, item.effects, np.random.default_rng(effect_seed).spawn(len(injections)), strict=True
     ):
-        attach(effect, planned.onset, hooks, rng)
+        attach(injection, planned.onset, hooks, rng)
     controller = description(item.arm, letter, Tolerances()).controller
     assert controller is not None
     reality = (
@@ -212,13 +212,13 @@ def _recorded(
     )
 
 
-def _label(item: PlanItem, effects: list[Effect], background: Background) -> dict:
+def _label(item: PlanItem, injections: list[Injection], background: Background) -> dict:
     named = [
         {
             **asdict(planned),
-            "parameters": {name: asdict(quantity) for name, quantity in effect.parameters.items()},
+            "parameters": {name: asdict(quantity) for name, quantity in injection.parameters.items()},
         }
-        for planned, effect in zip(item.effects, effects, strict=True)
+        for planned, injection in zip(item.effects, injections, strict=True)
     ]
     return {
         "schema": 1,

@@ -44,6 +44,7 @@ class Effect(ABC):
     prior_cost: ClassVar[float] = 0.0  # [nat] less likely before any data than other families
     least_share: ClassVar[float] = 0.0  # of its prediction that must be seen, and not undone by tolerances
     at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
+    simulated: ClassVar[bool] = True  # some form has a simulation in closed loop
     by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
 
     @property

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.blind_test.disturbances.registry import CATALOGUE, FAMILIES, OUTSIDE
+from samrl_core.blind_test.disturbances.registry import CATALOGUE, DISTURBANCES, OUTSIDE
 from samrl_core.blind_test.engines.simulate import DivergedError
 from samrl_core.blind_test.worlds.plan import (
     ForgeSettings,
@@ -70,7 +70,7 @@ def test_recordings_say_nothing_of_the_label() -> None:
     silent = make_world(replace(ITEM, effects=(), set="none"))[0]
     for letter, recording in make_world(ITEM)[0].items():
         text = repr(recording).replace(repr(recording.arm.tolerances), "")
-        for word in (*FAMILIES, "severity", "T0", "T1", "pybullet", "mujoco", "w000", "seed"):
+        for word in (*DISTURBANCES, "severity", "T0", "T1", "pybullet", "mujoco", "w000", "seed"):
             assert word not in text
         # Everything but the measurements is that of a world without any effect.
         assert repr(recording.arm) == repr(silent[letter].arm)
@@ -109,13 +109,13 @@ def test_places_are_checked() -> None:
 
 
 def test_a_world_that_runs_away_is_loud(monkeypatch: pytest.MonkeyPatch) -> None:
-    from samrl_core.blind_test.disturbances.disturbance import Effect
+    from samrl_core.blind_test.disturbances.disturbance import Injection
     from samrl_core.blind_test.worlds import world
 
     def push(hooks: object, rng: object) -> None:
         hooks.external.append(lambda t, q, v: 50.0 * v)  # type: ignore[attr-defined]
 
-    monkeypatch.setattr(world, "_effect", lambda *_: Effect({}, push))
+    monkeypatch.setattr(world, "_inject", lambda *_: Injection({}, push))
     with pytest.raises(DivergedError, match="range"):
         make_world(ITEM)
 

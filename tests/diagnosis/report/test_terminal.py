@@ -80,7 +80,8 @@ def test_per_cent_never_rounds_to_certainty(fraction: float | None, shown: str) 
 
 
 def test_every_family_of_the_catalogue_is_explained() -> None:
-    assert [f.number for f in FAMILIES.values()] == list(range(1, 50))
+    assert sorted(f.number for f in FAMILIES.values()) == list(range(1, len(FAMILIES) + 1))
+    assert len(FAMILIES) >= 49
     for name, f in FAMILIES.items():
         assert f.family == name and f.title[0].isupper()
         assert f.meaning.endswith(".") and f.remedy.endswith(".") and len(f.meaning) < 120

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     error = site.sign() * quantile(severity, 0.02, 0.12)
     peak = max(float(site.peak_torque[site.joint]), 1e-6)
     i = site.joint
@@ -22,7 +22,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.drive.append(drive)
 
-    return Effect({"e": Quantity(error, "1")}, attach)
+    return Injection({"e": Quantity(error, "1")}, attach)
 
 
-FAMILY = Family("actuator_gain", "joint", _make, onset=True)
+DISTURBANCE = Disturbance("actuator_gain", "joint", _make, shows_in="drive", onset=True)

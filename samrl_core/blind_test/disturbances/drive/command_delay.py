@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.drive.command_path import Queue, delayed, map_command
 from samrl_core.blind_test.engines.hooks import Hooks
 
@@ -23,7 +23,7 @@ def _jittered(mean: float, count: int, period: float, rng: np.random.Generator) 
     return np.arange(count) * period - sent
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     on_command = bool(site.rng.random() < 0.5)
     # Up to 25 ms of command (PACE's bound), up to 10 ms within the loop, where more would be unstable.
     mean = quantile(severity, 0.001, 0.025 if on_command else 0.008)
@@ -43,7 +43,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
             hooks.drive.append(Queue(lambda t: float(table[round(t / period) % count]), joints, period))
 
     where = Quantity("command" if on_command else "effort", "channel")
-    return Effect({"T": Quantity(mean, "s"), "acts_on": where}, attach)
+    return Injection({"T": Quantity(mean, "s"), "acts_on": where}, attach)
 
 
-FAMILY = Family("command_delay", "joint", _make, also_arm=True)
+DISTURBANCE = Disturbance("command_delay", "joint", _make, shows_in="either", also_arm=True)

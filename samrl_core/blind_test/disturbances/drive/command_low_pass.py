@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import bilinear
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, log_quantile
+from samrl_core.blind_test.disturbances.disturbance import (
+    Disturbance,
+    Injection,
+    Quantity,
+    Site,
+    log_quantile,
+)
 from samrl_core.blind_test.disturbances.drive.command_path import RunningFilter, map_command, recursive
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     on_command = bool(site.rng.random() < 0.5)
     # libfranka's default is 100 Hz; an effort filter below 15 Hz would destabilise the described gains.
     slowest = 3.0 if on_command else 15.0
@@ -33,7 +39,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
             hooks.drive.append(RunningFilter(b, a, joints))
 
     where = Quantity("command" if on_command else "effort", "channel")
-    return Effect({"fc": Quantity(corner, "Hz"), "acts_on": where}, attach)
+    return Injection({"fc": Quantity(corner, "Hz"), "acts_on": where}, attach)
 
 
-FAMILY = Family("command_low_pass", "joint", _make, also_arm=True)
+DISTURBANCE = Disturbance("command_low_pass", "joint", _make, shows_in="either", also_arm=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks, Law
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     way = site.sign()
     k = way * quantile(severity, 0.03, 0.3)
     d = way * quantile(severity, 0.03, 0.3) * float(site.rng.uniform(0.5, 1.0))
@@ -33,7 +33,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         else:
             hooks.law.append(lambda law, t: law.extra.append(by_error))
 
-    return Effect({"stiffness_error": Quantity(k, "1"), "damping_error": Quantity(d, "1")}, attach)
+    return Injection({"eK": Quantity(k, "1"), "eD": Quantity(d, "1")}, attach)
 
 
-FAMILY = Family("controller_gain", "joint", _make, onset=True)
+DISTURBANCE = Disturbance("controller_gain", "joint", _make, shows_in="controller", onset=True)

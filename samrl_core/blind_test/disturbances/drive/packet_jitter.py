@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import (
-    Effect,
-    Family,
+    Disturbance,
+    Injection,
     Quantity,
     Site,
     log_quantile,
@@ -50,7 +50,7 @@ class _Hold:
         return self._last
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     share = log_quantile(severity, 0.014, 0.25)  # 1.4-1.7 % late on a real Panda, and worse networks
     longest = max(1, round(quantile(severity, 6, 20)))  # [ticks]; 6.2 ms seen
 
@@ -58,7 +58,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         hooks.drive.append(_Hold(_holds(form, share, longest, rng), site.spec.controller.period_s))
 
     period = site.spec.controller.period_s
-    return Effect({"share": Quantity(share, "1"), "longest": Quantity(longest * period, "s")}, attach)
+    return Injection({"held": Quantity(share, "1"), "longest": Quantity(longest * period, "s")}, attach)
 
 
-FAMILY = Family("packet_jitter", "arm", _make)
+DISTURBANCE = Disturbance("packet_jitter", "arm", _make, shows_in="drive")

@@ -7,7 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, log_quantile, only
+from samrl_core.blind_test.disturbances.disturbance import (
+    Disturbance,
+    Injection,
+    Quantity,
+    Site,
+    log_quantile,
+    only,
+)
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -26,7 +33,7 @@ class _Flywheel:
         self._speed = (self._inertia * self._speed + dt * self._coupling * v) / total
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     nominal = float(site.armature[site.joint])
     more = log_quantile(severity, 0.3, 4.0) * nominal
     corner = float(site.rng.uniform(60.0, 150.0))  # d/J: above 10..24 Hz the flywheel no longer follows
@@ -37,10 +44,10 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         else:
             hooks.add_friction(site.joint, _Flywheel(more, corner * more))
 
-    parameters = {"J": Quantity(more, "kg m2")}
+    parameters = {"Ja": Quantity(more, "kg m2")}
     if form == "T1":
         parameters["corner"] = Quantity(corner, "rad/s")
-    return Effect(parameters, attach)
+    return Injection(parameters, attach)
 
 
-FAMILY = Family("reflected_inertia", "joint", _make)
+DISTURBANCE = Disturbance("reflected_inertia", "joint", _make, shows_in="drive")

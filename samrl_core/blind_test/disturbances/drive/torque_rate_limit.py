@@ -7,7 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, log_quantile
+from samrl_core.blind_test.disturbances.disturbance import (
+    Disturbance,
+    Injection,
+    Quantity,
+    Site,
+    log_quantile,
+)
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -29,7 +35,7 @@ class _Slope:
         return out
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     # A described limit of 1000 N m/s is never met here; this one about what the motion asks for:
     # a little lower, and the loop would run away.
     rate = float(site.peak_rate()[site.joint]) / max(log_quantile(severity, 0.9, 1.4), 1e-6)
@@ -38,7 +44,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         down = rate if form == "T0" else 1.3 * rate
         hooks.drive.append(_Slope(site.joint, rate, down, site.spec.controller.period_s))
 
-    return Effect({"rate": Quantity(rate, "N m/s")}, attach)
+    return Injection({"R": Quantity(rate, "N m/s")}, attach)
 
 
-FAMILY = Family("torque_rate_limit", "joint", _make)
+DISTURBANCE = Disturbance("torque_rate_limit", "joint", _make, shows_in="drive")

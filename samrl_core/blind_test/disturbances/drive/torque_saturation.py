@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     i = site.joint
     floor, peak = float(site.gravity_torque[i]), float(site.peak_torque[i])
     # Between what motion asks for and what gravity alone asks for: lower and the arm would sink.
@@ -32,7 +32,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.drive.append(drive)
 
-    return Effect({"limit": Quantity(limit, "N m")}, attach)
+    return Injection({"L": Quantity(limit, "N m")}, attach)
 
 
-FAMILY = Family("torque_saturation", "joint", _make)
+DISTURBANCE = Disturbance("torque_saturation", "joint", _make, shows_in="drive")

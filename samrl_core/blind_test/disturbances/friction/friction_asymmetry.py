@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     height = quantile(severity, 0.4, 2.0) * site.size
     shift = site.sign() * float(site.rng.uniform(0.015, 0.046))  # [rad/s], the identified arm's range
     steep = 40.0  # [s/rad]
@@ -30,12 +30,12 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         hooks.add_friction(site.joint, Curve(sigmoid if form == "T0" else levels))
 
     parameters = {
-        "forward": Quantity(height * (1.0 - split), "N m"),
-        "backward": Quantity(height * split, "N m"),
+        "mean": Quantity(0.5 * height, "N m"),
+        "difference": Quantity(height * (0.5 - split), "N m"),
     }
     if form == "T0":
         parameters |= {"A": Quantity(height, "N m"), "b": Quantity(shift, "rad/s")}
-    return Effect(parameters, attach)
+    return Injection(parameters, attach)
 
 
-FAMILY = Family("friction_asymmetry", "joint", _make)
+DISTURBANCE = Disturbance("friction_asymmetry", "joint", _make, shows_in="drive")

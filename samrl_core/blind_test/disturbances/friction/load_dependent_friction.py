@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     share = quantile(severity, 0.02, 0.25)  # BAM: 0..0.5 for geared servos, less for such arms (ASSUMPTION)
     back = 1.8 if form == "T1" else 1.0  # loss with the load driving, against the motor driving (ASSUMPTION)
 
@@ -23,10 +23,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.add_friction(site.joint, Curve(torque))
 
-    parameters = {"Kl": Quantity(share, "1")}
-    if form == "T1":
-        parameters["back_driving"] = Quantity(back, "1")
-    return Effect(parameters, attach)
+    return Injection({"Kl": Quantity(share, "1"), "Kb": Quantity(share * back, "1")}, attach)
 
 
-FAMILY = Family("load_dependent_friction", "joint", _make)
+DISTURBANCE = Disturbance("load_dependent_friction", "joint", _make, shows_in="drive")

@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     swing = quantile(severity, 0.15, 1.2) * site.size
     wave = float(site.rng.integers(2, 7))  # per radian: a swing within the recordings' range
     phase = float(site.rng.uniform(-math.pi, math.pi))
@@ -30,14 +30,15 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.add_friction(site.joint, Curve(torque))
 
-    return Effect(
-        {
-            "swing": Quantity(swing, "N m"),
-            "harmonic": Quantity(wave, "1/rad"),
-            "phase": Quantity(phase, "rad"),
-        },
-        attach,
-    )
+    parameters = {
+        "swing": Quantity(swing, "N m"),
+        "level": Quantity(0.5 * swing, "N m"),
+        "order": Quantity(wave, "1/rad"),
+        "phase": Quantity(phase, "rad"),
+    }
+    if form == "T0":  # of its first harmonic
+        parameters["amplitude"] = Quantity(0.35 * swing, "N m")
+    return Injection(parameters, attach)
 
 
-FAMILY = Family("position_dependent_friction", "joint", _make)
+DISTURBANCE = Disturbance("position_dependent_friction", "joint", _make, shows_in="drive")

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     drop = quantile(severity, 0.15, 1.5) * site.size
     slow = float(site.rng.uniform(0.05, 0.2))
     power = float(site.rng.uniform(1.0, 2.0))
@@ -27,7 +27,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     parameters = {"drop": Quantity(drop, "N m"), "vs": Quantity(slow, "rad/s")}
     if form == "T0":
         parameters["d"] = Quantity(power, "1")
-    return Effect(parameters, attach)
+    return Injection(parameters, attach)
 
 
-FAMILY = Family("stribeck_friction", "joint", _make)
+DISTURBANCE = Disturbance("stribeck_friction", "joint", _make, shows_in="drive")

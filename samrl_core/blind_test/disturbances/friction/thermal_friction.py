@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
 from samrl_core.blind_test.engines.hooks import Hooks
 
@@ -33,7 +33,7 @@ class _Heated:
             self._heat += dt / self._tau * (abs(v) / 0.15 - self._heat)  # warm at 0.15 rad/s on average
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     warm = quantile(severity, 0.1, 0.4) * site.size
     cold = warm + quantile(severity, 0.2, 1.5) * site.size
     # Minutes in real drives; recordings here last seconds, so the drive is a small one (ASSUMPTION).
@@ -46,9 +46,9 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.add_friction(site.joint, Curve(torque) if form == "T0" else _Heated(cold, warm, constant))
 
-    return Effect(
+    return Injection(
         {"F0": Quantity(cold, "N m"), "Finf": Quantity(warm, "N m"), "T": Quantity(constant, "s")}, attach
     )
 
 
-FAMILY = Family("thermal_friction", "joint", _make)
+DISTURBANCE = Disturbance("thermal_friction", "joint", _make, shows_in="drive")

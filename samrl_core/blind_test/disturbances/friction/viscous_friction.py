@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     drag = quantile(severity, 0.1, 2.0) * site.size**2
     knee = float(site.rng.uniform(0.5, 1.0))
 
@@ -22,7 +22,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
             hooks.add_friction(site.joint, Curve(lambda t, q, v, load: drag * knee * math.asinh(v / knee)))
 
     extra = {} if form == "T0" else {"knee": Quantity(knee, "rad/s")}
-    return Effect({"Fv": Quantity(drag, "N m s/rad"), **extra}, attach)
+    return Injection({"Fv": Quantity(drag, "N m s/rad"), **extra}, attach)
 
 
-FAMILY = Family("viscous_friction", "joint", _make, onset=True)
+DISTURBANCE = Disturbance("viscous_friction", "joint", _make, shows_in="drive", onset=True)

@@ -7,7 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, log_quantile
+from samrl_core.blind_test.disturbances.disturbance import (
+    Disturbance,
+    Injection,
+    Quantity,
+    Site,
+    log_quantile,
+)
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -19,7 +25,7 @@ def tilted(gravity: np.ndarray, ax: float, ay: float) -> np.ndarray:
     return (about_y @ about_x).T @ gravity
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     angle = log_quantile(severity, 0.002, 0.035)  # to 2 degrees
     way = float(site.rng.uniform(-np.pi, np.pi))
     ax, ay = angle * float(np.cos(way)), angle * float(np.sin(way))
@@ -31,7 +37,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.gravity.append(turn)
 
-    return Effect({"ax": Quantity(ax, "rad"), "ay": Quantity(ay, "rad")}, attach)
+    return Injection({"ax": Quantity(ax, "rad"), "ay": Quantity(ay, "rad")}, attach)
 
 
-FAMILY = Family("base_tilt", "arm", _make)
+DISTURBANCE = Disturbance("base_tilt", "arm", _make, shows_in="link")

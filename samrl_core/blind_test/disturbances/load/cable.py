@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -39,7 +39,7 @@ class _Cable:
         return row
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     k = quantile(severity, 0.2, 2.5) * site.size
     middle = 0.5 * float(site.highest[site.joint] + site.lowest[site.joint])
     rest = middle + float(site.rng.uniform(-0.3, 0.3))
@@ -48,9 +48,9 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.external.append(_Cable(site, form, k, rest, loop))
 
-    return Effect(
-        {"k": Quantity(k, "N m/rad"), "q0": Quantity(rest, "rad"), "loop": Quantity(loop, "N m")}, attach
+    return Injection(
+        {"k": Quantity(k, "N m/rad"), "q0": Quantity(rest, "rad"), "h": Quantity(loop, "N m")}, attach
     )
 
 
-FAMILY = Family("cable", "joint", _make)
+DISTURBANCE = Disturbance("cable", "joint", _make, shows_in="link")

@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.arm_body import ArmBody, join_mass, scaled_inertia
 from samrl_core.blind_test.engines.hooks import Hooks
 from samrl_core.cell.types.pose import Pose
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     # The catalogue guesses 1-5 %, hardly beyond the stated tolerances: here from twice them to ten times.
     way = site.sign()
     share = way * quantile(severity, 0.04, 0.2)
@@ -44,10 +44,10 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         hooks.body.append(alter)
 
     if form == "T1":
-        return Effect({"part_mass": Quantity(part, "kg"), "part_distance": Quantity(0.08, "m")}, attach)
+        return Injection({"part_mass": Quantity(part, "kg"), "part_distance": Quantity(0.08, "m")}, attach)
     axes = zip(("cx", "cy", "cz"), (shift * direction).tolist(), strict=True)
     moved = {name: Quantity(value, "m") for name, value in axes}
-    return Effect({"mass_error": Quantity(share, "1"), **moved}, attach)
+    return Injection({"mass_error": Quantity(share, "1"), **moved}, attach)
 
 
-FAMILY = Family("link_inertia", "link", _make, first_joint=1)
+DISTURBANCE = Disturbance("link_inertia", "link", _make, shows_in="link", first_joint=1)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.arm_body import ArmBody, MovingLink
 from samrl_core.blind_test.engines.hooks import Hooks, MountSpring
 from samrl_core.cell.types.pose import Pose
@@ -14,7 +14,7 @@ from samrl_core.cell.types.pose import Pose
 _AXES = np.eye(3)
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     # 30 Hz down to 4 Hz: the period is what grows.
     period = quantile(severity, 1 / 30.0, 1 / 4.0) if severity > 0 else 1 / 300.0
     w = 2 * np.pi / max(period, 1 / 300.0)
@@ -53,8 +53,8 @@ def _make(site: Site, form: str, severity: float) -> Effect:
 
         hooks.body.append(stand)
 
-    named = {"frequency": Quantity(w / 2 / np.pi, "Hz"), "damping_ratio": Quantity(damping_ratio, "1")}
-    return Effect(named, attach)
+    named = {"frequency": Quantity(w / 2 / np.pi, "Hz"), "damping": Quantity(damping_ratio, "1")}
+    return Injection(named, attach)
 
 
-FAMILY = Family("mount_compliance", "arm", _make)
+DISTURBANCE = Disturbance("mount_compliance", "arm", _make, shows_in="link")

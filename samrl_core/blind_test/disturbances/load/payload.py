@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.arm_body import ArmBody, join_mass
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     mass = quantile(severity, 0.05, 1.0)
     reach = 0.05 if form == "T0" else float(site.rng.uniform(0.05, 0.1))
     angle = float(site.rng.uniform(-np.pi, np.pi))
@@ -27,8 +27,8 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.body.append(add)
 
-    axes = zip(("cx", "cy", "cz"), centre.tolist(), strict=True)
-    return Effect({"m": Quantity(mass, "kg"), **{n: Quantity(c, "m") for n, c in axes}}, attach)
+    axes = zip(("com_x", "com_y", "com_z"), centre.tolist(), strict=True)
+    return Injection({"mass": Quantity(mass, "kg"), **{n: Quantity(c, "m") for n, c in axes}}, attach)
 
 
-FAMILY = Family("payload", "arm", _make)
+DISTURBANCE = Disturbance("payload", "arm", _make, shows_in="link")

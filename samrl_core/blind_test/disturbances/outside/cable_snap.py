@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     most = quantile(severity, 0.6, 3.0) * site.size
     travel = 0.25 * float(site.highest[site.joint] - site.lowest[site.joint])  # until it lets go [rad]
     i = site.joint
@@ -37,7 +37,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
 
         hooks.external.append(pull)
 
-    return Effect({"most": Quantity(most, "N m"), "travel": Quantity(travel, "rad")}, attach)
+    return Injection({"most": Quantity(most, "N m"), "travel": Quantity(travel, "rad")}, attach)
 
 
-FAMILY = Family("cable_snap", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("cable_snap", "joint", _make, shows_in="link", outside=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     step = quantile(severity, 0.5, 4.0) * site.size
     i = site.joint
 
@@ -21,7 +21,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.drive.append(drive)
 
-    return Effect({"step": Quantity(step, "N m")}, attach)
+    return Injection({"step": Quantity(step, "N m")}, attach)
 
 
-FAMILY = Family("coarse_torque", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("coarse_torque", "joint", _make, shows_in="drive", outside=True)

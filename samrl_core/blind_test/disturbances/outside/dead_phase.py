@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     lost = quantile(severity, 0.1, 0.5)
     i = site.joint
 
@@ -24,7 +24,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
 
         hooks.rotor_torque.append(fade)
 
-    return Effect({"lost": Quantity(lost, "1")}, attach)
+    return Injection({"lost": Quantity(lost, "1")}, attach)
 
 
-FAMILY = Family("dead_phase", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("dead_phase", "joint", _make, shows_in="drive", outside=True)

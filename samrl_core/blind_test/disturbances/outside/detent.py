@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     most = quantile(severity, 1.0, 5.0) * site.size
     low, high = float(site.lowest[site.joint]), float(site.highest[site.joint])
     centre = low + (high - low) * float(site.rng.uniform(0.35, 0.65))
@@ -25,7 +25,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         hooks.rotor_torque.append(notch)
 
     named = {"most": Quantity(most, "N m"), "q0": Quantity(centre, "rad"), "width": Quantity(width, "rad")}
-    return Effect(named, attach)
+    return Injection(named, attach)
 
 
-FAMILY = Family("detent", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("detent", "joint", _make, shows_in="drive", outside=True)

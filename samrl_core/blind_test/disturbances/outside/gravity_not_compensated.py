@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks, Law
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     share = quantile(severity, 0.1, 1.0)
     i = site.joint
 
@@ -19,7 +19,9 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.law.append(leave_out)
 
-    return Effect({"left_out": Quantity(share, "1")}, attach)
+    return Injection({"left_out": Quantity(share, "1")}, attach)
 
 
-FAMILY = Family("gravity_not_compensated", "joint", _make, first_joint=1, outside=True)
+DISTURBANCE = Disturbance(
+    "gravity_not_compensated", "joint", _make, shows_in="controller", first_joint=1, outside=True
+)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     most = quantile(severity, 0.15, 1.0)
     frequency = float(site.rng.uniform(0.2, 1.0))
 
@@ -18,7 +18,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         pace = 2 * np.pi * frequency * np.array([1.0, 0.83, 1.31])
         hooks.gravity.append(lambda t, g: g - most * share * np.sin(pace * t + phase))
 
-    return Effect({"a": Quantity(most, "m/s2"), "frequency": Quantity(frequency, "Hz")}, attach)
+    return Injection({"a": Quantity(most, "m/s2"), "frequency": Quantity(frequency, "Hz")}, attach)
 
 
-FAMILY = Family("moving_platform", "arm", _make, outside=True)
+DISTURBANCE = Disturbance("moving_platform", "arm", _make, shows_in="link", outside=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     i = site.joint
     other = i + 1 if i + 1 < site.joints else i - 1
     # Of the effort limit, or of what the joint's servo holds within a radian: the last Rizon joint is so soft
@@ -30,7 +30,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         hooks.drive.append(drive)
 
     name = site.spec.joint_names[other]
-    return Effect({"share": Quantity(share, "1"), "from": Quantity(name, "joint")}, attach)
+    return Injection({"share": Quantity(share, "1"), "from": Quantity(name, "joint")}, attach)
 
 
-FAMILY = Family("neighbour_coupling", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("neighbour_coupling", "joint", _make, shows_in="drive", outside=True)

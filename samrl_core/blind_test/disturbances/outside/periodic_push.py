@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     force = quantile(severity, 4.0, 20.0)
     frequency = float(site.rng.uniform(0.3, 1.2))
     way = float(site.rng.uniform(-np.pi, np.pi))
@@ -25,7 +25,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
 
         hooks.external.append(push)
 
-    return Effect({"F": Quantity(force, "N"), "frequency": Quantity(frequency, "Hz")}, attach)
+    return Injection({"F": Quantity(force, "N"), "frequency": Quantity(frequency, "Hz")}, attach)
 
 
-FAMILY = Family("periodic_push", "arm", _make, outside=True)
+DISTURBANCE = Disturbance("periodic_push", "arm", _make, shows_in="link", outside=True)

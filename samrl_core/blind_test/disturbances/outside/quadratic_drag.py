@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     c = quantile(severity, 2.0, 8.0) * site.size**2
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.add_friction(site.joint, Curve(lambda t, q, v, load: c * v * abs(v)))
 
-    return Effect({"c": Quantity(c, "N m s2/rad2")}, attach)
+    return Injection({"c": Quantity(c, "N m s2/rad2")}, attach)
 
 
-FAMILY = Family("quadratic_drag", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("quadratic_drag", "joint", _make, shows_in="drive", outside=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     k = quantile(severity, 10.0, 60.0) * site.size**2
     low, high = float(site.lowest[site.joint]), float(site.highest[site.joint])
     way = site.sign()
@@ -25,7 +25,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.external.append(stop)
 
-    return Effect({"k": Quantity(k, "N m/rad"), "edge": Quantity(edge, "rad")}, attach)
+    return Injection({"k": Quantity(k, "N m/rad"), "edge": Quantity(edge, "rad")}, attach)
 
 
-FAMILY = Family("soft_stop", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("soft_stop", "joint", _make, shows_in="link", outside=True)

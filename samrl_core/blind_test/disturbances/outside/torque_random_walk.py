@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     spread = quantile(severity, 0.4, 2.0) * site.size  # after one second [N m]
     i = site.joint
 
@@ -22,7 +22,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
 
         hooks.drive.append(drive)
 
-    return Effect({"spread_after_1s": Quantity(spread, "N m")}, attach)
+    return Injection({"spread_after_1s": Quantity(spread, "N m")}, attach)
 
 
-FAMILY = Family("torque_random_walk", "joint", _make, outside=True)
+DISTURBANCE = Disturbance("torque_random_walk", "joint", _make, shows_in="drive", outside=True)

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, log_quantile
+from samrl_core.blind_test.disturbances.disturbance import (
+    Disturbance,
+    Injection,
+    Quantity,
+    Site,
+    log_quantile,
+)
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     # Below 0.2 mrad on good encoders; cheap ones reach 3 mrad (ASSUMPTION). On the motor's side of a gear the
     # error repeats many times a turn; once a turn no joint-side channel could show it.
     height = log_quantile(severity, 2e-4, 3e-3)
@@ -33,9 +39,9 @@ def _make(site: Site, form: str, severity: float) -> Effect:
         hooks.encoder.append(wavy if form == "T0" else grid)
 
     if form == "T1":
-        return Effect({"step": Quantity(height, "rad")}, attach)
-    named = {"a": Quantity(height, "rad"), "harmonic": Quantity(wave, "1"), "phi": Quantity(phase, "rad")}
-    return Effect(named, attach)
+        return Injection({"step": Quantity(height, "rad")}, attach)
+    named = {"a": Quantity(height, "rad"), "harmonic": Quantity(wave, "1/rad"), "phi": Quantity(phase, "rad")}
+    return Injection(named, attach)
 
 
-FAMILY = Family("encoder_eccentricity", "joint", _make)
+DISTURBANCE = Disturbance("encoder_eccentricity", "joint", _make, shows_in="encoder")

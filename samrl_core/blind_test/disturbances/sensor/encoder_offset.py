@@ -7,11 +7,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, log_quantile
+from samrl_core.blind_test.disturbances.disturbance import (
+    Disturbance,
+    Injection,
+    Quantity,
+    Site,
+    log_quantile,
+)
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     offset = site.sign() * log_quantile(severity, 0.001, 0.04)
     i = site.joint
 
@@ -23,7 +29,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.encoder.append(read)
 
-    return Effect({"e": Quantity(offset, "rad")}, attach)
+    return Injection({"e": Quantity(offset, "rad")}, attach)
 
 
-FAMILY = Family("encoder_offset", "joint", _make, first_joint=1)
+DISTURBANCE = Disturbance("encoder_offset", "joint", _make, shows_in="link", first_joint=1)

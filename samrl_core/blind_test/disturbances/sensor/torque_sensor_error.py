@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     gain = site.sign() * quantile(severity, 0.01, 0.08)
     # Biases of -.43..+.05 N m were seen on a real Panda; the tolerance at 87 N m is already .35.
     bias = site.sign() * quantile(severity, 0.01, 0.05) * float(site.spec.limits.effort[site.joint])
@@ -30,7 +30,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.sensor.append(read)
 
-    return Effect({"g": Quantity(gain, "1"), "b": Quantity(bias, "N m")}, attach)
+    return Injection({"g": Quantity(gain, "1"), "b": Quantity(bias, "N m")}, attach)
 
 
-FAMILY = Family("torque_sensor_error", "joint", _make, onset=True)
+DISTURBANCE = Disturbance("torque_sensor_error", "joint", _make, shows_in="drive", onset=True)

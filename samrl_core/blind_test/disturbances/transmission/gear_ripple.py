@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, quantile
+from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     height = quantile(severity, 0.1, 1.0) * site.size
     lines = float(site.rng.choice([60.0, 100.0, 160.0, 200.0]))  # twice a harmonic drive's ratio of 30..100
     phase = float(site.rng.uniform(-np.pi, np.pi))
@@ -26,9 +26,12 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         hooks.rotor_torque.append(ripple)
 
-    return Effect(
-        {"A": Quantity(height, "N m"), "N": Quantity(lines, "1/rad"), "phi": Quantity(phase, "rad")}, attach
-    )
+    parameters = {
+        "amplitude": Quantity(height, "N m"),
+        "order": Quantity(lines, "1/rad"),
+        "phase": Quantity(phase + np.pi, "rad"),  # of the torque that is lost; the ripple is added
+    }
+    return Injection(parameters, attach)
 
 
-FAMILY = Family("gear_ripple", "joint", _make)
+DISTURBANCE = Disturbance("gear_ripple", "joint", _make, shows_in="drive")

@@ -9,14 +9,20 @@ import math
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.disturbance import Effect, Family, Quantity, Site, log_quantile
+from samrl_core.blind_test.disturbances.disturbance import (
+    Disturbance,
+    Injection,
+    Quantity,
+    Site,
+    log_quantile,
+)
 from samrl_core.blind_test.disturbances.transmission.transmission_forms import Spring
 from samrl_core.blind_test.engines.hooks import Hooks
 
 _RIGID = 1e-8  # compliance of a joint that shows none [rad/(N m)]
 
 
-def _make(site: Site, form: str, severity: float) -> Effect:
+def _make(site: Site, form: str, severity: float) -> Injection:
     # 2e4 .. 2e3 N m/rad at a Panda's shoulder (recalled: 5e3..2e4 for harmonic drives, less for belts).
     compliance = _RIGID + log_quantile(severity, 5e-5, 5e-4) / site.size**2
     stiff = 1.0 / compliance
@@ -30,7 +36,7 @@ def _make(site: Site, form: str, severity: float) -> Effect:
     parameters = {"K": Quantity(stiff, "N m/rad"), "D": Quantity(damping, "N m s/rad")}
     if form == "T1":
         parameters["hardens_at"] = Quantity(knee, "rad")
-    return Effect(parameters, attach)
+    return Injection(parameters, attach)
 
 
-FAMILY = Family("joint_elasticity", "joint", _make)
+DISTURBANCE = Disturbance("joint_elasticity", "joint", _make, shows_in="drive", twists=True)

@@ -34,6 +34,7 @@ class PacketJitter(Effect):
     source = "1.4-1.7 % of packets late, at most 6.2 ms, measured on a Panda's link"
     acts_on = "command"
     by_chance = True
+    simulated = False
     excitation = "any fast motion; stamps"
     confounded_with = ("command_delay",)
     parameters = (

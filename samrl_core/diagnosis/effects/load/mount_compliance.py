@@ -24,6 +24,7 @@ class MountCompliance(Effect):
     source = "light stands and tables: 3-30 Hz"
     acts_on = "dynamics"
     place_kind = "arm"
+    simulated = False
     prior_cost = 2.0  # as of other deflections
     excitation = "impulses, chirp; a camera on another stand"
     experiment = "chirp"

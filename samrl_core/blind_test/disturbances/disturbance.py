@@ -76,10 +76,10 @@ class Disturbance:
     name: str
     place: str  # `joint`, `arm` or `link`
     make: Callable[[Site, str, float], Injection]
-    # Channel that it shows in first, as differences from the nominal run. controller: commanded effort
-    # against the law at the measured state; drive: effort against commanded effort; link: effort against inverse
-    # dynamics of the measured motion; encoder: position against velocity; either: controller or drive.
-    shows_in: str
+    # Channel that it shows in first, as differences from the nominal run.
+    # controller: commanded effort against the law at the measured state; drive: effort against commanded
+    # effort; link: effort against inverse dynamics of the measured motion; encoder: position against velocity.
+    shows_in: str  # one of these, or `either` for controller or drive
     outside: bool = False  # not in the catalogue: form T2
     onset: bool = False  # may be switched on within a recording
     twists: bool = False  # needs the transmission of its joint for itself

@@ -78,7 +78,7 @@ class Disturbance:
     make: Callable[[Site, str, float], Injection]
     # Channel that it shows in first, as differences from the nominal run.
     # controller: commanded effort against the law at the measured state; drive: effort against commanded
-    # effort; link: effort against inverse dynamics of the measured motion; encoder: position against velocity.
+    # effort; link: effort against inverse dynamics of the measured motion; encoder: position and velocity.
     shows_in: str  # one of these, or `either` for controller or drive
     outside: bool = False  # not in the catalogue: form T2
     onset: bool = False  # may be switched on within a recording

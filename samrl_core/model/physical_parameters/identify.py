@@ -23,6 +23,7 @@ from samrl_core.model.physical_parameters.identifiability import (
     attributes_of,
     combinations_of,
 )
+from samrl_core.model.physical_parameters.least_squares import LeastSquaresSettings, least_squares
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord
 from samrl_core.model.physical_parameters.push_scene import (
     LATENCY,
@@ -33,7 +34,6 @@ from samrl_core.model.physical_parameters.push_scene import (
     PushScene,
 )
 from samrl_core.model.physical_parameters.sensitivity import Sensitivity, sensitivity, trajectory
-from samrl_core.model.real2sim.least_squares import LeastSquaresSettings, least_squares
 
 # Above it residuals are more than twice the noise: what acted is not this model.
 MISFIT_LIMIT = 4.0

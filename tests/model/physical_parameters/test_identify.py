@@ -11,9 +11,9 @@ import pytest
 from samrl_core.common.errors import InputError
 from samrl_core.model.physical_parameters.identifiability import attributes_of, combinations_of, said
 from samrl_core.model.physical_parameters.identify import IdentifySettings, identify
+from samrl_core.model.physical_parameters.least_squares import LeastSquaresSettings
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord
 from samrl_core.model.physical_parameters.push_scene import NAMES
-from samrl_core.model.real2sim.least_squares import LeastSquaresSettings
 
 MASS, FRICTION = 0.7, 0.35
 

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt: known minima, and each reason for stopping."""
+"""Least squares: known minima, and each reason for stopping."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError, SolveError
-from samrl_core.model.real2sim.least_squares import LeastSquaresSettings, least_squares
+from samrl_core.model.physical_parameters.least_squares import LeastSquaresSettings, least_squares
 
 
 def valley(x: np.ndarray) -> np.ndarray:

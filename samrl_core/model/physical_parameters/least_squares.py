@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt: nonlinear least squares with the reason for stopping."""
+"""Nonlinear least squares by SciPy, stopped by the data's information, with the reason for stopping."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.optimize
 
 from samrl_core.common.errors import InputError, SolveError
 
@@ -15,15 +16,12 @@ Slopes = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # -> the same, a
 
 @dataclass(frozen=True)
 class LeastSquaresSettings:
-    """When to stop, and how the damping changes (Marquardt 1963, Nielsen's factors simplified)."""
+    """When to stop."""
 
     max_iterations: int = 30
-    max_trials: int = 8  # of one step, the damping grown in between
     # Converged when the squared residual would fall by no more: a step of a tenth of a standard deviation.
     small_gain: float = 0.01
-    first_damping: float = 1e-2  # share of the curvature's diagonal
-    growth: float = 10.0
-    shrink: float = 0.2
+    small_step: float = 1e-6  # no descent: the trust region is below this share of the parameters' norm
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +35,14 @@ class LeastSquaresResult:
     why_stopped: str  # converged | iteration_limit | no_descent | diverged
 
 
+class _Stopped(Exception):
+    """Ends SciPy's iteration with a reason."""
+
+
 def least_squares(
     residual: Residual, slopes: Slopes, start: np.ndarray, settings: LeastSquaresSettings | None = None
 ) -> LeastSquaresResult:
-    """Minimise the squared residual.
+    """Minimise the squared residual by SciPy's trust region method, scaled by the Jacobian's columns.
 
     A trial point where the model cannot be solved, or gives no number, counts as worse. When that is so at
     the start itself, the answer is "diverged" with an empty residual: there is nothing to improve on. So is
@@ -59,54 +61,53 @@ def least_squares(
     x = np.array(start, dtype=np.float64)
     if x.ndim != 1 or not np.isfinite(x).all():
         raise InputError(f"start {start} must be a vector of finite numbers")
-    path = [x]
     try:
         r, jacobian = slopes(x)
     except SolveError:
         return _nothing(x)
     if not _usable(r, jacobian):
         return _nothing(x)
-    damping, why = s.first_damping, "iteration_limit"
-    for _ in range(s.max_iterations):
-        gradient, curvature = jacobian.T @ r, jacobian.T @ jacobian
-        if gradient @ np.linalg.pinv(curvature, hermitian=True) @ gradient <= s.small_gain:
-            why = "converged"
-            break
-        accepted = None
-        for _ in range(s.max_trials):
-            step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature) + 1e-12), -gradient)
-            trial = _tried(residual, x + step)
-            if trial is not None and trial @ trial < r @ r:
-                accepted = x + step
-                break
-            damping *= s.growth
-        if accepted is None:
-            why = "no_descent"
-            break
-        damping *= s.shrink
-        x = accepted
-        path.append(x)
-        r, jacobian = slopes(x)
-        if not _usable(r, jacobian):
-            why = "diverged"
-            break
-    return LeastSquaresResult(x, r, jacobian, np.array(path), why)
+    path, here = [x], (r, jacobian)
+
+    def tried(x: np.ndarray) -> np.ndarray:
+        if np.array_equal(x, path[-1]):
+            return here[0]
+        try:
+            value = residual(x)
+        except SolveError:
+            return np.full(len(r), np.inf)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return value if np.isfinite(value @ value) else np.full(len(r), np.inf)
+
+    def accepted(x: np.ndarray) -> np.ndarray:
+        """The Jacobian; SciPy asks for it at the start and wherever a step was accepted."""
+        nonlocal here
+        if not np.array_equal(x, path[-1]):
+            path.append(x.copy())
+            here = slopes(x)
+        if not _usable(*here):
+            raise _Stopped("diverged")
+        gradient = here[1].T @ here[0]
+        if gradient @ np.linalg.pinv(here[1].T @ here[1], hermitian=True) @ gradient <= s.small_gain:
+            raise _Stopped("converged")
+        if len(path) > s.max_iterations:
+            raise _Stopped("iteration_limit")
+        return here[1]
+
+    try:
+        scipy.optimize.least_squares(
+            tried, x, accepted, x_scale="jac", ftol=None, gtol=None, xtol=s.small_step
+        )
+        why = "no_descent"
+    except _Stopped as reason:
+        why = str(reason)
+    return LeastSquaresResult(path[-1], *here, np.array(path), why)
 
 
 def _usable(r: np.ndarray, jacobian: np.ndarray) -> bool:
     """Whether the squares, too, are numbers."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(r @ r) and np.isfinite((jacobian**2).sum()))
-
-
-def _tried(residual: Residual, x: np.ndarray) -> np.ndarray | None:
-    """The residual, or None where there is none."""
-    try:
-        value = residual(x)
-    except SolveError:
-        return None
-    with np.errstate(over="ignore", invalid="ignore"):
-        return value if np.isfinite(value @ value) else None
 
 
 def _nothing(x: np.ndarray) -> LeastSquaresResult:

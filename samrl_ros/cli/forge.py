@@ -21,7 +21,6 @@ from rich.progress import (
 )
 
 from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, Job, diagnose_world
-from samrl_core.blind_test.scores.load import load_outcomes
 from samrl_core.blind_test.scores.study import Study, write_atomically
 from samrl_core.common import executor
 from samrl_ros.blind_test.study import (
@@ -228,6 +227,7 @@ def score(
 ) -> None:
     """Open the labels, after their hash was checked, and score."""
     from samrl_core.blind_test.scores.comparison import comparison
+    from samrl_core.blind_test.scores.load import load_outcomes
     from samrl_core.blind_test.scores.page import figures, score_page
     from samrl_core.blind_test.scores.plots import png
     from samrl_core.blind_test.scores.scores import all_scores

@@ -175,6 +175,20 @@ add_command(
 )
 
 
+add_command(
+    app,
+    "identify",
+    "samrl_ros.cli.identify:identify_pushes",
+    "Identify mass, inertia and friction of a pushed disc, with intervals.",
+)
+add_command(
+    app,
+    "scan",
+    "samrl_ros.cli.scan:scan",
+    "Fuse RGB-D views with masks and camera poses into a closed, coloured mesh.",
+)
+
+
 @app.command()
 def experiment(
     name: Annotated[str | None, typer.Argument(help="Which; without it, a list.")] = None,

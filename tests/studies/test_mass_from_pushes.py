@@ -24,9 +24,9 @@ from samrl_core.studies.model.mass_from_pushes import (
     RANGES,
     SCHEMA,
     Case,
-    draw_case,
     main,
     pushing_scene,
+    sample_case,
 )
 from samrl_core.studies.model.push_driver import PushDriver, PushSettings
 
@@ -75,7 +75,7 @@ def test_a_push_in_a_new_world_is_the_same(world: PyBulletWorld) -> None:
 def test_one_push_weighs_the_pancake(world: PyBulletWorld) -> None:
     """From 50 % off to 10 %, with an interval that holds the truth."""
     found = identify([pushed(world, PushSettings(total_s=0.35))], DISC, 0.5 * MASS)
-    mass = found.attribute("mass")
+    mass = found.parameter("mass")
     assert found.explained
     assert mass.value == pytest.approx(MASS, rel=0.10)
     assert mass.lower < MASS < mass.upper
@@ -108,12 +108,12 @@ def test_sightings_have_the_noise_that_is_stated(world: PyBulletWorld) -> None:
 
 def test_cases_are_drawn_within_their_ranges_and_repeat() -> None:
     for group, (low, high) in RANGES.items():
-        cases = [draw_case(group, i, 0) for i in range(20)]
-        assert cases == [draw_case(group, i, 0) for i in range(20)]
+        cases = [sample_case(group, i, 0) for i in range(20)]
+        assert cases == [sample_case(group, i, 0) for i in range(20)]
         assert all(low <= c.mass <= high for c in cases)
         assert all(FRICTION_RANGE[0] <= c.friction <= FRICTION_RANGE[1] for c in cases)
         assert {round(c.guess / c.mass, 9) for c in cases} == {0.5, 1.5}
-    assert draw_case("heavy", 0, 0) != draw_case("heavy", 0, 1)
+    assert sample_case("heavy", 0, 0) != sample_case("heavy", 0, 1)
 
 
 def test_no_case_is_refused(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from samrl_core.learning.images.appearance import LookPoints, Looks, looks_at
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.randomisation.space import Dimension, Space
 from samrl_core.model.model import Model
-from samrl_core.model.task_dynamics.physical_parameters import attributes_of, with_factors
+from samrl_core.model.task_dynamics.physical_parameters import parameters_of, with_factors
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
 
 START, LOOK, LOG = "start", "look", "log"
@@ -54,7 +54,7 @@ def looks_of(model: Model) -> Space:
 
 def attributes_space(dynamics: TaskDynamics) -> Space | None:
     """Factors on the physical attributes that the model can vary; None where there are none."""
-    names = attributes_of(dynamics)
+    names = parameters_of(dynamics)
     if not names:
         return None
     return Space(tuple(Dimension(f"{LOG}/{name}", "-", 0.0, -_FACTOR, _FACTOR) for name in names))

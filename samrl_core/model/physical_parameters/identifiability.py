@@ -1,4 +1,4 @@
-"""Which attributes the data determine, and which only in combination, from the Fisher information."""
+"""Which parameters the data determine, and which only in combination, from the Fisher information."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PAIR = ("mass", "table_friction")
 
 
 @dataclass(frozen=True)
-class Attribute:
+class PhysicalParameter:
     """One number with its 95 % interval; all of them are positive, so intervals are those of logarithms."""
 
     name: str
@@ -45,9 +45,9 @@ class Combination:
     std: float  # of its logarithm, about its relative error
 
 
-def attributes_of(
+def parameters_of(
     names: Sequence[str], theta: np.ndarray, covariance: np.ndarray, prior_std: np.ndarray
-) -> tuple[Attribute, ...]:
+) -> tuple[PhysicalParameter, ...]:
     """Values and intervals of the first parameters, which are logarithms.
 
     Args:
@@ -66,7 +66,7 @@ def attributes_of(
         )
     std = np.sqrt(variance)
     return tuple(
-        Attribute(
+        PhysicalParameter(
             name,
             float(np.exp(theta[i])),
             float(np.exp(theta[i] - NORMAL_95 * std[i])),
@@ -93,14 +93,16 @@ def _combination(axis: np.ndarray, variance: float) -> Combination:
     return Combination(mass_power, friction_power, float(np.sqrt(variance)))
 
 
-def said(attributes: Sequence[Attribute], combinations: Sequence[Combination]) -> tuple[str, ...]:
+def describe_parameters(
+    parameters: Sequence[PhysicalParameter], combinations: Sequence[Combination]
+) -> tuple[str, ...]:
     """What is known and what is not, in sentences."""
     lines = [
         f"{a.name} is {a.value:.3g}, 95 % interval {a.lower:.3g} to {a.upper:.3g}"
-        for a in attributes
+        for a in parameters
         if a.determined
     ]
-    open_names = [a.name for a in attributes if not a.determined]
+    open_names = [a.name for a in parameters if not a.determined]
     if open_names:
         lines.append(f"not determined, the values are the priors': {', '.join(open_names)}")
     best, worst = combinations

@@ -3,7 +3,7 @@
 Eq. 10 compares one final pose and eq. 11 follows its gradient. Here every sighting of the disc and every
 reading of the arm counts by its noise, and the step is Gauss-Newton's with damping, on the slopes of the
 physics model. What the model gets wrong is estimated from what the fit leaves over (`discrepancy`), and what
-the data leave open is filled by priors, and said.
+the data leave open is filled by priors, and named as such.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from samrl_core.common.errors import InputError
 from samrl_core.model.physical_parameters.comparison import Comparison
 from samrl_core.model.physical_parameters.discrepancy import Wander, WanderSettings, responses, wandering
 from samrl_core.model.physical_parameters.identifiability import (
-    Attribute,
     Combination,
-    attributes_of,
+    PhysicalParameter,
     combinations_of,
+    parameters_of,
 )
 from samrl_core.model.physical_parameters.least_squares import LeastSquaresSettings, least_squares
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord
@@ -85,7 +85,7 @@ class IdentifySettings:
 class Identified:
     """What the pushes say."""
 
-    attributes: tuple[Attribute, ...]  # in the order of `push_scene.NAMES`
+    parameters: tuple[PhysicalParameter, ...]  # in the order of `push_scene.NAMES`
     combinations: tuple[Combination, ...]  # of mass and table friction, the best determined first
     mass_path: np.ndarray  # (K,) at the start, after each iteration, and with the model's errors [kg]
     misfit: float  # mean squared residual in units of the noise, 1 when the model explains the data [-]
@@ -97,9 +97,9 @@ class Identified:
         """Whether the model explains the data; otherwise no value here means anything."""
         return self.why_stopped != "diverged" and self.misfit <= MISFIT_LIMIT
 
-    def attribute(self, name: str) -> Attribute:
+    def parameter(self, name: str) -> PhysicalParameter:
         """One of them."""
-        return self.attributes[NAMES.index(name)]
+        return self.parameters[NAMES.index(name)]
 
 
 def identify(
@@ -109,7 +109,7 @@ def identify(
     settings: IdentifySettings | None = None,
     before: Identified | None = None,
 ) -> Identified:
-    """Fit all attributes to all pushes together.
+    """Fit all parameters to all pushes together.
 
     Intervals are of 95 %, from the information of the data and the priors where the fit ended, with the
     model's errors as the recording shows them. When no push has moved the disc, nothing is fitted:
@@ -120,7 +120,7 @@ def identify(
         disc: its shape.
         mass_guess: where the fit begins and the median of the mass's prior [kg].
         settings: noise, priors and contacts.
-        before: what the first few of these pushes said, where the search begins; the priors stay the guess's.
+        before: found from the first few of these pushes; the search begins there, with the guess's priors.
 
     Raises:
         InputError: no push, or a guess that is no mass.
@@ -200,14 +200,14 @@ def _prior(p: Priors, mass_guess: float, pushes: Sequence[PushRecord]) -> tuple[
 
 
 def _own(theta: np.ndarray, push: int) -> torch.Tensor:
-    """The part of theta that one push has: the attributes and its own start."""
+    """The part of theta that one push has: the parameters and its own start."""
     return torch.as_tensor(np.append(theta[:START], theta[START + push]))
 
 
 def _identified(wander: Wander, spread: np.ndarray, path: np.ndarray, misfit: float, why: str) -> Identified:
-    attributes = attributes_of(NAMES, wander.parameters, wander.covariance, spread)
-    path = np.append(path, attributes[MASS].value)
-    return Identified(attributes, combinations_of(wander.covariance, NAMES), path, misfit, why, wander)
+    parameters = parameters_of(NAMES, wander.parameters, wander.covariance, spread)
+    path = np.append(path, parameters[MASS].value)
+    return Identified(parameters, combinations_of(wander.covariance, NAMES), path, misfit, why, wander)
 
 
 def _unknown(theta: np.ndarray, spread: np.ndarray, path: np.ndarray, misfit: float, why: str) -> Identified:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -94,10 +95,9 @@ def least_squares(
             raise _Stopped("iteration_limit")
         return here[1]
 
+    solve: Any = scipy.optimize.least_squares  # its stubs know neither a function as Jacobian nor None
     try:
-        scipy.optimize.least_squares(
-            tried, x, accepted, x_scale="jac", ftol=None, gtol=None, xtol=s.small_step
-        )
+        solve(tried, x, accepted, x_scale="jac", ftol=None, gtol=None, xtol=s.small_step)
         why = "no_descent"
     except _Stopped as reason:
         why = str(reason)

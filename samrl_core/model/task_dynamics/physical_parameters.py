@@ -1,4 +1,4 @@
-"""Physical attributes that a task's model can have otherwise than its scene says."""
+"""Physical parameters that a task's model can have otherwise than its scene says."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
 FRICTION, MASS, STIFFNESS = "friction", "mass", "stiffness"
 
 
-def attributes_of(dynamics: TaskDynamics) -> tuple[str, ...]:
+def parameters_of(dynamics: TaskDynamics) -> tuple[str, ...]:
     """Their names: friction of all contacts, mass of what can be moved, stiffness of the tool's chain.
 
     Closed forms have none.
@@ -28,20 +28,20 @@ def attributes_of(dynamics: TaskDynamics) -> tuple[str, ...]:
 
 
 def with_factors(dynamics: TaskDynamics, factors: Mapping[str, float]) -> TaskDynamics:
-    """The same task with attributes multiplied; compiled kernels are shared.
+    """The same task with parameters multiplied; compiled kernels are shared.
 
     Args:
-        dynamics: with the scene's own attributes.
+        dynamics: with the scene's own parameters.
         factors: above 0, by name; 1 for those that are left out.
 
     Raises:
-        InputError: an attribute that the task's model does not have, or a factor that is none.
+        InputError: a parameter that the task's model does not have, or a factor that is none.
     """
     if not factors:
         return dynamics
-    unknown = sorted(set(factors) - set(attributes_of(dynamics)))
+    unknown = sorted(set(factors) - set(parameters_of(dynamics)))
     if unknown or not isinstance(dynamics, TaskPhysics):
-        there = ", ".join(attributes_of(dynamics)) or "none"
+        there = ", ".join(parameters_of(dynamics)) or "none"
         raise InputError(f"the model cannot vary {', '.join(unknown)}; it has: {there}")
     for name, factor in factors.items():
         if not (math.isfinite(factor) and factor > 0.0):

@@ -28,7 +28,11 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.table import TABLE_FRICTION
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
-from samrl_core.model.physical_parameters.identifiability import Attribute, Combination, said
+from samrl_core.model.physical_parameters.identifiability import (
+    Combination,
+    PhysicalParameter,
+    describe_parameters,
+)
 from samrl_core.model.physical_parameters.identify import Identified, IdentifySettings, identify
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord
 from samrl_core.studies.model.mass_picture import write_picture
@@ -54,7 +58,7 @@ class Case:
     guess: float  # [kg]
 
 
-def draw_case(group: str, index: int, seed: int) -> Case:
+def sample_case(group: str, index: int, seed: int) -> Case:
     """Mass, friction and side of the guess at random."""
     rng = np.random.default_rng([seed, list(RANGES).index(group), index])
     mass, friction = float(rng.uniform(*RANGES[group])), float(rng.uniform(*FRICTION_RANGE))
@@ -109,7 +113,7 @@ def run_case(case: Case, seed: int, settings: IdentifySettings) -> dict[str, Any
 
 def summary(found: Identified, case: Case) -> dict[str, Any]:
     """A fit and how far it is from the truth."""
-    mass, friction = found.attribute("mass"), found.attribute("table_friction")
+    mass, friction = found.parameter("mass"), found.parameter("table_friction")
     return {
         "why_stopped": found.why_stopped,
         "misfit": found.misfit,
@@ -122,7 +126,7 @@ def summary(found: Identified, case: Case) -> dict[str, Any]:
         "friction_error": friction.value / case.friction - 1,
         "friction_half_width": friction.half_width,
         "friction_covered": friction.lower <= case.friction <= friction.upper,
-        "attributes": [asdict(a) | {"determined": a.determined} for a in found.attributes],
+        "attributes": [asdict(a) | {"determined": a.determined} for a in found.parameters],
         "combinations": [asdict(c) for c in found.combinations],
     }
 
@@ -130,7 +134,9 @@ def summary(found: Identified, case: Case) -> dict[str, Any]:
 def told(fit: dict[str, Any]) -> tuple[str, ...]:
     """The sentences of a stored fit."""
     fields = [{k: v for k, v in a.items() if k != "determined"} for a in fit["attributes"]]
-    return said([Attribute(**f) for f in fields], [Combination(**c) for c in fit["combinations"]])
+    return describe_parameters(
+        [PhysicalParameter(**f) for f in fields], [Combination(**c) for c in fit["combinations"]]
+    )
 
 
 def aggregate(results: list[dict[str, Any]]) -> dict[str, Any]:
@@ -164,7 +170,7 @@ def aggregate(results: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run, print a table, write DIR/mass_from_pushes.json and .png."""
+    """Run the study from the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -173,23 +179,38 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args(arguments)
-    if options.cases < 0 or options.light < 0 or options.cases + options.light < 1 or options.seed < 0:
+    run_study(options.out, options.cases, options.light, options.seed)
+    return 0
+
+
+def run_study(out: Path, heavy: int, light: int, seed: int) -> None:
+    """Run what is left, print a table, write mass_from_pushes.json and .png.
+
+    Args:
+        out: folder; a case that is in it is not run again.
+        heavy: cases with 0.5-1 kg.
+        light: cases with 0.08 kg.
+        seed: of everything random.
+
+    Raises:
+        InputError: no case, or a negative number.
+    """
+    if heavy < 0 or light < 0 or heavy + light < 1 or seed < 0:
         raise InputError(
-            f"--cases {options.cases} and --light {options.light} must be at least 0 and not both 0, "
-            f"--seed {options.seed} at least 0"
+            f"--cases {heavy} and --light {light} must be at least 0 and not both 0, --seed {seed} at least 0"
         )
-    folder = options.out / "cases"
+    folder = out / "cases"
     folder.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)  # the arrays are too small to share
     settings = IdentifySettings()
-    cases = [draw_case("heavy", i, options.seed) for i in range(options.cases)]
-    cases += [draw_case("light", i, options.seed) for i in range(options.light)]
+    cases = [sample_case("heavy", i, seed) for i in range(heavy)]
+    cases += [sample_case("light", i, seed) for i in range(light)]
     results = []
     for count, case in enumerate(cases, 1):
         path = folder / f"{case.name}.json"
         result = json.loads(path.read_text()) if path.is_file() else {}
-        if result.get("schema") != SCHEMA or result.get("seed") != options.seed:
-            result = run_case(case, options.seed, settings)
+        if result.get("schema") != SCHEMA or result.get("seed") != seed:
+            result = run_case(case, seed, settings)
             write_whole(path, json.dumps(result, indent=1))
         results.append(result)
         shown = "  ".join(
@@ -214,15 +235,14 @@ def main(arguments: list[str] | None = None) -> int:
     sentences = {r["case"]["name"]: {n: told(f) for n, f in r["fits"].items()} for r in results}
     record = {
         "schema": SCHEMA,
-        "seed": options.seed,
+        "seed": seed,
         "forces_N": FORCES,
         "table": table,
         "said": sentences,
         "cases": results,
     }
-    write_whole(options.out / "mass_from_pushes.json", json.dumps(record, indent=1))
-    write_picture(results, options.out / "mass_from_pushes.png")
-    return 0
+    write_whole(out / "mass_from_pushes.json", json.dumps(record, indent=1))
+    write_picture(results, out / "mass_from_pushes.png")
 
 
 if __name__ == "__main__":

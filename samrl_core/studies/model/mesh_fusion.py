@@ -18,6 +18,7 @@ import argparse
 import json
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -198,7 +199,7 @@ def _say(name: str, start: str, iteration: int, loss: float) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run, print a table, write DIR/mesh_fusion.json and DIR/mesh_fusion.png."""
+    """Run the study from the command line; 1 where a fused mesh is beyond the target."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -211,17 +212,38 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.seeds < 1 or options.views < 1:
         raise InputError(f"--seeds {options.seeds} and --views {options.views} must be at least 1")
-    options.out.mkdir(parents=True, exist_ok=True)
-    torch.set_num_threads(1)  # images are too small to share
     fusion = FusionSettings(voxel_size=options.voxel)
     settings = RefineSettings(iterations=options.iterations)
+    return run_study(options.out, options.bodies, range(options.seeds), options.views, fusion, settings)
+
+
+def run_study(
+    out: Path,
+    bodies: Sequence[str],
+    seeds: Sequence[int],
+    views: int,
+    fusion: FusionSettings,
+    settings: RefineSettings,
+) -> int:
+    """Run, print a table, write mesh_fusion.json and mesh_fusion.png; 1 where a mesh is beyond the target.
+
+    Args:
+        out: folder.
+        bodies: of `BODIES`.
+        seeds: of the photos' noise.
+        views: photos of each body.
+        fusion: resolution.
+        settings: of the update.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    torch.set_num_threads(1)  # images are too small to share
     results, rows = [], []
     print(f"{'body':11} seed {'mesh':14} {'chamfer':>8} {'to CAD':>7} {'from':>6} mm  image  color  overlap")
-    for name in options.bodies:
-        for seed in range(options.seeds):
-            result, row = run(name, seed, options.views, fusion, settings)
+    for name in bodies:
+        for seed in seeds:
+            result, row = run(name, seed, views, fusion, settings)
             results.append(result)
-            rows += [row] if seed == 0 else []
+            rows += [row] if seed == seeds[0] else []
             for stage, s in result.stages.items():
                 print(
                     f"{name:11} {seed:4} {stage:14} {1e3 * s.chamfer:8.3f} {1e3 * s.mesh_to_cad:7.3f} "
@@ -232,15 +254,15 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"worst chamfer distance of a fused mesh {1e3 * worst:.3f} mm, target {1e3 * TARGET_M:g} mm")
     record = {
         "schema": 1,
-        "views": options.views,
+        "views": views,
         "target_m": TARGET_M,
         "swelling_m": SWELLING,
         "fusion": asdict(fusion),
         "refine": asdict(settings),
         "results": [asdict(r) for r in results],
     }
-    write_whole(options.out / "mesh_fusion.json", json.dumps(record, indent=1))
-    save_picture(rows, options.out / "mesh_fusion.png")
+    write_whole(out / "mesh_fusion.json", json.dumps(record, indent=1))
+    save_picture(rows, out / "mesh_fusion.png")
     return 0 if worst <= TARGET_M else 1
 
 

@@ -27,7 +27,7 @@ from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.learning.states.state_batch import joined, moved
 from samrl_core.learning.states.visited import VisitedStates
 from samrl_core.model.model import Model
-from samrl_core.model.task_dynamics.physical_parameters import attributes_of, with_factors
+from samrl_core.model.task_dynamics.physical_parameters import parameters_of, with_factors
 from samrl_core.policy.view.views import draw_views
 
 
@@ -54,7 +54,7 @@ def test_starts_fill_the_range_that_the_task_declares(name: str) -> None:
 
 
 def test_which_attributes_the_tasks_have() -> None:
-    found = {name: attributes_of(model_of(name).dynamics) for name in sorted(TASKS)}
+    found = {name: parameters_of(model_of(name).dynamics) for name in sorted(TASKS)}
     assert found == {
         "needle_threading": ("friction", "stiffness"),
         "peg_insertion": (),

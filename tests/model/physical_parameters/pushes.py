@@ -1,4 +1,4 @@
-"""Pushes made by the model itself, whose every attribute is known."""
+"""Pushes made by the model itself, whose every parameter is known."""
 
 from __future__ import annotations
 

@@ -9,7 +9,11 @@ import pushes
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.model.physical_parameters.identifiability import attributes_of, combinations_of, said
+from samrl_core.model.physical_parameters.identifiability import (
+    combinations_of,
+    describe_parameters,
+    parameters_of,
+)
 from samrl_core.model.physical_parameters.identify import IdentifySettings, identify
 from samrl_core.model.physical_parameters.least_squares import LeastSquaresSettings
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord
@@ -27,7 +31,7 @@ def two() -> list[PushRecord]:
 def test_two_pushes_give_mass_and_friction(two: list[PushRecord], share: float) -> None:
     """From 50 % off to within the interval, which is a narrow one."""
     found = identify(two, pushes.DISC, share * MASS, pushes.SETTINGS)
-    mass, friction = found.attribute("mass"), found.attribute("table_friction")
+    mass, friction = found.parameter("mass"), found.parameter("table_friction")
     assert found.why_stopped == "converged" and found.explained
     assert found.mass_path[0] == pytest.approx(share * MASS)
     assert mass.value == pytest.approx(MASS, rel=0.05)
@@ -40,16 +44,16 @@ def test_what_a_push_cannot_show_is_said(two: list[PushRecord]) -> None:
     """Inertia and the blade's friction stay the priors'."""
     found = identify(two[:1], pushes.DISC, 1.2 * MASS, pushes.SETTINGS)
     for name in ("inertia_ratio", "blade_friction"):
-        assert not found.attribute(name).determined
-    assert found.attribute("inertia_ratio").value == pytest.approx(1.0, rel=0.02)
+        assert not found.parameter(name).determined
+    assert found.parameter("inertia_ratio").value == pytest.approx(1.0, rel=0.02)
 
 
 def test_a_second_push_goes_on_where_the_first_ended(two: list[PushRecord]) -> None:
     first = identify(two[:1], pushes.DISC, 0.5 * MASS, pushes.SETTINGS)
     both = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS, first)
     assert both.why_stopped == "converged"
-    assert both.mass_path[0] == pytest.approx(first.attribute("mass").value)
-    mass, before = both.attribute("mass"), first.attribute("mass")
+    assert both.mass_path[0] == pytest.approx(first.parameter("mass").value)
+    mass, before = both.parameter("mass"), first.parameter("mass")
     assert mass.value == pytest.approx(MASS, rel=0.05) and mass.lower < MASS < mass.upper
     assert mass.half_width < before.half_width
 
@@ -69,8 +73,8 @@ def test_a_disc_that_stays_is_not_weighed(two: list[PushRecord]) -> None:
     still = [replace(p, seen=0.053 + 0.001 * rng.standard_normal(len(p.seen))) for p in two]
     found = identify(still, pushes.DISC, 1.0, pushes.SETTINGS)
     assert found.why_stopped == "no_motion"
-    assert not any(a.determined for a in found.attributes)
-    mass = found.attribute("mass")
+    assert not any(a.determined for a in found.parameters)
+    mass = found.parameter("mass")
     assert mass.value == pytest.approx(1.0) and mass.lower < 0.3 and mass.upper > 3.0
 
 
@@ -86,7 +90,7 @@ def test_a_drive_beyond_all_numbers_diverges(two: list[PushRecord]) -> None:
     mad = replace(two[0], free_acceleration=np.full_like(two[0].free_acceleration, 1e200))
     found = identify([mad], pushes.DISC, MASS, pushes.SETTINGS)
     assert found.why_stopped == "diverged" and not found.explained
-    assert not any(a.determined for a in found.attributes)
+    assert not any(a.determined for a in found.parameters)
 
 
 @pytest.mark.parametrize("guess", [0.0, -0.5, float("nan"), float("inf")])
@@ -136,13 +140,15 @@ def test_intervals_and_combinations_are_those_of_the_covariance() -> None:
     best, worst = combinations_of(covariance, NAMES)
     assert (best.mass_power, best.friction_power) == pytest.approx((2**-0.5, 2**-0.5))
     assert best.std == pytest.approx(0.01) and worst.std == pytest.approx(0.1 * 1.99**0.5)
-    mass = attributes_of(NAMES, np.zeros(len(NAMES)), covariance, np.full(len(NAMES), 0.4))[0]
+    mass = parameters_of(NAMES, np.zeros(len(NAMES)), covariance, np.full(len(NAMES), 0.4))[0]
     assert (mass.lower, mass.upper) == pytest.approx((np.exp(-0.196), np.exp(0.196)), rel=1e-4)
     assert mass.determined and mass.shrink == pytest.approx(0.25)
     spread = np.full(len(NAMES), 0.4)
     spread[2] = 0.1  # the prior of the inertia is all that is known of it
-    text = " / ".join(said(attributes_of(NAMES, np.zeros(len(NAMES)), covariance, spread), (best, worst)))
+    text = " / ".join(
+        describe_parameters(parameters_of(NAMES, np.zeros(len(NAMES)), covariance, spread), (best, worst))
+    )
     assert "mass is 1, 95 % interval" in text and "mass and friction are not separated" in text
     assert "not determined, the values are the priors': inertia_ratio /" in text
     with pytest.raises(InputError, match="prior"):
-        attributes_of(NAMES, np.zeros(len(NAMES)), 0 * covariance, np.ones(len(NAMES)))
+        parameters_of(NAMES, np.zeros(len(NAMES)), 0 * covariance, np.ones(len(NAMES)))

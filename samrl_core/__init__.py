@@ -1,1 +1,1 @@
-"""The model, Real2Sim, robots, tasks and the stand-in world. Nothing in here imports ROS."""
+"""The model, Real2Sim, robots, tasks and the simulated cell. Nothing in here imports ROS."""

@@ -1,4 +1,4 @@
-"""Plays recording programmes on a world, one controller period at a time, and notes what a cell can record.
+"""Plays excitation trajectories on a world, one controller period at a time, and notes what a cell records.
 
 The world is driven through the border that hardware fills too: commands in, readings out. The command
 guard sits before it, as in the bridge. Gains are those of the arm's spec, so a driver is started with

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import Progress, TextColumn
 from rich.table import Table
 
-from samrl_core.cell.excitation import KINDS, SETS, ProgrammeFile, Run, file_runs, set_run
+from samrl_core.cell.excitation import KINDS, SETS, Run, TrajectoryFile, file_runs, set_run
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
@@ -22,7 +22,7 @@ from samrl_ros.recordings.write import write_recording
 
 
 def excite(
-    programmes: Sequence[Path],
+    trajectories: Sequence[Path],
     which: str | None,
     arm: str | None,
     out: Path,
@@ -31,7 +31,7 @@ def excite(
     world: str = "pybullet",
     cell_name: str = DEFAULT_CELL,
 ) -> int:
-    """Play the sets, or programme files, and leave one bag of each in `out`; returns the exit code.
+    """Play the sets, or trajectory files, and leave one bag of each in `out`; returns the exit code.
 
     A bag has its name only when it is complete.
 
@@ -40,7 +40,7 @@ def excite(
         LimitError: a motion that the arm must not make.
     """
     task, cell = task_named(DEFAULT_TASK), cell_named(cell_name)
-    runs = _runs(programmes, which, arm, seed, duration_s, cell)
+    runs = _runs(trajectories, which, arm, seed, duration_s, cell)
     targets = [
         (out / role / f"{run.name}.mcap" if _mixed(runs) else out / f"{run.name}.mcap") for role, run in runs
     ]
@@ -87,8 +87,8 @@ def excite(
 
 
 def kinds_table() -> Table:
-    """The kinds of programme file, for `--list`."""
-    table = Table(title="kinds of programme file")
+    """The kinds of trajectory file, for `--list`."""
+    table = Table(title="kinds of trajectory file")
     table.add_column("kind", no_wrap=True)
     table.add_column("what it shows")
     table.add_column("parameters: default [unit]")
@@ -106,7 +106,7 @@ def _mixed(runs: list[tuple[str, Run]]) -> bool:
 
 
 def _runs(
-    programmes: Sequence[Path],
+    trajectories: Sequence[Path],
     which: str | None,
     arm: str | None,
     seed: int,
@@ -120,12 +120,12 @@ def _runs(
         raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}")
     loads = payloads(task_named(DEFAULT_TASK), cell)
     runs: list[tuple[str, Run]] = []
-    if which is not None or not programmes:
+    if which is not None or not trajectories:
         role = arm or "tool_arm"
         for letter in choices[(which or "all").upper()]:
             runs.append((role, set_run(letter, cell.arm(role), loads[role], seed, duration_s)))
-    for path in programmes:
-        file = ProgrammeFile.read(path)
+    for path in trajectories:
+        file = TrajectoryFile.read(path)
         if arm not in (None, file.arm):
             raise InputError(
                 f"{path} is for {file.arm}, --arm says {arm}; leave --arm out or change the file"
@@ -137,5 +137,5 @@ def _runs(
         runs.extend((file.arm, run) for run in made)
     names = [(role, run.name) for role, run in runs]
     if doubled := sorted({name for role, name in names if names.count((role, name)) > 1}):
-        raise InputError(f"two programmes would be recorded as {doubled}; rename one of the files")
+        raise InputError(f"two trajectories would be recorded as {doubled}; rename one of the files")
     return runs

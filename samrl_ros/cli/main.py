@@ -104,8 +104,8 @@ def replay(
 
 @app.command()
 def excite(
-    programmes: Annotated[
-        list[Path] | None, typer.Argument(help="Programme files (YAML), as a diagnosis proposes them.")
+    trajectories: Annotated[
+        list[Path] | None, typer.Argument(help="Trajectory files (YAML), as a diagnosis proposes them.")
     ] = None,
     sets: Annotated[
         str | None, typer.Option("--set", help="all, A (slow), B (multisine) or C (task-like, held out).")
@@ -118,15 +118,15 @@ def excite(
     duration: Annotated[float, typer.Option(help="Length of each set [s].", min=1.0, max=600.0)] = 15.0,
     world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
     cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL,
-    kinds: Annotated[bool, typer.Option("--list", help="Only list the kinds of programme file.")] = False,
+    kinds: Annotated[bool, typer.Option("--list", help="Only list the kinds of trajectory file.")] = False,
 ) -> None:
-    """Run recording programmes on the cell, into bags that can be diagnosed."""
+    """Play excitation trajectories on the cell, into bags that can be diagnosed."""
     from samrl_ros.cli import excite as excite_command
 
     if kinds:
         Console().print(excite_command.kinds_table())
         return
-    code = excite_command.excite(tuple(programmes or ()), sets, arm, out, seed, duration, world, cell)
+    code = excite_command.excite(tuple(trajectories or ()), sets, arm, out, seed, duration, world, cell)
     raise typer.Exit(code)
 
 

@@ -1,4 +1,4 @@
-"""The pushes of the stand-in world: what the driver records, and what is found from it."""
+"""The pushes of the simulated cell: what the driver records, and what is found from it."""
 
 from __future__ import annotations
 

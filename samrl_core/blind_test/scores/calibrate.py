@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.cell.excitation.excitation_trajectory import programme
+from samrl_core.cell.excitation.excitation_trajectory import make_trajectory
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
@@ -58,7 +58,7 @@ def trials_of(role: str, number: int, duration_s: float) -> list[Trial]:
     rigid, out = RigidArm(arm), []
     rng = np.random.default_rng([number, 7])
     for kind in KINDS:
-        command = programme(spec, payload, kind, number, duration_s)
+        command = make_trajectory(spec, payload, kind, number, duration_s)
         assert command.position is not None and command.velocity is not None
         torque = rigid.gravity(command.position)
 

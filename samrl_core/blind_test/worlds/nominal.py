@@ -9,7 +9,7 @@ import numpy as np
 
 from samrl_core.blind_test.engines.arm_body import ArmBody, read_arm_body, with_tool
 from samrl_core.blind_test.worlds.world_cache import Arrays, kept
-from samrl_core.cell.excitation.excitation_trajectory import gains, programme
+from samrl_core.cell.excitation.excitation_trajectory import gains, make_trajectory
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
@@ -77,7 +77,7 @@ def world_command(role: str, number: int, letter: str, duration_s: float) -> Joi
     asked = (arm.spec, payload_of(arm.tool), SETS[letter], seed, duration_s)
 
     def work() -> Arrays:
-        made = programme(*asked)
+        made = make_trajectory(*asked)
         return {n: v for n in _SIGNAL if (v := getattr(made, n)) is not None}
 
     code = ("cell/excitation", "cell/robots", "cell/types")

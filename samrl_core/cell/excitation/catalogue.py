@@ -1,4 +1,4 @@
-"""The kinds of programme that a file may ask for: their parameters, and which effects each shows."""
+"""The kinds of trajectory that a file may ask for: their parameters, and which effects each shows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of programme."""
+    """One kind of trajectory."""
 
     shows: str  # what is told apart by it
     parameters: dict[str, Parameter]

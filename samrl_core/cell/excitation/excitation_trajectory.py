@@ -1,4 +1,4 @@
-"""The three recording programmes, and with which share of the controller's gains each is played."""
+"""The three excitation trajectories, and with which share of the controller's gains each is played."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.cell.excitation.clearance import ArmLine
-from samrl_core.cell.excitation.limits import check_programme
+from samrl_core.cell.excitation.limits import check_trajectory
 from samrl_core.cell.excitation.multisine import multisine
 from samrl_core.cell.excitation.slow_sweep import slow
 from samrl_core.cell.excitation.task_motion import task_motion
@@ -38,7 +38,7 @@ def gains(kind: str) -> GainScale:
     return GainScale(0.6, 0.8) if kind == "task" else GainScale()
 
 
-def programme(
+def make_trajectory(
     spec: RobotSpec,
     payload: Payload | None,
     kind: str,
@@ -46,7 +46,7 @@ def programme(
     duration_s: float,
     period_s: float = 0.001,
 ) -> JointSignal:
-    """A recording programme for an arm: what it is commanded over time, from rest to rest.
+    """An excitation trajectory for an arm: what it is commanded over time, from rest to rest.
 
     Args:
         spec: the arm, whose foot stands on the table's top.
@@ -74,7 +74,7 @@ def programme(
         "task": lambda b, vigour: task_motion(spec, b, rng, duration_s, period_s, vigour=vigour),
     }
     if kind not in makers:
-        raise InputError(f"no programme is called '{kind}'; there are {', '.join(makers)}")
+        raise InputError(f"no excitation trajectory is called '{kind}'; there are {', '.join(makers)}")
     return within_limits(spec, payload, box, makers[kind])
 
 
@@ -90,7 +90,7 @@ def within_limits(
     for attempt in range(_TRIES):
         command = make(box.shrunk(factor), factor)
         try:
-            check_programme(spec, payload, command)
+            check_trajectory(spec, payload, command)
         except LimitError:
             if attempt == _TRIES - 1:
                 raise

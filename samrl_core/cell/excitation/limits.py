@@ -1,4 +1,4 @@
-"""What a programme must keep to before it may be played."""
+"""What a trajectory must keep to before it may be played."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError, LimitError
 
-VELOCITY_SHARE = 0.7  # of the arm's limit that a programme may use
+VELOCITY_SHARE = 0.7  # of the arm's limit that a trajectory may use
 ACCELERATION_SHARE = 0.7
 EFFORT_SHARE = 0.7
 _TORQUE_EVERY_S = 0.02  # chirps need it [s]
 _CLEARANCE_EVERY_S = 0.08  # a few centimetres of travel, inside the margins of `clearance` [s]
 
 
-def check_programme(spec: RobotSpec, payload: Payload | None, command: JointSignal) -> None:
+def check_trajectory(spec: RobotSpec, payload: Payload | None, command: JointSignal) -> None:
     """Whether a commanded motion is safe to play.
 
     Raises:
@@ -67,10 +67,10 @@ def _moving(spec: RobotSpec, command: JointSignal) -> tuple[np.ndarray, np.ndarr
         values: np.ndarray | None = getattr(command, what)
         if values is None or values.shape != shape:
             raise InputError(
-                f"programme needs {what} of shape {shape}, has {None if values is None else values.shape}"
+                f"trajectory needs {what} of shape {shape}, has {None if values is None else values.shape}"
             )
         if not np.isfinite(values).all():
-            raise InputError(f"programme has {what} that is not finite")
+            raise InputError(f"trajectory has {what} that is not finite")
         found.append(values)
     ends = np.abs(found[1][[0, -1]])
     if ends.max() > 1e-6:

@@ -151,7 +151,7 @@ def sweep(
     """Long strokes of the named joints to and fro at constant speed, one speed after the other.
 
     Raises:
-        InputError: a slow speed would need longer than the programme for one stroke to and fro.
+        InputError: a slow speed would need longer than the trajectory for one stroke to and fro.
     """
     time = sample_times(duration_s, period_s)
     moving = np.flatnonzero(joints)

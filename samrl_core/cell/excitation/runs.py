@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from samrl_core.cell.excitation.clearance import ArmLine
-from samrl_core.cell.excitation.excitation_trajectory import SETS, GainScale, gains, programme
-from samrl_core.cell.excitation.limits import check_programme
+from samrl_core.cell.excitation.excitation_trajectory import SETS, GainScale, gains, make_trajectory
+from samrl_core.cell.excitation.limits import check_trajectory
 from samrl_core.cell.excitation.multisine import CHIRP_HZ, multisine
 from samrl_core.cell.excitation.probes import chirp, micro_reversals, static, sweep
 from samrl_core.cell.excitation.slow_sweep import fastest_reversal, slow
 from samrl_core.cell.excitation.task_motion import task_motion
-from samrl_core.cell.excitation.trajectory_file import ProgrammeFile
+from samrl_core.cell.excitation.trajectory_file import TrajectoryFile
 from samrl_core.cell.excitation.workspace import work_box
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.robot import JointImpedance, RobotSpec
@@ -65,12 +65,12 @@ def heavier(payload: Payload | None, extra_mass: float) -> Payload | None:
 def set_run(letter: str, spec: RobotSpec, payload: Payload | None, seed: int, duration_s: float) -> Run:
     """Set A, B or C of an arm."""
     kind = SETS[letter]
-    command = programme(spec, payload, kind, seed, duration_s, spec.controller.period_s)
+    command = make_trajectory(spec, payload, kind, seed, duration_s, spec.controller.period_s)
     return Run(letter, command, scaled_controller(spec, gains(kind)))
 
 
-def file_runs(name: str, file: ProgrammeFile, spec: RobotSpec, payload: Payload | None) -> tuple[Run, ...]:
-    """The recordings that a programme file asks for: two for `two_gains` and `two_loads`, else one.
+def file_runs(name: str, file: TrajectoryFile, spec: RobotSpec, payload: Payload | None) -> tuple[Run, ...]:
+    """The recordings that a trajectory file asks for: two for `two_gains` and `two_loads`, else one.
 
     Unlike the sets, nothing is made smaller to fit. What is drawn is drawn again, but what breaks a limit
     each time is refused.
@@ -91,7 +91,7 @@ def file_runs(name: str, file: ProgrammeFile, spec: RobotSpec, payload: Payload 
     return (Run(name, command, asked),)
 
 
-def _allowed(file: ProgrammeFile, spec: RobotSpec, payload: Payload | None, extra: float) -> JointSignal:
+def _allowed(file: TrajectoryFile, spec: RobotSpec, payload: Payload | None, extra: float) -> JointSignal:
     if "poses" in file.about.parameters and "speeds" in file.about.parameters:
         _check_speeds(file, spec)
     rng = np.random.default_rng(int(file.number("seed")))
@@ -99,7 +99,7 @@ def _allowed(file: ProgrammeFile, spec: RobotSpec, payload: Payload | None, extr
         command = _command(file, spec, payload, rng)
         try:
             for load in {0.0, extra}:
-                check_programme(spec, heavier(payload, load), command)
+                check_trajectory(spec, heavier(payload, load), command)
         except LimitError:
             if attempt == _DRAWS - 1:
                 raise
@@ -108,7 +108,7 @@ def _allowed(file: ProgrammeFile, spec: RobotSpec, payload: Payload | None, extr
     raise AssertionError("unreachable")
 
 
-def _check_speeds(file: ProgrammeFile, spec: RobotSpec) -> None:
+def _check_speeds(file: TrajectoryFile, spec: RobotSpec) -> None:
     joints = np.array(file.mask(spec.joint_names))
     top = fastest_reversal(spec, file.number("duration_s"))
     j = int(np.argmin(np.where(joints, top, np.inf)))
@@ -122,7 +122,7 @@ def _check_speeds(file: ProgrammeFile, spec: RobotSpec) -> None:
 
 
 def _command(
-    file: ProgrammeFile, spec: RobotSpec, payload: Payload | None, rng: np.random.Generator
+    file: TrajectoryFile, spec: RobotSpec, payload: Payload | None, rng: np.random.Generator
 ) -> JointSignal:
     joints = np.array(file.mask(spec.joint_names))
     model = ArmLine(spec, payload).model

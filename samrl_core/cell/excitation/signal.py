@@ -17,7 +17,7 @@ def sample_times(duration_s: float, period_s: float) -> np.ndarray:
     if not (np.isfinite(period_s) and 0.0 < period_s <= 0.02):
         raise InputError(f"period is {period_s} s, must be above 0 and at most 0.02 s")
     if not (np.isfinite(duration_s) and 1.0 <= duration_s <= 3600.0):
-        raise InputError(f"programme lasts {duration_s} s, must be 1 to 3600 s")
+        raise InputError(f"trajectory lasts {duration_s} s, must be 1 to 3600 s")
     return np.arange(round(duration_s / period_s) + 1) * period_s
 
 

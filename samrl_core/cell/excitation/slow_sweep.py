@@ -71,7 +71,7 @@ def slow(
     if length < 4.0 * window:
         raise InputError(
             f"{count} holds of {rest:.2f} s in {duration_s} s leave {length:.2f} s for the strokes between, "
-            f"need {4.0 * window:.2f} s; lengthen the programme or name fewer poses"
+            f"need {4.0 * window:.2f} s; lengthen the trajectory or name fewer poses"
         )
     targets = varied_loads(box, model, rng, count)
     top = fastest_reversal(spec, duration_s)

@@ -1,4 +1,4 @@
-"""`next.yaml`: a recording programme as a file that the diagnosis writes and `samrl excite` plays."""
+"""`next.yaml`: an excitation trajectory as a file that the diagnosis writes and `samrl excite` plays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KEYS = ("schema", "arm", "kind", "joints", "parameters", "why")
 
 
 @dataclass(frozen=True)
-class ProgrammeFile:
+class TrajectoryFile:
     """What a file asks for. `joints` empty: all. `parameters`: those given; the rest have defaults.
 
     Raises:
@@ -90,7 +90,7 @@ class ProgrammeFile:
         path.write_text(text, encoding="utf-8")
 
     @classmethod
-    def read(cls, path: Path) -> ProgrammeFile:
+    def read(cls, path: Path) -> TrajectoryFile:
         """From YAML; nothing unknown, doubled or out of range passes.
 
         Raises:
@@ -106,7 +106,7 @@ class ProgrammeFile:
             raise InputError(f"{path}: {error}") from error
 
     @classmethod
-    def _from_mapping(cls, data: Any) -> ProgrammeFile:
+    def _from_mapping(cls, data: Any) -> TrajectoryFile:
         if not isinstance(data, dict):
             raise InputError(f"holds a {type(data).__name__}; write keys {', '.join(_KEYS)}")
         if unknown := [str(k) for k in data if k not in _KEYS]:

@@ -44,7 +44,7 @@ def work_box(spec: RobotSpec, payload: Payload | None) -> WorkBox:
     Raises:
         LimitError: none is free; the arm's home must stand free of the table.
     """
-    rng = np.random.default_rng(0)  # one box per arm, whatever the seed of a programme
+    rng = np.random.default_rng(0)  # one box per arm, whatever the seed of a trajectory
     line = ArmLine(spec, payload)
     for half_width in _HALF_WIDTHS:
         lower = spec.limits.lower + half_width + POSITION_MARGIN

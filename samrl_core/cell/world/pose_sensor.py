@@ -1,4 +1,4 @@
-"""A stand-in for Real2Sim where the renderer is not the subject: a body's place, with noise."""
+"""In place of Real2Sim where the renderer is not the subject: a body's pose, with noise."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from samrl_core.cell.excitation.catalogue import KINDS
 from samrl_core.cell.excitation.runs import Run, file_runs
-from samrl_core.cell.excitation.trajectory_file import ProgrammeFile
+from samrl_core.cell.excitation.trajectory_file import TrajectoryFile
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.cells import robot_with_joints
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
@@ -48,10 +48,10 @@ def next_experiment(
         dict.fromkeys(n.partition(":")[2] for n in (h.place for h, _ in rivals.values()) if n[:6] == "joint:")
     )
     spec = robot_with_joints(arm.joints)
-    scored: list[tuple[float, ProgrammeFile]] = []
+    scored: list[tuple[float, TrajectoryFile]] = []
     if spec is not None:
         for kind in CANDIDATES:
-            file = ProgrammeFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
+            file = TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
             try:
                 (run, *_) = file_runs("next", file, spec, _payload(trial))
             except SamrlError:
@@ -66,7 +66,7 @@ def next_experiment(
         # What splits them elsewhere, by what most of them have in common.
         kinds = [rivals[name][0].effect.experiment if name in rivals else "slow" for name in names]
         kind = max(set(kinds), key=kinds.count)
-        file = ProgrammeFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
+        file = TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
         why = f"{pair}: {KINDS[kind].shows}; chosen by rule, the arm's programmes cannot be simulated here"
         separates = 0.5
     file = replace(file, why=why)

@@ -1,4 +1,4 @@
-"""Mass of a pancake from pushes (the paper's Fig. 10), the stand-in world as the real one.
+"""Mass of a pancake from pushes (the paper's Fig. 10), the simulated cell as the real one.
 
 Each case draws a mass and a friction, builds a world with them, pushes twice with different forces, and fits
 from a guess that is 50 % off: to the first push alone, then from there on to both. What the fit gets is what

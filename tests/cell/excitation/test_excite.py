@@ -1,4 +1,4 @@
-"""Playing programmes on the cell: measured motion follows, bags are complete or absent."""
+"""Playing trajectories on the cell: measured motion follows, bags are complete or absent."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.excitation import ProgrammeFile, Run, file_runs, set_run
+from samrl_core.cell.excitation import Run, TrajectoryFile, file_runs, set_run
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
@@ -58,7 +58,7 @@ def test_camera_arm_is_recorded_with_its_own_load(camera_arm):
 
 @pytest.mark.slow
 def test_a_known_load_is_mounted_and_described(tool_arm):
-    file = ProgrammeFile(
+    file = TrajectoryFile(
         "tool_arm", "two_loads", parameters={"duration_s": 2.0, "poses": 2, "speeds": (0.05,)}
     )
     bare, loaded = (play(tool_arm, run) for run in file_runs("n", file, tool_arm.spec, tool_arm.payload))
@@ -98,9 +98,9 @@ def test_command_line_writes_bags_and_refuses_to_replace_them(tmp_path, capsys):
     assert "B.mcap exists" in capsys.readouterr().err
 
 
-def test_programme_file_on_the_command_line(tmp_path, capsys):
+def test_trajectory_file_on_the_command_line(tmp_path, capsys):
     file = tmp_path / "next.yaml"
-    ProgrammeFile("tool_arm", "two_gains", parameters={"duration_s": 1.0}).write(file)
+    TrajectoryFile("tool_arm", "two_gains", parameters={"duration_s": 1.0}).write(file)
     out = tmp_path / "out"
     assert samrl(["excite", str(file), "--world", "mock", "--out", str(out)]) == OK
     assert sorted(p.name for p in out.iterdir()) == ["next_gains1.mcap", "next_gains2.mcap"]

@@ -39,6 +39,6 @@ PANDA = RobotSpec(
     # Flange at (0.5, 0, 0.3034) m in the base, axes diag(1, -1, -1): a tip 0.1634 m along the flange's z
     # stands at (0.5, 0, 0.14). By `solve_ik`; tested.
     home=np.array([0.0, 0.045898, 0.0, -2.376290, 0.0, 2.422188, 0.0]),
-    # The stand-in world has no rotor inertia: PyBullet's multibodies offer none.
+    # The simulated cell has no rotor inertia: PyBullet's multibodies offer none.
     armature=np.zeros(7),
 )

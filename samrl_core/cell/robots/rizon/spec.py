@@ -39,6 +39,6 @@ RIZON4 = RobotSpec(
     # other arm; tested.
     home=np.array([-1.173269, -1.186332, -1.754686, -1.204229, -0.595784, 2.835623, 0.419808]),
     # menagerie has 3.17 (joints 1-2), 1.38 (3-4) and 0.13 kg m2 (5-7), but PyBullet's multibodies offer
-    # no rotor inertia: zero is what the stand-in world has.
+    # no rotor inertia: zero is what the simulated cell has.
     armature=np.zeros(7),
 )

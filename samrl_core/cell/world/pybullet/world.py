@@ -1,4 +1,4 @@
-"""The stand-in for the real cell: two torque-controlled arms, a table and the task's bodies in PyBullet.
+"""The simulated cell: two torque-controlled arms, a table and the task's bodies in PyBullet.
 
 Nothing here reads the time of day, so a seed and a sequence of calls give the same readings each time.
 """

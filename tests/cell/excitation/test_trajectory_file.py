@@ -1,17 +1,17 @@
-"""Programme files: round trip, every kind by its defaults, and clear refusals."""
+"""Trajectory files: round trip, every kind by its defaults, and clear refusals."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from samrl_core.cell.excitation import KINDS, ProgrammeFile, file_runs
+from samrl_core.cell.excitation import KINDS, TrajectoryFile, file_runs
 from samrl_core.common.errors import InputError, LimitError
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_plays_by_its_defaults(tool_arm, kind):
-    runs = file_runs("next", ProgrammeFile("tool_arm", kind), tool_arm.spec, tool_arm.payload)
+    runs = file_runs("next", TrajectoryFile("tool_arm", kind), tool_arm.spec, tool_arm.payload)
     assert len(runs) == (2 if kind.startswith("two_") else 1)
     for run in runs:
         assert not run.command.velocity[[0, -1]].any()
@@ -20,7 +20,7 @@ def test_every_kind_plays_by_its_defaults(tool_arm, kind):
 
 
 def test_round_trip(tmp_path):
-    file = ProgrammeFile(
+    file = TrajectoryFile(
         "tool_arm",
         "slow",
         ("panda_joint4", "panda_joint2"),
@@ -28,13 +28,13 @@ def test_round_trip(tmp_path):
         why="Stribeck against Coulomb: crawl",
     )
     file.write(tmp_path / "next.yaml")
-    assert ProgrammeFile.read(tmp_path / "next.yaml") == file
+    assert TrajectoryFile.read(tmp_path / "next.yaml") == file
     with pytest.raises(InputError, match="exists"):
         file.write(tmp_path / "next.yaml")
 
 
 def test_only_named_joints_move_and_gains_are_scaled(tool_arm):
-    file = ProgrammeFile("tool_arm", "slow", ("panda_joint4",), {"damping_scale": 0.5, "duration_s": 10.0})
+    file = TrajectoryFile("tool_arm", "slow", ("panda_joint4",), {"damping_scale": 0.5, "duration_s": 10.0})
     (run,) = file_runs("n", file, tool_arm.spec, tool_arm.payload)
     travel = np.ptp(run.command.position, axis=0)
     assert travel[3] > 0.05 and not np.delete(travel, 3).any()
@@ -42,10 +42,10 @@ def test_only_named_joints_move_and_gains_are_scaled(tool_arm):
 
 
 def test_two_gains_repeat_the_motion_and_two_loads_add_a_mass(tool_arm):
-    soft, hard = file_runs("n", ProgrammeFile("tool_arm", "two_gains"), tool_arm.spec, tool_arm.payload)
+    soft, hard = file_runs("n", TrajectoryFile("tool_arm", "two_gains"), tool_arm.spec, tool_arm.payload)
     assert np.array_equal(soft.command.position, hard.command.position)
     assert not np.allclose(soft.controller.stiffness, hard.controller.stiffness)
-    file = ProgrammeFile("tool_arm", "two_loads", parameters={"extra_mass": 0.3})
+    file = TrajectoryFile("tool_arm", "two_loads", parameters={"extra_mass": 0.3})
     bare, loaded = file_runs("n", file, tool_arm.spec, tool_arm.payload)
     assert (bare.extra_mass, loaded.extra_mass) == (0.0, 0.3)
 
@@ -87,13 +87,13 @@ def test_bad_files_are_refused_by_key_value_and_limit(tmp_path, text, message):
     path = tmp_path / "next.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message) as refusal:
-        ProgrammeFile.read(path)
+        TrajectoryFile.read(path)
     assert str(path) in str(refusal.value)
 
 
 def test_missing_file(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
-        ProgrammeFile.read(tmp_path / "none.yaml")
+        TrajectoryFile.read(tmp_path / "none.yaml")
 
 
 @pytest.mark.parametrize(
@@ -127,6 +127,6 @@ def test_missing_file(tmp_path):
     ],
 )
 def test_what_breaks_a_limit_is_refused(tool_arm, kind, joints, parameters, error, message):
-    file = ProgrammeFile("tool_arm", kind, joints, parameters)
+    file = TrajectoryFile("tool_arm", kind, joints, parameters)
     with pytest.raises(error, match=message):
         file_runs("n", file, tool_arm.spec, tool_arm.payload)

@@ -1,4 +1,4 @@
-"""Programmes keep every limit for any seed, and show what they are for."""
+"""Trajectories keep every limit for any seed, and show what they are for."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.excitation import SETS, gains, programme
-from samrl_core.cell.excitation.limits import check_programme
+from samrl_core.cell.excitation import SETS, gains, make_trajectory
+from samrl_core.cell.excitation.limits import check_trajectory
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.cell.types.pose import Pose
@@ -31,7 +31,7 @@ def torques(arm, command: JointSignal, every: int = 20) -> np.ndarray:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_inside_every_limit_with_margin_and_at_rest_at_both_ends(arm, kind, seed):
-    command = programme(arm.spec, arm.payload, kind, seed, 8.0, period_s=0.002)
+    command = make_trajectory(arm.spec, arm.payload, kind, seed, 8.0, period_s=0.002)
     limits = arm.spec.limits
     assert (command.position > limits.lower + 0.04).all() and (command.position < limits.upper - 0.04).all()
     assert (np.abs(command.velocity) < 0.75 * limits.velocity).all()
@@ -42,7 +42,7 @@ def test_inside_every_limit_with_margin_and_at_rest_at_both_ends(arm, kind, seed
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_flange_and_elbow_stay_above_the_table(arm, kind):
-    command = programme(arm.spec, arm.payload, kind, 5, 8.0, period_s=0.002)
+    command = make_trajectory(arm.spec, arm.payload, kind, 5, 8.0, period_s=0.002)
     model = ArmModel(arm.spec, Pose.identity(), arm.payload)
     for q in command.position[::50]:
         poses = list(model.link_poses_in_world(q).values())
@@ -52,7 +52,7 @@ def test_flange_and_elbow_stay_above_the_table(arm, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_quantities_agree_with_each_other(tool_arm, kind):
-    command = programme(tool_arm.spec, tool_arm.payload, kind, 1, 6.0)
+    command = make_trajectory(tool_arm.spec, tool_arm.payload, kind, 1, 6.0)
     dt = 0.001
     assert np.allclose(command.time, np.arange(6001) * dt)
     middle = 0.5 * (command.velocity[1:] + command.velocity[:-1])
@@ -62,7 +62,7 @@ def test_quantities_agree_with_each_other(tool_arm, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_joints_move_both_ways(arm, kind):
-    command = programme(arm.spec, arm.payload, kind, 2, 12.0, period_s=0.002)
+    command = make_trajectory(arm.spec, arm.payload, kind, 2, 12.0, period_s=0.002)
     assert (command.velocity.max(axis=0) > 0.02).all() and (command.velocity.min(axis=0) < -0.02).all()
     assert (np.ptp(command.position, axis=0) > 0.05).all()
 
@@ -74,8 +74,8 @@ def holds(command: JointSignal) -> list[tuple[int, int]]:
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if (b - a) * period >= 0.15]
 
 
-def test_slow_programme_rests_at_five_poses_with_different_gravity_loads(arm):
-    command = programme(arm.spec, arm.payload, "slow", 0, 12.0)
+def test_slow_trajectory_rests_at_five_poses_with_different_gravity_loads(arm):
+    command = make_trajectory(arm.spec, arm.payload, "slow", 0, 12.0)
     found = holds(command)
     assert len(found) >= 5
     load = torques(arm, command, every=1)[[a + 10 for a, _ in found]]
@@ -83,8 +83,8 @@ def test_slow_programme_rests_at_five_poses_with_different_gravity_loads(arm):
     assert (spread[1:4] > 0.02 * arm.spec.limits.effort[1:4]).all()  # joints that carry the arm's weight
 
 
-def test_slow_programme_reverses_every_joint_at_several_speeds(arm):
-    command = programme(arm.spec, arm.payload, "slow", 3, 15.0)
+def test_slow_trajectory_reverses_every_joint_at_several_speeds(arm):
+    command = make_trajectory(arm.spec, arm.payload, "slow", 3, 15.0)
     for j in range(command.velocity.shape[1]):
         speed = command.velocity[:, j]
         cruising = np.abs(np.gradient(speed)) < 1e-9
@@ -95,14 +95,14 @@ def test_slow_programme_reverses_every_joint_at_several_speeds(arm):
 
 
 def test_torque_changes_sign_where_gravity_allows(tool_arm):
-    command = programme(tool_arm.spec, tool_arm.payload, "slow", 0, 15.0)
+    command = make_trajectory(tool_arm.spec, tool_arm.payload, "slow", 0, 15.0)
     effort = torques(tool_arm, command)
     both = (effort.max(axis=0) > 0) & (effort.min(axis=0) < 0)
     assert both[[0, 1, 2]].all() and both.sum() >= 4
 
 
 def test_multisine_fills_its_band_and_the_chirp_reaches_twenty_hertz(tool_arm):
-    command = programme(tool_arm.spec, tool_arm.payload, "multisine", 0, 16.0)
+    command = make_trajectory(tool_arm.spec, tool_arm.payload, "multisine", 0, 16.0)
     power = np.abs(np.fft.rfft(command.velocity, axis=0)) ** 2
     frequency = np.fft.rfftfreq(len(command), 0.001)
     for low, high in ((0.1, 0.5), (0.5, 2.0), (2.0, 5.0), (5.0, 10.0), (10.0, 19.0)):
@@ -112,7 +112,9 @@ def test_multisine_fills_its_band_and_the_chirp_reaches_twenty_hertz(tool_arm):
 
 
 def test_seeds_differ_and_repeat(tool_arm):
-    first, again, other = (programme(tool_arm.spec, tool_arm.payload, "task", s, 4.0) for s in (1, 1, 2))
+    first, again, other = (
+        make_trajectory(tool_arm.spec, tool_arm.payload, "task", s, 4.0) for s in (1, 1, 2)
+    )
     assert np.array_equal(first.position, again.position)
     assert not np.allclose(first.position, other.position)
 
@@ -124,12 +126,12 @@ def test_held_out_set_is_played_softer():
 
 
 def test_bad_requests_are_refused(tool_arm):
-    with pytest.raises(InputError, match="no programme is called 'wild'; there are slow"):
-        programme(tool_arm.spec, tool_arm.payload, "wild", 0, 10.0)
+    with pytest.raises(InputError, match="no excitation trajectory is called 'wild'; there are slow"):
+        make_trajectory(tool_arm.spec, tool_arm.payload, "wild", 0, 10.0)
     with pytest.raises(InputError, match="lasts 0.5 s"):
-        programme(tool_arm.spec, tool_arm.payload, "task", 0, 0.5)
+        make_trajectory(tool_arm.spec, tool_arm.payload, "task", 0, 0.5)
     with pytest.raises(InputError, match="period is nan"):
-        programme(tool_arm.spec, tool_arm.payload, "task", 0, 10.0, float("nan"))
+        make_trajectory(tool_arm.spec, tool_arm.payload, "task", 0, 10.0, float("nan"))
 
 
 @pytest.mark.parametrize(
@@ -141,23 +143,23 @@ def test_bad_requests_are_refused(tool_arm):
     ],
 )
 def test_check_names_joint_value_and_limit(tool_arm, change, message):
-    command = programme(tool_arm.spec, tool_arm.payload, "slow", 0, 6.0, 0.002)
-    check_programme(tool_arm.spec, tool_arm.payload, command)
+    command = make_trajectory(tool_arm.spec, tool_arm.payload, "slow", 0, 6.0, 0.002)
+    check_trajectory(tool_arm.spec, tool_arm.payload, command)
     with pytest.raises(LimitError, match=message):
-        check_programme(tool_arm.spec, tool_arm.payload, change(command))
+        check_trajectory(tool_arm.spec, tool_arm.payload, change(command))
 
 
 def test_check_refuses_torque_table_and_a_moving_end(tool_arm):
     spec = tool_arm.spec
-    command = programme(spec, tool_arm.payload, "slow", 0, 6.0, 0.002)
+    command = make_trajectory(spec, tool_arm.payload, "slow", 0, 6.0, 0.002)
     heavy = replace(tool_arm.payload, mass=30.0)
     with pytest.raises(LimitError, match="predicted torque"):
-        check_programme(spec, heavy, command)
+        check_trajectory(spec, heavy, command)
     low = np.array([0.0, 1.2, 0.0, -1.0, 0.0, 2.0, 0.0])
     still = np.zeros_like(command.position)
     with pytest.raises(LimitError, match="too near to the table"):
-        check_programme(spec, tool_arm.payload, JointSignal(command.time, still + low, still, still))
+        check_trajectory(spec, tool_arm.payload, JointSignal(command.time, still + low, still, still))
     with pytest.raises(InputError, match="at rest"):
-        check_programme(spec, tool_arm.payload, replace(command, velocity=command.velocity + 0.1))
+        check_trajectory(spec, tool_arm.payload, replace(command, velocity=command.velocity + 0.1))
     with pytest.raises(InputError, match="needs acceleration"):
-        check_programme(spec, tool_arm.payload, replace(command, acceleration=None))
+        check_trajectory(spec, tool_arm.payload, replace(command, acceleration=None))

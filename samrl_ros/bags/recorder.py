@@ -13,7 +13,7 @@ from functools import cache
 from samrl_core.common.errors import LimitError
 from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.bags.schemas import message_text
-from samrl_ros.bags.type_hash import fields
+from samrl_ros.bags.type_hash import starts_with
 from samrl_ros.bags.writer import BagWriter
 
 HELD_LIMIT = (
@@ -119,8 +119,7 @@ def _stamp_ns(data: bytes) -> int | None:
 
 @cache
 def _starts_with_header(type_name: str) -> bool:
-    first = fields(type_name, message_text(type_name))[0]["type"]
-    return first["nested_type_name"] == "std_msgs/msg/Header" and first["type_id"] == 1
+    return starts_with(type_name, message_text(type_name), "std_msgs/msg/Header")
 
 
 def _publish_ns(source_ns: int | None, receive_ns: int) -> int:

@@ -57,11 +57,9 @@ def _installed_text(type_name: str) -> str | None:
 
 @lru_cache(maxsize=1)
 def _typestore_texts() -> dict[str, str]:
-    """Definition of every type that `rosbags` knows, or nothing where it is not installed."""
-    try:
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        return {}
+    """Definition of every type that rosbags knows."""
+    from rosbags.typesys import Stores, get_typestore
+
     store = get_typestore(Stores.ROS2_JAZZY)
     return {
         name: store.generate_msgdef(name, ros_version=2)[0] for name in store.fielddefs if "/msg/" in name
@@ -83,8 +81,7 @@ def message_text(type_name: str) -> str:
         package = type_name.split("/")[0]
         raise InputError(
             f"no definition of message type {type_name}: none in {', '.join(map(str, _folders(package)))};"
-            f" install the ROS package {package} (or `pip install rosbags` for the standard types), or add"
-            " its prefix to AMENT_PREFIX_PATH"
+            f" install the ROS package {package}, or add its prefix to AMENT_PREFIX_PATH"
         )
     return text
 

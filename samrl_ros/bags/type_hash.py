@@ -1,91 +1,68 @@
-"""RIHS01 type hashes (REP-2011, rosidl_generator_type_description) computed from .msg texts.
+"""Message types from their .msg texts by rosbags, and their RIHS01 hashes (REP-2011).
 
-The hash is the SHA-256 of a JSON text that lists the fields of a type and of all types it refers to.
-Computing it here lets interfaces without generated .json files (own ones, tf2_msgs) carry a hash.
+Computing the hash lets interfaces without generated .json files (own ones, tf2_msgs) carry one.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-# type_description_interfaces/msg/FieldType. `char` is uint8 in .msg files since ROS 2.
-_TYPE_ID = {
-    "int8": 2, "uint8": 3, "char": 3, "int16": 4, "uint16": 5, "int32": 6, "uint32": 7, "int64": 8,
-    "uint64": 9, "float32": 10, "float64": 11, "bool": 15, "byte": 16, "string": 17, "wstring": 18,
-}  # fmt: skip
-_NESTED, _BOUNDED_STRING = 1, 4  # the second is added to a string's id
-SequenceKind = int
-ARRAY, BOUNDED_SEQUENCE, SEQUENCE = 48, 96, 144  # added to the element's id; 0 for a single value
+if TYPE_CHECKING:  # rosbags itself is imported where it is used: a tenth of a second
+    from rosbags.typesys.store import Typestore
 
-PRIMITIVES = frozenset(_TYPE_ID)
-
-_FIELD = re.compile(
-    r"^\s*(?P<base>[A-Za-z0-9_/]+)(?:<=(?P<chars>\d+))?(?P<array>\[(?P<upper><=)?(?P<count>\d*)\])?"
-    r"\s+(?P<name>[A-Za-z]\w*)\s*(?P<constant>=)?"
+PRIMITIVES = frozenset(
+    ("bool", "byte", "char", "float32", "float64", "int8", "uint8", "int16", "uint16", "int32", "uint32")
+    + ("int64", "uint64", "string", "wstring")
 )
 
-
-def full_name(base: str, package: str) -> str:
-    """`pkg/msg/Name` of a field's type as written in a file of `package`."""
-    parts = base.split("/")
-    if len(parts) == 1:
-        return f"{package}/msg/{base}"
-    return f"{parts[0]}/msg/{parts[-1]}"
+_CHAR = re.compile(r"^\s*char\b", re.MULTILINE)
 
 
-def fields(type_name: str, text: str) -> list[dict[str, Any]]:
-    """Fields of one .msg text, described as type_description_interfaces does; constants left out."""
-    package = type_name.split("/")[0]
-    described = []
-    for line in text.splitlines():
-        match = _FIELD.match(line)
-        if match is None or match["constant"]:
-            continue
-        base = match["base"]
-        nested = "" if base in PRIMITIVES else full_name(base, package)
-        type_id = _NESTED if nested else _TYPE_ID[base]
-        if match["chars"]:
-            type_id += _BOUNDED_STRING
-        if match["array"]:
-            type_id += BOUNDED_SEQUENCE if match["upper"] else ARRAY if match["count"] else SEQUENCE
-        described.append(
-            {
-                "name": match["name"],
-                "type": {
-                    "type_id": type_id,
-                    "capacity": int(match["count"] or 0),
-                    "string_capacity": int(match["chars"] or 0),
-                    "nested_type_name": nested,
-                },
-            }
-        )
-    if not described:  # rosidl gives an empty structure one member
-        member = {"type_id": 3, "capacity": 0, "string_capacity": 0, "nested_type_name": ""}
-        described.append({"name": "structure_needs_at_least_one_member", "type": member})
-    return described
+def fields(type_name: str, text: str) -> list[tuple[str, Any]]:
+    """Names and rosbags' descriptions of the fields of one .msg text; constants left out."""
+    return parse(type_name, text)[type_name][1]
 
 
-def split_type_id(type_id: int) -> tuple[int, SequenceKind]:
-    """A field's type id as its element's id and the kind of sequence, 0 for a single value."""
-    kind = (type_id // ARRAY) * ARRAY
-    return type_id - kind, kind
+def parse(type_name: str, text: str) -> dict[str, Any]:
+    """rosbags' description of a `ros2msg` text: the type and what is defined behind it."""
+    from rosbags.typesys import get_types_from_msg
+
+    # `char` is uint8 in .msg files since ROS 2; rosbags' hash counts it as a type of its own.
+    return get_types_from_msg(_CHAR.sub("uint8", text.replace("\r\n", "\n")), type_name)
+
+
+def starts_with(type_name: str, text: str, nested: str) -> bool:
+    """Whether the first field of a type is of the type `nested`."""
+    described = fields(type_name, text)
+    return bool(described) and described[0][1][0].name == "NAME" and described[0][1][1] == nested
 
 
 def rihs01(type_name: str, text_of: Callable[[str], str]) -> str:
     """`RIHS01_...` of a type. `text_of` gives the .msg text of a full type name."""
-    described: dict[str, list[dict[str, Any]]] = {}
+    described: dict[str, Any] = {}
     todo = [type_name]
     while todo:
         name = todo.pop()
         if name not in described:
-            described[name] = fields(name, text_of(name))
-            nested = (field["type"]["nested_type_name"] for field in described[name])
-            todo.extend(other for other in nested if other)
-    root = {"type_name": type_name, "fields": described.pop(type_name)}
-    referred = [{"type_name": name, "fields": described[name]} for name in sorted(described)]
-    document = {"type_description": root, "referenced_type_descriptions": referred}
-    return "RIHS01_" + hashlib.sha256(json.dumps(document).encode()).hexdigest()
+            described |= parse(name, text_of(name))
+            todo += [nested for _, kind in described[name][1] if (nested := _nested(kind))]
+    return make_store(described).hash_rihs01(type_name)
+
+
+def make_store(described: dict[str, Any]) -> Typestore:
+    """A store of these types alone."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(described)
+    return store
+
+
+def _nested(kind: Any) -> str:
+    """The message type that a field holds, alone or in a sequence; empty for numbers and strings."""
+    node, detail = kind
+    if node.name in ("ARRAY", "SEQUENCE"):
+        return _nested(detail[0])
+    return detail if node.name == "NAME" else ""

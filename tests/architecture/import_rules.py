@@ -54,7 +54,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "samrl_ros": ("samrl_ros/",),
     "mcap": ("samrl_ros/",),
     "mcap_ros2": ("samrl_ros/",),
-    "rosbags": ("samrl_ros/bags/",),  # optional there: definitions where no ROS is installed
+    "rosbags": ("samrl_ros/bags/",),
     "typer": ("samrl_ros/",),
     "rich": ("samrl_ros/",),
 }

@@ -52,7 +52,7 @@ class _Layout:
     end: int = 0  # of the content; serializers may leave padding behind it
 
 
-class _Walk:
+class _CdrCursor:
     """Reads a message in order."""
 
     def __init__(self, body: bytes, order: str) -> None:
@@ -83,7 +83,7 @@ class _Walk:
 def _layout(kind: str, data: bytes) -> _Layout:
     if len(data) < 12 or data[0] != 0 or data[1] not in (0, 1):
         raise struct.error(f"the header {data[:4].hex()} is not plain CDR")
-    walk = _Walk(data[4:], "<" if data[1] else ">")
+    walk = _CdrCursor(data[4:], "<" if data[1] else ">")
     walk.position = 8  # stamp
     walk.text()  # frame
     names = tuple(walk.text() for _ in range(_bounded(walk.count(), walk.body)))
@@ -267,6 +267,6 @@ def decode_text(topic: str, data: bytes) -> str:
     try:
         if len(data) < 8 or data[0] != 0 or data[1] not in (0, 1):
             raise struct.error(f"the header {data[:4].hex()} is not plain CDR")
-        return _Walk(data[4:], "<" if data[1] else ">").text()
+        return _CdrCursor(data[4:], "<" if data[1] else ">").text()
     except (struct.error, UnicodeDecodeError) as error:
         raise InputError(f"topic {topic}: {len(data)} bytes are no std_msgs/String: {error}") from error

@@ -121,7 +121,7 @@ class ResidualTrainer(Behaviour):
             training = settings.training()
             self._replay = Replay.write(*replay_of(folder, settings.task, self._cell, training))
             write_settings(folder, training)
-            self._process = TrainingProcess(folder, settings.task, settings.weights)
+            self._process = TrainingProcess(folder, settings.task, settings.cell, settings.weights)
         self._announce(self._newest())
 
     def stop(self) -> None:

@@ -16,7 +16,7 @@ STOP_S = 6.0  # to finish an update and save; less than a node may take to stop
 class TrainingProcess:
     """One running worker; its output goes to `trainer.log` in its folder."""
 
-    def __init__(self, folder: Path, task: str, weights: str = "") -> None:
+    def __init__(self, folder: Path, task: str, cell: str, weights: str = "") -> None:
         """`weights`: folder of the task's trained networks, empty for those of the package."""
         self._log = folder / "trainer.log"
         command = [
@@ -26,6 +26,8 @@ class TrainingProcess:
             str(folder),
             "--task",
             task,
+            "--cell",
+            cell,
         ]
         command += ["--weights", weights] if weights else []
         with self._log.open("ab") as log:

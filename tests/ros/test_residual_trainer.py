@@ -53,7 +53,7 @@ class Ears:
 class NoProcess:
     """Stands for the training, which a test of the records does not need."""
 
-    def __init__(self, folder: Path, task: str, weights: str) -> None:
+    def __init__(self, folder: Path, task: str, cell: str, weights: str) -> None:
         self.stopped = 0
 
     def check(self) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_core.common.files import folder_lock, write_whole
 from samrl_core.learning.residual.learners import settings_from_json, settings_to_json
@@ -53,6 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--task", required=True)
+    parser.add_argument("--cell", default=DEFAULT_CELL, help="name of the cell")
     parser.add_argument("--weights", type=Path, help="folder of the task's `sim_actor`, else the package's")
     parser.add_argument("--parent", type=int, required=True, help="process with which this one ends")
     options = parser.parse_args(arguments)
@@ -63,7 +64,7 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)
     try:
         with folder_lock(options.folder, BEFORE_S):
-            settings, cell = read_settings(options.folder), cell_named()
+            settings, cell = read_settings(options.folder), cell_named(options.cell)
             encoder = nominal_encoder(options.task, cell, options.weights)
             training = ResidualTraining(
                 options.folder, options.task, cell, encoder, settings, lambda text: print(text, flush=True)

@@ -52,6 +52,12 @@ def test_links_and_pictures_exist(page: Path) -> None:
             assert anchor in anchors(file), f"{page.name} links {link}: no such heading"
 
 
+def test_decisions_have_numbers_of_their_own() -> None:
+    pages = sorted((ROOT / "msgs_docs" / "decisions").glob("*.md"))
+    assert [page.name[:4] for page in pages] == [f"{k:04d}" for k in range(1, len(pages) + 1)]
+    assert all(page.read_text().startswith(f"# {page.name[:4]} ") for page in pages)
+
+
 @EVERY_LASTING_PAGE
 def test_files_and_folders_exist(page: Path) -> None:
     for path in OUR_PATH.findall(page.read_text()):

@@ -172,7 +172,7 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     for owned in ours.values():
         owned["cell"] = ("--cell", options.cell)
     if not options.update:  # a model as it starts knows nothing of when a task is done
-        ours["supervisor"]["believe"] = ("--no-update", False)
+        ours["supervisor"]["stop_on_model_success"] = ("--no-update", False)
     merged: dict[str, Any] = {}
     for node, owned in ours.items():
         given = overlay.get(node, {})
@@ -182,7 +182,8 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         merged[f"/cell/{node}"] = {"ros__parameters": {"use_sim_time": True, **given, **values}}
     merged["/cell/sim_bridge"]["ros__parameters"]["use_sim_time"] = False  # it makes the clock
     # Written down always: a replay knows older runs by its absence.
-    merged["/cell/supervisor"]["ros__parameters"].setdefault("agreeing", LoopSettings.agreeing)
+    supervisor = merged["/cell/supervisor"]["ros__parameters"]
+    supervisor.setdefault("done_confirmations", LoopSettings.done_confirmations)
     return merged
 
 

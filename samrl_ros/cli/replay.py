@@ -89,5 +89,5 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
         known = {f.name for f in dataclasses.fields(node.settings)}
         settings[name] = {k: v for k, v in given.get(name, {}).items() if k in known}
     # Runs from before this was a setting, which are known by its absence, ended with the first such image.
-    settings["supervisor"].setdefault("agreeing", 1)
+    settings["supervisor"].setdefault("done_confirmations", 1)
     return settings

@@ -22,6 +22,8 @@ def declare(node: Node, settings_type: type[Any]) -> None:
         if default is dataclasses.MISSING:
             raise InputError(f"{settings_type.__name__}.{field.name} needs a default to become a parameter")
         value = list(default) if isinstance(default, tuple) else default
+        former = _under_former_name(node, field)
+        value = value if former is None else former
         try:
             node.declare_parameter(field.name, value, _descriptor(field))
         except InvalidParameterTypeException as error:
@@ -45,6 +47,25 @@ def read(node: Node, settings_type: type[Settings]) -> Settings:
         value: Any = node.get_parameter(field.name).value
         values[field.name] = tuple(value) if isinstance(field.default, tuple) else value
     return settings_type(**values)
+
+
+def _under_former_name(node: Node, field: dataclasses.Field[Any]) -> Any:
+    """What a file or command line gives under the name that the parameter had, None if nothing.
+
+    Raises:
+        InputError: a value of another type.
+    """
+    name = field.metadata.get("former", "")
+    if not name or "." in name:  # of another node: `samrl cell --params` moves it
+        return None
+    value = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True)).value
+    node.undeclare_parameter(name)
+    if value is None:
+        return None
+    node.get_logger().warning(f"parameter {name} is called {field.name}; rename it")
+    if not isinstance(field.default, tuple) and type(value) is not type(field.default):
+        raise InputError(f"parameter {name} is a {type(value).__name__}, must be as {field.default!r}")
+    return value
 
 
 def _descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:

@@ -12,7 +12,8 @@ from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
-from samrl_core.policy.agent.updating import Updating
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.settings import AgentSettings
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.settings import setting
 from samrl_ros.contract.topics import cell_topic
@@ -46,7 +47,12 @@ class ModelUpdater(Behaviour):
         self._task = task_named(settings.task)
         cell = cell_named(settings.cell)
         self._model = Model(self._task, cell)
-        self._updating = Updating(self._model, settings.enabled, lambda text: outbox.log("error", text))
+        self._agent = Agent(
+            self._model,
+            AgentSettings(update=settings.enabled),
+            log=lambda text: outbox.log("error", text),
+            verbs=("update_model",),
+        )
         self._frames = assembly.PatientAssembler(cell, settings.max_bad_frames, outbox.log)
         self._request: Any = None
         self._asked: tuple[str, int] | None = None  # stage and stamp [ns] of the newest request
@@ -55,12 +61,12 @@ class ModelUpdater(Behaviour):
 
     def start(self) -> None:
         """See `Behaviour`: the physics is compiled before the first request."""
-        self._updating.prepare()
+        self._agent.prepare()
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
         if topic == READY:
-            self._updating.begin()
+            self._agent.begin_episode()
             self._request = self._asked = self._state = None
         elif topic == REQUEST:
             self._on_request(message)
@@ -74,7 +80,7 @@ class ModelUpdater(Behaviour):
         return {
             "updates": str(self._updates),
             "bad_frames_in_a_row": str(self._frames.bad_frames),
-            "why_stopped": self._updating.estimate.why_stopped,
+            "why_stopped": self._agent.estimate.why_stopped,
         }
 
     def _on_request(self, message: Any) -> None:
@@ -89,7 +95,7 @@ class ModelUpdater(Behaviour):
 
     def _update(self, observation: Observation) -> None:
         request, self._request = self._request, None
-        estimate = self._updating.update(observation)
+        estimate = self._agent.update_model(observation)
         self._updates += 1
         self._state = model_state_message.to_message(estimate, self._task, request.episode, request.step)
         self._outbox.publish(STATE, self._state)

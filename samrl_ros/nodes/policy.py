@@ -12,7 +12,7 @@ from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
-from samrl_core.policy.agent.acting import Acting
+from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES
 from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.policy.planning.trajectory import TrajectorySettings
@@ -96,7 +96,7 @@ class PolicyNode(Behaviour):
         learned = settings.policy == "learned"
         folder = Path(settings.weights) if settings.weights else None
         networks = trained_networks(self._task.name, self._cell, folder) if learned else None
-        agent = AgentSettings(
+        asked = AgentSettings(
             policy=settings.policy,
             actor_image=settings.actor_image,
             seed=settings.seed,
@@ -107,7 +107,7 @@ class PolicyNode(Behaviour):
             plan=TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1),
         )
         model = Model(self._task, self._cell)
-        self._acting = Acting(model, agent, networks, lambda text: outbox.log("error", text))
+        self._agent = Agent(model, asked, networks, lambda text: outbox.log("error", text), verbs=("act",))
         names = tuple(spec.name for spec in self._task.parameters())
         self._inputs = StepInputs("act", names, self._cell, settings.max_bad_frames, outbox.log)
         self._residual_version = 0
@@ -115,7 +115,7 @@ class PolicyNode(Behaviour):
 
     def start(self) -> None:
         """See `Behaviour`: the physics is compiled before the first request."""
-        self._acting.prepare()
+        self._agent.prepare()
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
@@ -123,7 +123,7 @@ class PolicyNode(Behaviour):
             self._on_weights(message)
             return
         if topic == step_inputs.READY:
-            self._acting.begin()
+            self._agent.begin_episode()
         found = self._inputs.take(topic, message)
         if found is not None:
             self._act(found)
@@ -140,22 +140,22 @@ class PolicyNode(Behaviour):
         announced = from_message.announced_weights(message.data)
         if self._collected < 0:  # the first one of this run
             self._collected = announced.steps
-            self._acting.explore_from(announced.steps)
+            self._agent.explore_from(announced.steps)
         if announced.version == 0:
-            self._acting.residual = None
+            self._agent.residual = None
         else:
             if announced.task != self._task.name:
                 raise InputError(
                     f"residual of task {announced.task!r} announced, this cell runs {self._task.name!r}; "
                     "give all nodes one task"
                 )
-            self._acting.residual = announced_residual(
+            self._agent.residual = announced_residual(
                 announced.file, announced.sha256, self._task.name, self._cell
             )
         self._residual_version = announced.version
 
     def _act(self, found: StepInput) -> None:
-        choice = self._acting.choose(found.estimate, found.observation)
+        choice = self._agent.act(found.estimate, found.observation)
         header = to_message.header(found.observation.stamp_ns, "world")
         message = ToolAction(header=header, episode=found.request.episode, step=found.request.step)
         message.sub_goal = choice.sub_goal

@@ -39,13 +39,29 @@ class SupervisorSettings:
     episodes: int = setting(1, "episodes to run", range=(1, 1_000_000))
     seed: int = setting(0, "seed of the first episode; each next one adds 1", range=(0, 2**31 - 1))
     max_actions: int = setting(0, "actions per episode, 0 for the task's own limit", range=(0, 100_000))
-    view_period: int = setting(3, "actions from one search for a better view to the next", range=(1, 1000))
-    looks: int = setting(1, "camera moves in one search; after each the model is updated", range=(1, 20))
-    max_lost_updates: int = setting(5, "updates in a row that may miss the target", range=(1, 1000))
-    believe: bool = setting(
-        True, "end when the model says done; set false where model_updater is not enabled"
+    view_period: int = setting(
+        LoopSettings.view_period, "actions from one search for a better view to the next", range=(1, 1000)
     )
-    agreeing: int = setting(2, "images in a row that must say done", range=(1, 20))
+    views_per_search: int = setting(
+        LoopSettings.views_per_search,
+        "camera moves in one search; after each the model is updated",
+        range=(1, 20),
+        former="looks",
+    )
+    max_lost_updates: int = setting(
+        LoopSettings.max_lost_updates, "updates in a row that may miss the target", range=(1, 1000)
+    )
+    stop_on_model_success: bool = setting(
+        LoopSettings.stop_on_model_success,
+        "end when the model says done; set false where model_updater is not enabled",
+        former="believe",
+    )
+    done_confirmations: int = setting(
+        LoopSettings.done_confirmations,
+        "images in a row that must say done",
+        range=(1, 20),
+        former="agreeing",
+    )
     retry_period: float = setting(
         3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0)
     )
@@ -76,10 +92,10 @@ class Supervisor(Behaviour):
         self._loop = LoopSettings(
             settings.max_actions or self._task.max_actions,
             settings.view_period,
-            settings.looks,
+            settings.views_per_search,
             settings.max_lost_updates,
-            agreeing=settings.agreeing,
-            believe=settings.believe,
+            done_confirmations=settings.done_confirmations,
+            stop_on_model_success=settings.stop_on_model_success,
         )
         self._episode = -1
         self._state = LoopState()
@@ -164,7 +180,7 @@ class Supervisor(Behaviour):
         self._state = self._state.updated(message.why_stopped, message.loss_after)
         stage = stage_after_update(self._task, values, self._tip, self._state, self._loop)
         if stage == "again":
-            self._state = self._state.agreed_once()
+            self._state = self._state.confirmed_once()
             self._ask("update")
         elif stage == "lost":
             self._end(False, f"error: target not seen in {self._state.lost_updates} updates in a row")

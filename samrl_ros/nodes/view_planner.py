@@ -12,7 +12,7 @@ from samrl_msgs.msg import ViewTarget
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.model.model import Model
-from samrl_core.policy.agent.looking import Looking
+from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, STRATEGIES, STRATEGY_OF
 from samrl_core.policy.agent.settings import AgentSettings, trained_networks
 from samrl_ros.contract.behaviour import Behaviour, Outbox
@@ -56,14 +56,14 @@ class ViewPlannerNode(Behaviour):
         folder = Path(settings.weights) if settings.weights else None
         networks = trained_networks(task.name, cell, folder) if learned else None
         agent = AgentSettings(strategy=settings.strategy, seed=settings.seed)
-        self._looking = Looking(Model(task, cell), agent, networks)
+        self._agent = Agent(Model(task, cell), agent, networks, verbs=("plan_view",))
         names = tuple(spec.name for spec in task.parameters())
         self._inputs = StepInputs("view", names, cell, settings.max_bad_frames, outbox.log)
         self._moves = 0
 
     def start(self) -> None:
         """See `Behaviour`: reachable views are there before the first request."""
-        self._looking.prepare()
+        self._agent.prepare()
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
@@ -80,7 +80,7 @@ class ViewPlannerNode(Behaviour):
         }
 
     def _plan_view(self, found: StepInput) -> None:
-        choice = self._looking.choose(found.estimate, found.observation)
+        choice = self._agent.plan_view(found.estimate, found.observation)
         self._moves += int(choice.move)
         request = found.request
         message = ViewTarget(header=found.state.header, episode=request.episode, step=request.step)

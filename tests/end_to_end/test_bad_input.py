@@ -161,10 +161,12 @@ def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
 
     options = CellOptions(task="peg_insertion", episodes=1, seed=0, out=tmp_path / "plain")
     plain = yaml.safe_load(prepare(options).read_text())
-    assert "believe" not in plain["/cell/supervisor"]["ros__parameters"]  # its own default, or a file's
+    assert (
+        "stop_on_model_success" not in plain["/cell/supervisor"]["ros__parameters"]
+    )  # its own default, or a file's
     assert "residual" not in plain["/cell/residual_trainer"]["ros__parameters"]
     blind = yaml.safe_load(prepare(replace(options, update=False, out=tmp_path / "blind")).read_text())
-    assert blind["/cell/supervisor"]["ros__parameters"]["believe"] is False
+    assert blind["/cell/supervisor"]["ros__parameters"]["stop_on_model_success"] is False
     assert blind["/cell/model_updater"]["ros__parameters"]["enabled"] is False
     file, training = tmp_path / "residual.safetensors", tmp_path / "training.yaml"
     about = WeightsInfo("residual_actor", "peg_insertion", cell_named().intrinsics, 0.003, 0)
@@ -185,11 +187,11 @@ def test_a_replay_of_an_older_run_ends_as_that_did(tmp_path: Path) -> None:
     out = tmp_path / "run"
     file = prepare(CellOptions(task="peg_insertion", episodes=1, seed=0, out=out))
     (out / "bag").mkdir()
-    assert recorded_settings(out / "bag")["supervisor"]["agreeing"] == 2
+    assert recorded_settings(out / "bag")["supervisor"]["done_confirmations"] == 2
     older = yaml.safe_load(file.read_text())
-    del older["/cell/supervisor"]["ros__parameters"]["agreeing"]
+    del older["/cell/supervisor"]["ros__parameters"]["done_confirmations"]
     file.write_text(yaml.safe_dump(older))
-    assert recorded_settings(out / "bag")["supervisor"]["agreeing"] == 1
+    assert recorded_settings(out / "bag")["supervisor"]["done_confirmations"] == 1
 
 
 def test_an_out_folder_in_use_is_not_touched(tmp_path: Path, capfd: Any) -> None:

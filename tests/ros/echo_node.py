@@ -19,7 +19,7 @@ ESTOP = f"{NAMESPACE}/estop"
 class EchoSettings:
     """One setting of each kind."""
 
-    gain: float = setting(2.0, "a gain", "1/s", range=(0.0, 10.0))
+    gain: float = setting(2.0, "a gain", "1/s", range=(0.0, 10.0), former="strength")
     count: int = setting(1, "a count", range=(1, 5))
     mode: str = setting("plain", "how to answer", choices=("plain", "loud"))
     weights: tuple[float, ...] = setting((0.5, 0.5), "some weights", range=(0.0, 1.0))

@@ -17,9 +17,8 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
-from samrl_core.policy.agent.acting import Acting
-from samrl_core.policy.agent.agent import Agent, run_episode
-from samrl_core.policy.agent.looking import Looking
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.episode import run_episode
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.settings import AgentSettings, trained_networks
 from samrl_core.policy.networks.networks import ResidualActor, SensingQ, SimActor
@@ -221,12 +220,12 @@ def test_learned_parts_are_the_same_in_both(
 
     model, networks = Model(TASK, CELL), trained_networks(TASK.name, CELL, weights)
     settings = AgentSettings(policy="learned", strategy="q")
-    looking, acting = Looking(model, settings, networks), Acting(model, settings, networks)
-    acting.residual = policy._acting.residual
-    assert acting.residual is not None
+    agent = Agent(model, settings, networks)
+    agent.residual = policy._agent.residual
+    assert agent.residual is not None
     choose: dict[str, Callable[[Any, Observation], np.ndarray]] = {
-        "view": lambda state, seen: looking.choose(state, seen).joint_position,
-        "act": lambda state, seen: acting.choose(state, seen).displacement,
+        "view": lambda state, seen: agent.plan_view(state, seen).joint_position,
+        "act": lambda state, seen: agent.act(state, seen).displacement,
     }
     expected: dict[str, list[np.ndarray]] = {"view": [], "act": []}
     state: Any = None

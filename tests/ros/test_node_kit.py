@@ -129,6 +129,14 @@ def test_an_active_node_answers_with_its_settings(make: Any, probe: Probe) -> No
     assert probe.heard("hello gain=3.5 weights=(0.25,)")
 
 
+def test_a_parameter_is_heard_under_its_former_name(make: Any, probe: Probe) -> None:
+    thread = make(strength=3.0)
+    assert probe.heard("started")
+    probe.say("hello")
+    assert probe.heard("hello gain=3.0")
+    assert not thread.run(lambda: thread.node.has_parameter("strength"))
+
+
 def test_an_inactive_node_handles_nothing_and_counts_what_it_ignored(make: Any, probe: Probe) -> None:
     thread = make(autostart=False)
     thread.run(thread.node.trigger_configure)
@@ -209,6 +217,8 @@ def test_speaking_on_a_topic_that_is_no_output_is_a_failure(make: Any, probe: Pr
         ({"gain": float("nan")}, "nan"),
         ({"gain": 5}, "float"),
         ({"count": 9}, "count"),
+        ({"strength": 11.0}, "gain"),
+        ({"strength": 5}, "strength is a int"),
         ({"mode": "silent"}, "none of plain, loud"),
         ({"weights": [0.5, 1.5]}, r"1.5 is outside 0.0 .. 1.0"),
     ],

@@ -93,9 +93,9 @@ def test_one_image_that_says_done_is_not_enough(estimate: Any, verdicts: list[bo
 
 def test_as_many_as_are_asked_for(estimate: Any, verdicts: list[bool]) -> None:
     verdicts += [True]
-    assert updates(estimate, 1, agreeing=1).ends == [(True, "done")]
+    assert updates(estimate, 1, done_confirmations=1).ends == [(True, "done")]
 
 
 def test_a_model_that_is_not_updated_ends_nothing(estimate: Any) -> None:
-    found = updates(estimate, 1, believe=False)
+    found = updates(estimate, 1, stop_on_model_success=False)
     assert found.asked[-1][0] == "view" and not found.ends

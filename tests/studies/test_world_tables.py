@@ -161,7 +161,7 @@ def test_truth_is_asked_once_when_the_episode_has_ended(monkeypatch: pytest.Monk
     order: list[str] = []
 
     def episode(agent: Any, plant: Any, loop: Any, watch: Any) -> Any:
-        assert loop.looks == 0
+        assert loop.views_per_search == 0
         observation = plant.observe()
         order.append("episode")
         assert not hasattr(plant, "truth") and not hasattr(observation, "truth")
@@ -185,7 +185,7 @@ def test_a_model_that_is_not_updated_does_not_end_an_episode(
     update: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def episode(agent: Any, plant: Any, loop: Any, watch: Any) -> Any:
-        assert loop.believe is update
+        assert loop.stop_on_model_success is update
         return SimpleNamespace(ended="action_limit")
 
     monkeypatch.setattr(world_episodes, "run_episode", episode)
@@ -204,7 +204,7 @@ def test_the_camera_is_where_it_is_held(monkeypatch: pytest.MonkeyPatch) -> None
     seen: list[np.ndarray] = []
 
     def episode(agent: Any, plant: Any, loop: Any, watch: Any) -> Any:
-        assert (loop.view_period, loop.looks, loop.max_actions) == (2, 0, 100)
+        assert (loop.view_period, loop.views_per_search, loop.max_actions) == (2, 0, 100)
         seen.append(plant.observe().camera_arm.position)
         return SimpleNamespace(ended="done")
 

@@ -1,133 +1,220 @@
-"""The parts of Algorithm 1 on one model, and its loop."""
+"""The agent: updates its model, plans views and acts, on one model of the task."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
+import torch
 
 from samrl_core.cell.types.observation import Observation
+from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.real2sim import Estimate
-from samrl_core.policy.agent.acting import Acting, ActionChoice
-from samrl_core.policy.agent.looking import Looking
-from samrl_core.policy.agent.loop import LoopSettings, LoopState, Stage, stage_after_update
-from samrl_core.policy.agent.settings import AgentSettings, Tell, silent
-from samrl_core.policy.agent.updating import Updating
-from samrl_core.policy.view.sensing_value import Networks
+from samrl_core.model.real2sim.prediction import likeliest, predictions
+from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
+from samrl_core.policy.agent.exploration import Exploration, shortened, within_reach
+from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
+from samrl_core.policy.networks.network_image import observed_image
+from samrl_core.policy.networks.networks import ResidualActor
+from samrl_core.policy.planning.expert import label_of
+from samrl_core.policy.view.sensing_value import Networks, SensingValue
+from samrl_core.policy.view.view_ascent import ViewAscent
+from samrl_core.policy.view.view_planning import ViewChoice, ViewPlanner
 
-Part = Literal["observe", "update", "view", "look", "act", "move"]
-Watch = Callable[[Part], AbstractContextManager[None]]  # is entered around each part of an episode
+Verb = Literal["update_model", "plan_view", "act"]
+VERBS: tuple[Verb, ...] = get_args(Verb)
 
 
-def unwatched(part: Part) -> AbstractContextManager[None]:
-    """Nobody watches."""
-    return nullcontext()
+@dataclass(frozen=True, eq=False)
+class ActionChoice:
+    """What the tool shall do next."""
+
+    sub_goal: str  # of eq. 22 that is next in the estimate; "none" when none is left
+    nominal: np.ndarray  # (3,) eq. 12 [m]
+    residual: np.ndarray  # (3,) eq. 13 [m]
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Eq. 14, (3,) [m]."""
+        return self.nominal + self.residual
 
 
 class Agent:
-    """Updates, looks and acts."""
+    """Algorithm 1 in three verbs. A node of the cell uses one of them, `run_episode` all.
+
+    What it remembers: the belief `estimate`, the tip of the last image, the residual policy, the exploration
+    noise, and the generator of strategy "random".
+    """
 
     def __init__(
         self,
         model: Model,
         settings: AgentSettings | None = None,
         networks: Networks | None = None,
-        tell: Tell = silent,
+        log: Log = no_log,
+        verbs: tuple[Verb, ...] = VERBS,
     ) -> None:
-        """`networks` where the settings need them, as from `trained_networks`.
+        """An agent for the given verbs; what the others need is neither asked for nor built.
+
+        Args:
+            model: of the task and the cell.
+            settings: what to do in each verb.
+            networks: where the settings need them, as from `trained_networks`.
+            log: takes, in words, what did not go as it should.
+            verbs: that will be used.
 
         Raises:
-            InputError: they are needed and not there.
+            InputError: networks are needed and not there, or the task's actions are too long for the tool.
         """
         self.model, self.settings = model, settings or AgentSettings()
-        self.updating = Updating(model, self.settings.update, tell)
-        self.looking = Looking(model, self.settings, networks)
-        self.acting = Acting(model, self.settings, networks, tell)
+        self._networks, self._log, self._verbs = networks, log, verbs
+        if "plan_view" in verbs and self.settings.strategy == "q":
+            required(networks, "strategy 'q'")
+        if "act" in verbs:
+            if self.settings.policy == "learned":
+                required(networks, "policy 'learned'")
+            if model.task.action_limit > self.settings.longest:
+                raise InputError(
+                    f"{model.task.name} has actions of up to {model.task.action_limit} m, the tool moves at "
+                    f"most {self.settings.longest} m; shorten the task's steps or allow longer ones"
+                )
+        self.residual: ResidualActor | None = None  # None is the zero residual of eq. 15
+        self.restart(self.settings)
 
     def prepare(self) -> None:
-        """Compile and solve what the first step would wait for."""
-        self.updating.prepare()
-        self.looking.prepare()
-        self.acting.prepare()
+        """Compile and solve now what the first use of each verb would wait for (seconds)."""
+        plans = self.settings.policy == "optimised"
+        if "update_model" in self._verbs or ("act" in self._verbs and plans):
+            self.model.dynamics.prepare()
+        if "plan_view" in self._verbs:
+            (self._view_ascent if self.settings.strategy == "q" else self._view_planner).prepare()
+
+    def restart(self, settings: AgentSettings, residual: ResidualActor | None = None) -> None:
+        """Become a new agent of the same policy, strategy and image; what was compiled is kept.
+
+        Raises:
+            InputError: settings that another agent has to be built for.
+        """
+        for name in ("policy", "strategy", "actor_image", "plan", "information", "ascent"):
+            if getattr(settings, name) != getattr(self.settings, name):
+                raise InputError(f"{name} of an agent stays what it is; build another agent for another one")
+        self.settings, self.residual = settings, residual
+        self._view_rng = np.random.default_rng(settings.seed)
+        self.explore_from(0)
+        self._forget()
+
+    def begin_episode(self) -> None:
+        """Forget the last episode: its estimate and its exploration noise."""
+        self._forget()
+        self._exploration.begin()
+
+    def explore_from(self, steps: int) -> None:
+        """Seed exploration for a run that begins with so many steps collected: no two are the same."""
+        s = self.settings
+        rng = np.random.default_rng([s.seed, steps])
+        self._exploration = Exploration(s.exploration, s.exploration_memory, rng)
+
+    def update_model(self, observation: Observation) -> Estimate:
+        """Lines 3 and 8: the belief after an image.
+
+        Eq. 8 predicts each way that the last action may have gone, eq. 7 corrects each of them.
+        """
+        if self.settings.update:
+            found = self._predictions(observation)
+            several = len(found) > 1
+            updates = [self._real2sim.update(one, observation, compared=several) for one in found]
+            self.estimate = likeliest(updates)
+        else:
+            self.estimate = replace(self.estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")
+        return self.estimate
+
+    def plan_view(self, estimate: Estimate, observation: Observation) -> ViewChoice:
+        """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation."""
+        tool, camera = observation.tool_arm.position, observation.camera_arm.position
+        if self.settings.strategy == "q":
+            return self._view_ascent.plan(estimate, tool, camera)
+        return self._view_planner.plan(estimate, tool, camera, self.settings.strategy, self._view_rng)
+
+    def act(self, estimate: Estimate, observation: Observation) -> ActionChoice:
+        """Lines 4, 9 and 18: the next action, in the state of the estimate and the observation's joints.
+
+        Raises:
+            InputError: networks whose answer is not finite.
+        """
+        tip = self.model.tip_in_base(observation.tool_arm.position).position
+        if self.settings.policy == "learned":
+            name, nominal = self._learned_action(estimate, tip, observation)
+        else:
+            name, nominal = self._planned_action(estimate.values, tip)
+        return ActionChoice(name, nominal, self._residual_action(observation, tip, nominal))
+
+    @cached_property
+    def _real2sim(self) -> Real2Sim:
+        return Real2Sim(self.model)
+
+    @cached_property
+    def _view_ascent(self) -> ViewAscent:
+        networks = required(self._networks, "strategy 'q'")
+        return ViewAscent(self.model, self.model.cell, self.model.task, networks, self.settings.ascent)
+
+    @cached_property
+    def _view_planner(self) -> ViewPlanner:
+        return ViewPlanner(self.model, self.model.cell, self.model.task, self.settings.information)
+
+    def _forget(self) -> None:
+        self.estimate: Estimate = initial_estimate(self.model)
+        self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
+
+    def _predictions(self, observation: Observation) -> tuple[Estimate, ...]:
+        tip = self.model.tip_in_base(observation.tool_arm.position).position
+        before, self._tip = self._tip, tip
+        if before is None:
+            return (self.estimate,)
+        specs = self.model.task.parameters()
+        try:
+            return predictions(self.model.dynamics, specs, self.estimate, before, tip)
+        except SolveError as error:
+            self._log(f"the last estimate stands in for a prediction: {error}")
+            return (self.estimate,)
+
+    def _planned_action(self, values: np.ndarray, tip: np.ndarray) -> tuple[str, np.ndarray]:
+        """Name of the next sub-goal, and the first action (3,) [m] of a plan; "none" and 0 when done."""
+        label = label_of(self.model.dynamics, self.model.task, values, tip, self.settings.plan)
+        if label.why_straight:
+            self._log(f"no plan, straight to the next sub-goal instead: {label.why_straight}")
+        return label.sub_goal, label.action
+
+    def _learned_action(
+        self, estimate: Estimate, tip: np.ndarray, observation: Observation
+    ) -> tuple[str, np.ndarray]:
+        networks = required(self._networks, "policy 'learned'")
+        if self.settings.actor_image == "real":
+            image = observed_image(observation, tip, self.model.cell)[None]
+        else:
+            value = SensingValue(self.model, networks, estimate, observation.tool_arm.position)
+            image = value.view(observation.camera.camera_in_world)
+        with torch.no_grad():
+            action = networks.actor(image)[0].numpy()
+        goals = self.model.task.sub_goals(estimate.values, tip)
+        return goals[0].name if goals else "none", _finite(action, "actor")
+
+    def _residual_action(self, observation: Observation, tip: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        residual = np.zeros(3)
+        if self.residual is not None:
+            image = observed_image(observation, tip, self.model.cell)[None]
+            with torch.no_grad():
+                found = self.residual(image, torch.from_numpy(nominal).to(torch.float32)[None])[0]
+            residual = _finite(found.numpy(), "residual policy")
+        s = self.settings
+        if s.exploration > 0.0:
+            limit = s.exploration_limit if self.residual is None else self.residual.limit
+            residual = shortened(residual + self._exploration.next(), limit)
+        return within_reach(nominal, residual, s.longest)
 
 
-class Plant(Protocol):
-    """A cell as Algorithm 1 needs it: nothing but sensors and motions."""
-
-    def observe(self) -> Observation:
-        """Cam(P): an image and joints of now, with everything at rest."""
-        ...
-
-    def look_from(self, camera_arm_position: np.ndarray, /) -> None:
-        """Move the camera arm there (J,) [rad] and wait until it rests."""
-        ...
-
-    def displace_tool(self, displacement: np.ndarray, /) -> None:
-        """Move the tool's tip (3,) in the tool arm's base frame [m] and wait until it rests."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One action of an episode, as line 20 stores it."""
-
-    observation: Observation  # before the action
-    estimate: Estimate  # line 16's data: states that the model was in
-    choice: ActionChoice
-
-
-@dataclass(frozen=True, eq=False)
-class Episode:
-    """What `run_episode` did."""
-
-    steps: tuple[Step, ...]
-    last: Observation
-    estimate: Estimate  # after the last update
-    ended: Stage  # "done": as the model believes; truth is for evaluation to ask
-
-
-def run_episode(
-    agent: Agent, plant: Plant, settings: LoopSettings | None = None, watch: Watch = unwatched
-) -> Episode:
-    """Algorithm 1 from line 1 on, until the model believes by two images that the task is done, or a limit.
-
-    `watch` sees the parts: "observe", "look" and "move" are the plant's, the others the agent's.
-    """
-    task = agent.model.task
-    loop = settings or LoopSettings(task.max_actions, believe=agent.settings.update)
-    agent.updating.begin()
-    agent.acting.begin()
-    state = LoopState()
-    steps: list[Step] = []
-    while True:
-        with watch("observe"):
-            observation = plant.observe()
-        with watch("update"):
-            estimate = agent.updating.update(observation)
-        state = state.updated(estimate.why_stopped, estimate.loss_after)
-        tip = agent.model.tip_in_base(observation.tool_arm.position).position
-        stage = stage_after_update(task, estimate.values, tip, state, loop)
-        if stage == "again":
-            state = state.agreed_once()
-            continue
-        if stage == "view":
-            with watch("view"):
-                view = agent.looking.choose(estimate, observation)
-            if view.move:
-                with watch("look"):
-                    plant.look_from(view.joint_position)
-                state = state.looked_once()
-                continue
-            stage = "act"
-        if stage != "act":
-            return Episode(tuple(steps), observation, estimate, stage)
-        with watch("act"):
-            choice = agent.acting.choose(estimate, observation)
-        with watch("move"):
-            plant.displace_tool(choice.displacement)
-        steps.append(Step(observation, estimate, choice))
-        state = state.acted()
+def _finite(action: np.ndarray, who: str) -> np.ndarray:
+    if not np.isfinite(action).all():
+        raise InputError(f"the {who} says {action}, which is not finite; train it anew")
+    return action.astype(np.float64)

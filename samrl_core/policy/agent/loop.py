@@ -19,14 +19,14 @@ class LoopSettings:
 
     max_actions: int  # per episode
     view_period: int = 3  # actions from one search for a better view to the next
-    looks: int = 1  # camera moves in one search; the model is updated after each (line 5's loop)
+    views_per_search: int = 1  # camera moves in one search; an update follows each (line 5's loop)
     max_lost_updates: int = 5  # updates in a row that may miss the target
-    # Of a fit whose "done" is believed, over the episode's median. Right verdicts had at most 1.9, that on a
+    # Of a fit whose "done" counts, over the episode's median. Right verdicts had at most 1.9, that on a
     # pancake which had rolled out of sight 34.
     most_misfit: float = 5.0
     # Images that must say "done" one after the other: a pancake may be falling still when the first one does.
-    agreeing: int = 2
-    believe: bool = True  # end when the model says done; off where it is not updated and knows nothing of it
+    done_confirmations: int = 2
+    stop_on_model_success: bool = True  # off where the model is not updated and cannot know
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class LoopState:
     step: int = 0  # actions executed
     looked: int = 0  # answers of the view search since the last action
     lost_updates: int = 0  # in a row
-    agreed: int = 0  # images in a row that said "done"
+    confirmed: int = 0  # images in a row that said "done"
     misfits: tuple[float, ...] = ()  # eq. 6 after the updates of this episode that saw the target
 
     def updated(self, why_stopped: str, misfit: float) -> LoopState:
@@ -48,15 +48,15 @@ class LoopState:
 
     def looked_once(self) -> LoopState:
         """After an answer of the view search."""
-        return replace(self, looked=self.looked + 1, agreed=0)
+        return replace(self, looked=self.looked + 1, confirmed=0)
 
     def acted(self) -> LoopState:
         """After an action."""
-        return replace(self, step=self.step + 1, looked=0, agreed=0)
+        return replace(self, step=self.step + 1, looked=0, confirmed=0)
 
-    def agreed_once(self) -> LoopState:
+    def confirmed_once(self) -> LoopState:
         """After an update that said "done", and was not the last that has to."""
-        return replace(self, agreed=self.agreed + 1)
+        return replace(self, confirmed=self.confirmed + 1)
 
     def fits(self, most: float) -> bool:
         """Whether the last fit's misfit is at most so many times the episode's median."""
@@ -76,17 +76,17 @@ def stage_after_update(
         settings: limits.
 
     Returns:
-        "view" or "act"; "again" for an update from another image, before "done" is believed; or how the
-        episode ends: "done" as the model believes, "action_limit", "lost".
+        "view" or "act"; "again" for an update from another image, before "done" counts; or how the
+        episode ends: "done" by the model, "action_limit", "lost".
     """
     if state.lost_updates > settings.max_lost_updates:
         return "lost"
     # Where an image missed the target, the values are what was predicted.
-    believed = settings.believe and not state.lost_updates and state.fits(settings.most_misfit)
-    if believed and task.is_done(values, tip_position):
-        return "done" if state.agreed + 1 >= settings.agreeing else "again"
+    counts = settings.stop_on_model_success and not state.lost_updates and state.fits(settings.most_misfit)
+    if counts and task.is_done(values, tip_position):
+        return "done" if state.confirmed + 1 >= settings.done_confirmations else "again"
     if state.step >= settings.max_actions:
         return "action_limit"
-    if state.looked < settings.looks and state.step % settings.view_period == 0:
+    if state.looked < settings.views_per_search and state.step % settings.view_period == 0:
         return "view"
     return "act"

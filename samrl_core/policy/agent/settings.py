@@ -16,11 +16,11 @@ from samrl_core.policy.view.sensing_value import Networks
 from samrl_core.policy.view.view_ascent import ViewAscentSettings
 from samrl_core.policy.view.view_planning import ViewPlannerSettings
 
-Tell = Callable[[str], None]  # hears in words what did not go as it should
+Log = Callable[[str], None]  # takes, in words, what did not go as it should
 
 
-def silent(text: str) -> None:
-    """Nobody listens."""
+def no_log(text: str) -> None:
+    """Drop the message."""
 
 
 @dataclass(frozen=True)

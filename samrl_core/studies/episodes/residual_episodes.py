@@ -20,8 +20,8 @@ from samrl_core.cell.world.evaluation import judged_now
 from samrl_core.common.errors import ReachError, SamrlError
 from samrl_core.learning.residual.replay import End, Step
 from samrl_core.model.model import Model
-from samrl_core.policy.agent.acting import Acting
-from samrl_core.policy.agent.agent import Agent, Episode, run_episode
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.episode import Episode, run_episode
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import STRATEGY_OF
 from samrl_core.policy.agent.settings import AgentSettings, trained_networks
@@ -94,16 +94,16 @@ class Stage:
         self._cell, self._task = cell_named(), task_named(place.task)
         self._offset = place.offset
         self._settings = AgentSettings(policy=place.policy, strategy=STRATEGY_OF[place.policy])
-        self._networks: Networks | None = None
+        networks: Networks | None = None
         if self._settings.needs_networks:
-            self._networks = trained_networks(place.task, self._cell, place.weights)
+            networks = trained_networks(place.task, self._cell, place.weights)
         self._model = Model(self._task, self._cell)
-        self._agent = Agent(self._model, self._settings, self._networks)
+        self._agent = Agent(self._model, self._settings, networks)
         self._agent.prepare()
 
     def play(self, order: Order) -> Played:
         """One episode from its scene on."""
-        self._agent.acting = self._acting(order)
+        self._agent.restart(self._exploring(order), _residual(order))
         world = differing_world(self._task, self._cell, self._offset)
         plant = _PatientPlant(WorldPlant(world, self._task, self._cell))
         plant.begin(order.seed)
@@ -118,20 +118,14 @@ class Stage:
         world.close()
         return Played(steps, ended, why, judged.success, judged.final_error)
 
-    def _acting(self, order: Order) -> Acting:
-        settings = replace(
+    def _exploring(self, order: Order) -> AgentSettings:
+        return replace(
             self._settings,
             seed=order.noise_seed,
             exploration=order.exploration,
             exploration_memory=order.memory,
             exploration_limit=order.limit,
         )
-        acting = Acting(self._model, settings, self._networks)
-        if order.residual:
-            actor = ResidualActor(order.limit)
-            actor.load_state_dict({name: torch.from_numpy(array) for name, array in order.residual.items()})
-            acting.residual = actor.eval().requires_grad_(False)
-        return acting
 
     def _steps(self, episode: Episode) -> tuple[Step, ...]:
         seen = [step.observation for step in episode.steps] + [episode.last]
@@ -150,6 +144,14 @@ class Stage:
             )
             for index, step in enumerate(episode.steps)
         )
+
+
+def _residual(order: Order) -> ResidualActor | None:
+    if not order.residual:
+        return None
+    actor = ResidualActor(order.limit)
+    actor.load_state_dict({name: torch.from_numpy(array) for name, array in order.residual.items()})
+    return actor.eval().requires_grad_(False)
 
 
 @lru_cache(maxsize=3)  # the tasks that share a process

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from samrl_core.policy.agent.agent import Part
+from samrl_core.policy.agent.episode import Part
 
 # What the loop's parts are counted as: the plant's three are the cell's motion, rest and camera.
 GROUP: dict[Part, str] = {
@@ -22,7 +22,7 @@ GROUPS = ("update", "view", "act", "move")
 
 
 class Stopwatch:
-    """A `samrl_core.policy.agent.agent.Watch`."""
+    """A `samrl_core.policy.agent.episode.Watch`."""
 
     def __init__(self) -> None:
         self.entered: Counter[Part] = Counter()

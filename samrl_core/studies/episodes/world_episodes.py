@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +16,8 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import SamrlError
 from samrl_core.model.model import Model
 from samrl_core.model.scene.settings import ModelSettings
-from samrl_core.policy.agent.agent import Agent, run_episode
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.episode import run_episode
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.policy.networks.weights import sha256_of
@@ -76,16 +77,17 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     """
     agent = _agent(job.task, job.condition, job.weights, job.residual if job.condition.residual else None)
     task, cell = agent.model.task, agent.model.cell
-    agent.looking.begin(job.seed)
+    agent.restart(replace(agent.settings, seed=job.seed), agent.residual)
     world = differing_world(task, cell, job.offset) if job.differs else PyBulletWorld(task, cell)
     plant, watch = WorldPlant(world, task, cell), Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:
         plant.look_from(np.array(stop))
-    looks = 0 if job.condition.strategy == HELD else LoopSettings.looks
-    # A model that is not updated knows nothing of when a task is done, see `LoopSettings.believe`.
-    believe = job.condition.update
-    loop = LoopSettings(task.max_actions, job.condition.view_period, looks, believe=believe)
+    views = 0 if job.condition.strategy == HELD else LoopSettings.views_per_search
+    # A model that is not updated cannot say when a task is done.
+    loop = LoopSettings(
+        task.max_actions, job.condition.view_period, views, stop_on_model_success=job.condition.update
+    )
     began_ns = world.time_ns
     trouble = ""
     try:
@@ -130,6 +132,6 @@ def _agent(task: str, condition: Condition, weights: Path | None, residual: Path
     networks = trained_networks(task, model.cell, weights) if settings.needs_networks else None
     agent = Agent(model, settings, networks)
     if residual is not None:
-        agent.acting.residual = announced_residual(residual, sha256_of(residual), task, model.cell)
+        agent.residual = announced_residual(residual, sha256_of(residual), task, model.cell)
     agent.prepare()
     return agent

@@ -13,7 +13,7 @@ from samrl_core.studies.episodes.cell_driver import CellDriver
 
 
 class WorldPlant:
-    """See `samrl_core.policy.agent.agent.Plant`."""
+    """See `samrl_core.policy.agent.episode.Plant`."""
 
     def __init__(
         self, world: SimulatedWorld, task: Task, cell: CellSpec, period_s: float = 0.1, rest_s: float = 0.3

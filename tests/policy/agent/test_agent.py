@@ -16,9 +16,9 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import initial_estimate
-from samrl_core.policy.agent import updating
-from samrl_core.policy.agent.acting import Acting
-from samrl_core.policy.agent.agent import Agent, run_episode
+from samrl_core.policy.agent import agent as agent_module
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.episode import run_episode
 from samrl_core.policy.agent.loop import LoopSettings, LoopState, stage_after_update
 from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.policy.networks.network_image import observed_image
@@ -48,13 +48,18 @@ def info(model: Model, kind: Kind, limit: float) -> WeightsInfo:
     return WeightsInfo(kind, model.task.name, model.cell.intrinsics, limit, 0)
 
 
-class ScriptedLooking:
+def updating_agent(model: Model) -> Agent:
+    """One that nothing but updates."""
+    return Agent(model, verbs=("update_model",))
+
+
+class ScriptedViews:
     """Moves to the given joints one after the other, then stays."""
 
     def __init__(self, *joints: np.ndarray) -> None:
         self.left, self.asked = list(joints), 0
 
-    def choose(self, estimate: Any, observation: Observation) -> ViewChoice:
+    def plan_view(self, estimate: Any, observation: Observation) -> ViewChoice:
         self.asked += 1
         move = bool(self.left)
         joints = self.left.pop(0) if move else observation.camera_arm.position
@@ -82,17 +87,17 @@ def test_predictions_that_compete_are_told_apart_by_the_known_colours(
     model: Model, plant: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One alone needs no such verdict: its eq. 6 with them is not worked out."""
-    alone, several = updating.Updating(model), updating.Updating(model)
+    alone, several = updating_agent(model), updating_agent(model)
     image = plant.observe()
-    start = several.update(image)
+    start = several.update_model(image)
     assert np.isnan(start.loss_known)
     repainted = replace(start, colors=1.0 - start.colors)
-    monkeypatch.setattr(updating, "predictions", lambda *_: (repainted, start))
-    found = several.update(image)
+    monkeypatch.setattr(agent_module, "predictions", lambda *_: (repainted, start))
+    found = several.update_model(image)
     assert np.isfinite(found.loss_known)
-    alone.update(image)
-    monkeypatch.setattr(updating, "predictions", lambda *_: (start,))
-    once = alone.update(image)
+    alone.update_model(image)
+    monkeypatch.setattr(agent_module, "predictions", lambda *_: (start,))
+    once = alone.update_model(image)
     assert np.isnan(once.loss_known)
     np.testing.assert_array_equal(once.values, found.values)
     np.testing.assert_array_equal(once.colors, found.colors)
@@ -103,16 +108,17 @@ def test_looks_again_until_it_stays_or_has_looked_enough(model: Model, plant: An
     elsewhere = [plant.joints["camera_arm"] + d for d in (0.02, 0.04, 0.06)]
     for looks, moves, images, asked in ((1, 1, 4, 1), (2, 2, 5, 2), (5, 3, 6, 4)):
         agent = Agent(model, AgentSettings(policy="optimised", strategy="fixed", update=False))
-        agent.looking = ScriptedLooking(*elsewhere)  # pyright: ignore[reportAttributeAccessIssue]
+        script = ScriptedViews(*elsewhere)
+        agent.plan_view = script.plan_view
         plant.images = 0
-        run_episode(agent, plant, LoopSettings(max_actions=2, view_period=2, looks=looks))
-        assert (plant.images, agent.looking.asked) == (images, asked)  # pyright: ignore
+        run_episode(agent, plant, LoopSettings(max_actions=2, view_period=2, views_per_search=looks))
+        assert (plant.images, script.asked) == (images, asked)
         np.testing.assert_array_equal(plant.joints["camera_arm"], elsewhere[moves - 1])
 
 
 def test_stages() -> None:
     """Each end before the next stage; the first that applies."""
-    loop = LoopSettings(max_actions=4, view_period=2, looks=1, max_lost_updates=1)
+    loop = LoopSettings(max_actions=4, view_period=2, views_per_search=1, max_lost_updates=1)
     task: Any = type("T", (), {"is_done": staticmethod(lambda values, tip: bool(values[0]))})()
 
     def stage(done: float, **counts: int) -> str:
@@ -122,11 +128,11 @@ def test_stages() -> None:
     assert stage(0.0, looked=1) == stage(0.0, step=1) == "act"
     assert stage(0.0, step=4) == "action_limit"
     assert stage(1.0, step=1) == stage(1.0, step=4) == stage(1.0) == "again"
-    assert stage(1.0, step=4, agreed=1) == stage(1.0, agreed=1) == "done"
-    assert stage(1.0, step=1, agreed=1, lost_updates=1) == "act"  # that is a prediction, no image
-    first = LoopState(step=3).agreed_once()
-    assert first.agreed == 1 and first.acted().agreed == first.looked_once().agreed == 0
-    blind = replace(loop, believe=False)
+    assert stage(1.0, step=4, confirmed=1) == stage(1.0, confirmed=1) == "done"
+    assert stage(1.0, step=1, confirmed=1, lost_updates=1) == "act"  # that is a prediction, no image
+    first = LoopState(step=3).confirmed_once()
+    assert first.confirmed == 1 and first.acted().confirmed == first.looked_once().confirmed == 0
+    blind = replace(loop, stop_on_model_success=False)
     assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=1), blind) == "act"
     assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=4), blind) == "action_limit"
     assert stage(1.0, lost_updates=2) == "lost"
@@ -136,13 +142,13 @@ def test_stages() -> None:
 def test_two_images_in_a_row_have_to_agree(model: Model, plant: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(type(model.task), "is_done", lambda *_: plant.images in (2, 4, 5))
     agent = Agent(model, AgentSettings(strategy="fixed", update=False), networks())
-    episode = run_episode(agent, plant, LoopSettings(max_actions=9, looks=0))
+    episode = run_episode(agent, plant, LoopSettings(max_actions=9, views_per_search=0))
     assert (episode.ended, len(episode.steps), plant.images) == ("done", 2, 5)
 
 
 def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:
     """A pancake that rolled out of sight was fitted to what was left of it, and was "flipped" there."""
-    loop = LoopSettings(max_actions=9, agreeing=1)
+    loop = LoopSettings(max_actions=9, done_confirmations=1)
     task: Any = type("T", (), {"is_done": staticmethod(lambda values, tip: True)})()
     state = LoopState(step=1)
     for misfit in (0.04, 0.05, 0.045):
@@ -163,7 +169,7 @@ def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:
 def test_the_learned_action_is_the_actors_on_the_models_image(model: Model, plant: Any) -> None:
     """Eq. 12, from where the real camera stands."""
     trained, estimate, observation = networks(), initial_estimate(model), plant.observe()
-    choice = Acting(model, AgentSettings(policy="learned"), trained).choose(estimate, observation)
+    choice = Agent(model, AgentSettings(policy="learned"), trained).act(estimate, observation)
     value = SensingValue(model, trained, estimate, observation.tool_arm.position)
     with torch.no_grad():
         expected = trained.actor(value.view(observation.camera.camera_in_world))[0].numpy()
@@ -175,18 +181,18 @@ def test_the_learned_action_is_the_actors_on_the_models_image(model: Model, plan
 def test_an_actor_of_a_randomised_model_reads_the_real_image(model: Model, plant: Any) -> None:
     """It goes by the camera alone: whatever the model believes, the action is the same."""
     trained, observation = networks(), plant.observe()
-    acting = Acting(model, AgentSettings(policy="learned", update=False, actor_image="real"), trained)
+    acting = Agent(model, AgentSettings(policy="learned", update=False, actor_image="real"), trained)
     believed = initial_estimate(model)
     wrong = replace(believed, values=believed.values + 0.03)
     tip = model.tip_in_base(observation.tool_arm.position).position
     with torch.no_grad():
         expected = trained.actor(observed_image(observation, tip, model.cell)[None])[0].numpy()
     for estimate in (believed, wrong):
-        nominal = acting.choose(estimate, observation).nominal
+        nominal = acting.act(estimate, observation).nominal
         np.testing.assert_array_equal(nominal, expected.astype(np.float64))
-    rendered = Acting(model, AgentSettings(policy="learned"), trained)
+    rendered = Agent(model, AgentSettings(policy="learned"), trained)
     assert not np.allclose(
-        rendered.choose(wrong, observation).nominal, rendered.choose(believed, observation).nominal, atol=1e-7
+        rendered.act(wrong, observation).nominal, rendered.act(believed, observation).nominal, atol=1e-7
     )
     with pytest.raises(InputError, match="rendered, real"):
         AgentSettings(policy="learned", actor_image="imagined")
@@ -197,12 +203,12 @@ def test_an_actor_of_a_randomised_model_reads_the_real_image(model: Model, plant
 def test_the_residual_is_that_of_the_real_image(model: Model, plant: Any) -> None:
     """Eqs. 13 to 15: zero at first; then the network's, added to the nominal action."""
     estimate, observation = initial_estimate(model), plant.observe()
-    acting = Acting(model, AgentSettings(policy="learned"), networks())
-    before = acting.choose(estimate, observation)
+    acting = Agent(model, AgentSettings(policy="learned"), networks())
+    before = acting.act(estimate, observation)
     acting.residual = ResidualActor(RESIDUAL_LIMIT)
-    np.testing.assert_array_equal(acting.choose(estimate, observation).displacement, before.nominal)
+    np.testing.assert_array_equal(acting.act(estimate, observation).displacement, before.nominal)
     acting.residual = residual()
-    after = acting.choose(estimate, observation)
+    after = acting.act(estimate, observation)
     tip = model.tip_in_base(observation.tool_arm.position).position
     image = observed_image(observation, tip, model.cell)[None]
     nominal = torch.tensor(after.nominal, dtype=torch.float32)[None]
@@ -228,9 +234,9 @@ def test_a_camera_turned_over_changes_no_residual(model: Model, plant: Any) -> N
         seen.tool_arm,
         seen.camera_arm,
     )
-    acting = Acting(model, AgentSettings(policy="learned"), networks())
+    acting = Agent(model, AgentSettings(policy="learned"), networks())
     acting.residual = residual()
-    one, other = (acting.choose(initial_estimate(model), o) for o in (seen, turned))
+    one, other = (acting.act(initial_estimate(model), o) for o in (seen, turned))
     np.testing.assert_allclose(one.residual, other.residual, atol=2e-6)
     np.testing.assert_allclose(one.nominal, other.nominal, atol=2e-5)
 
@@ -240,8 +246,8 @@ def test_exploration_is_seeded_and_bounded(model: Model, plant: Any) -> None:
     observation, estimate = plant.observe(), initial_estimate(model)
 
     def draws(seed: int) -> list[np.ndarray]:
-        acting = Acting(model, replace(settings, seed=seed), networks())
-        return [acting.choose(estimate, observation).residual for _ in range(3)]
+        acting = Agent(model, replace(settings, seed=seed), networks())
+        return [acting.act(estimate, observation).residual for _ in range(3)]
 
     first = draws(3)
     np.testing.assert_array_equal(first, draws(3))
@@ -253,14 +259,14 @@ def test_exploration_starts_anew_with_each_episode(model: Model, plant: Any) -> 
     """With full memory an episode has one noise, the next one another."""
     settings = AgentSettings(policy="learned", exploration=0.0005, exploration_memory=1.0)
     observation, estimate = plant.observe(), initial_estimate(model)
-    acting = Acting(model, settings, networks())
+    acting = Agent(model, settings, networks())
 
     def residual() -> np.ndarray:
-        return acting.choose(estimate, observation).residual
+        return acting.act(estimate, observation).residual
 
     first = residual()
     np.testing.assert_array_equal(residual(), first)
-    acting.begin()
+    acting.begin_episode()
     assert not np.allclose(residual(), first)
 
 
@@ -270,13 +276,13 @@ def test_an_action_is_never_longer_than_the_tool_may_move(model: Model, plant: A
     settings = AgentSettings(
         policy="learned", exploration=0.05, exploration_limit=0.02, longest=longest, exploration_memory=0.0
     )
-    acting = Acting(model, settings, networks())
+    acting = Agent(model, settings, networks())
     observation, estimate = plant.observe(), initial_estimate(model)
-    choices = [acting.choose(estimate, observation) for _ in range(5)]
+    choices = [acting.act(estimate, observation) for _ in range(5)]
     assert all(np.linalg.norm(one.displacement) <= longest for one in choices)
     assert any(np.linalg.norm(one.residual) > 0.001 for one in choices)
     with pytest.raises(InputError, match="the tool moves at most"):
-        Acting(model, replace(settings, longest=0.9 * longest), networks())
+        Agent(model, replace(settings, longest=0.9 * longest), networks())
 
 
 def test_networks_come_from_a_folder(model: Model, tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ import pytest
 from samrl_core.cell.world.evaluation import ending_now
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.model import Model
-from samrl_core.policy.agent.agent import Agent, run_episode
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.episode import run_episode
 from samrl_core.policy.agent.settings import AgentSettings
 from samrl_core.studies.episodes.world_plant import WorldPlant
 

@@ -19,6 +19,7 @@ from samrl_ros.cell.summary import write_json
 from samrl_ros.contract.exit_codes import FAILED, OK
 from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 from samrl_ros.conversions.from_message import stamp_ns
+from samrl_ros.nodes.manipulator import ManipulatorSettings
 
 REQUEST, EXECUTED = cell_topic("supervisor/request"), cell_topic("manipulator/executed_action")
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
@@ -54,7 +55,7 @@ def bench_cell(out: Path, seed: int, episodes: int, real_time_factor: float) -> 
     console = Console()
     sampler = CpuSampler()
     options = CellOptions(
-        "peg_insertion", episodes, seed, out, layout="processes", real_time_factor=real_time_factor
+        episodes=episodes, seed=seed, out=out, layout="processes", real_time_factor=real_time_factor
     )
     seen: dict[str, Any] = {}
     code = run_cell(options, console, on_tick=sampler.sample, keep=seen)
@@ -116,7 +117,7 @@ def _ages(history: list[tuple[float, str, dict[str, str]]], bag: Path) -> dict[s
 
 def _command_delay(bag: Path) -> list[float]:
     """From a reading's stamp to the recorder's receipt of the command that answers it, in simulated time."""
-    horizon = 0.04  # the manipulator's default
+    horizon = ManipulatorSettings.horizon
     topic = arm_topic("tool_arm", "command")
     return [
         record.log_time_ns * 1e-9 - (stamp_ns(message) * 1e-9 - horizon)

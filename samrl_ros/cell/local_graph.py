@@ -14,11 +14,11 @@ from typing import Any
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
-from samrl_core.cell.world import make_world
+from samrl_core.cell.world import DEFAULT_WORLD, make_world
 from samrl_core.cell.world.evaluation import TruthLog
 from samrl_ros.contract.behaviour import Behaviour
 from samrl_ros.contract.topics import LATCHED, STATIC_TF, TOPICS, arm_topic, cell_topic
-from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
+from samrl_ros.nodes.bridge_core import COMMAND_TIMEOUT_S, BridgeCore, BridgeRates
 from samrl_ros.nodes.registry import behaviour_nodes
 from samrl_ros.nodes.supervisor import START_EPISODE, Supervisor
 
@@ -50,7 +50,7 @@ class LocalGraph:
     task: str
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)  # overrides per node
     truth_file: Path | None = None
-    world_kind: str = "pybullet"
+    world_kind: str = DEFAULT_WORLD
     cell: str = DEFAULT_CELL
     listener: Callable[[str, Any], None] = lambda topic, message: None
     queue: deque[tuple[str, Any]] = field(default_factory=deque)
@@ -67,7 +67,7 @@ class LocalGraph:
             cell,
             task,
             BridgeRates(),
-            command_timeout_s=0.1,
+            command_timeout_s=COMMAND_TIMEOUT_S,
             truth_log=log,
             steady_s=lambda: self.world.time_ns * 1e-9,
         )

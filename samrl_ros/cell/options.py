@@ -6,17 +6,19 @@ import importlib.util
 import os
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 import yaml
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
-from samrl_core.cell.tasks import task_named
-from samrl_core.cell.world import WORLDS
+from samrl_core.cell.tasks import DEFAULT_TASK, task_named
+from samrl_core.cell.world import DEFAULT_WORLD, WORLDS
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_ros.cell.parameter_file import load_parameters
+from samrl_ros.contract.settings import REAL_TIME_FACTOR
 from samrl_ros.nodes.registry import NODES
 
 LAYOUTS = ("split", "processes", "threads")
@@ -26,22 +28,40 @@ LAYOUTS = ("split", "processes", "threads")
 class CellOptions:
     """Options of `samrl cell`."""
 
-    task: str
-    episodes: int
-    seed: int
-    out: Path
-    layout: str = "split"  # split: computing nodes in own processes; processes: every node; threads: none
-    view: bool = False  # Foxglove WebSocket server
-    update: bool = True  # Real2Sim on
-    policy: str = DEFAULT_POLICY  # nominal actions
-    strategy: str = ""  # views; empty for that which goes with the policy
-    weights: Path | None = None  # folder of trained networks, None for the package's
-    residual: Path | None = None  # weight file, None for the zero residual or what a parameter file says
-    real_time_factor: float = 1.0  # upper bound, 0 for as fast as it goes
-    max_actions: int = 0  # 0 for the task's own
-    world: str = "pybullet"
-    cell: str = DEFAULT_CELL  # arms and camera
-    params: Path | None = None  # a parameter file laid over ours
+    task: Annotated[str, typer.Option(help="Task to run.")] = DEFAULT_TASK
+    episodes: Annotated[int, typer.Option(help="Episodes to run.", min=1)] = 1
+    seed: Annotated[int, typer.Option(help="Seed of the first episode; each next one adds 1.", min=0)] = 0
+    out: Annotated[Path, typer.Option(help="Folder for bag, summary and picture; must be unused.")] = Path(
+        "out/cell"
+    )
+    view: Annotated[bool, typer.Option("--view", help="Serve the topics to Foxglove on port 8765.")] = False
+    layout: Annotated[
+        str,
+        typer.Option(help="split: computing nodes in own processes; processes: every node; threads: none."),
+    ] = LAYOUTS[0]
+    update: Annotated[bool, typer.Option(help="Real2Sim update of the model; off for ablations.")] = True
+    policy: Annotated[
+        str,
+        typer.Option(help="Nominal actions: learned (the trained actor) or optimised (through the model)."),
+    ] = DEFAULT_POLICY
+    strategy: Annotated[
+        str,
+        typer.Option(help="Views: q, best, fixed or random; without it, q if learned, best if optimised."),
+    ] = ""
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
+    ] = None
+    residual: Annotated[
+        Path | None,
+        typer.Option(help="A trained residual's weight file; without it, none, or what --params says."),
+    ] = None
+    real_time_factor: Annotated[
+        float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)
+    ] = REAL_TIME_FACTOR
+    max_actions: Annotated[int, typer.Option(help="Actions per episode, 0 for the task's limit.", min=0)] = 0
+    world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = DEFAULT_WORLD
+    cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL
+    params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None
     node_args: tuple[str, ...] = ()  # further --ros-args
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from samrl_core.common.errors import InputError
+from samrl_ros.contract.settings import REAL_TIME_FACTOR
 
 bench_app = typer.Typer(help="Measure.", no_args_is_help=True)
 
@@ -24,7 +25,9 @@ def cell(
     ),
     seed: Annotated[int, typer.Option(help="Seed of the first episode.", min=0)] = 0,
     episodes: Annotated[int, typer.Option(help="Episodes to run.", min=1)] = 2,
-    real_time_factor: Annotated[float, typer.Option(help="Upper bound, 0 for none.", min=0.0)] = 1.0,
+    real_time_factor: Annotated[
+        float, typer.Option(help="Upper bound, 0 for none.", min=0.0)
+    ] = REAL_TIME_FACTOR,
 ) -> None:
     """Run the cell, every node in its own process: CPU share per node, ages, loop time per action."""
     from samrl_ros.cell.cell_bench import bench_cell

@@ -12,7 +12,6 @@ from rich.markup import escape
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.common.errors import InputError, SamrlError
-from samrl_core.policy.agent.policies import DEFAULT_POLICY
 from samrl_ros.cli.options import add_command
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
 
@@ -25,81 +24,18 @@ app = typer.Typer(
 errors = Console(stderr=True)
 
 
-@app.command()
-def cell(
-    context: typer.Context,
-    task: Annotated[str, typer.Option(help="Task to run.")] = "peg_insertion",
-    episodes: Annotated[int, typer.Option(help="Episodes to run.", min=1)] = 1,
-    seed: Annotated[int, typer.Option(help="Seed of the first episode; each next one adds 1.", min=0)] = 0,
-    out: Annotated[Path, typer.Option(help="Folder for bag, summary and picture; must be unused.")] = Path(
-        "out/cell"
-    ),
-    view: Annotated[bool, typer.Option("--view", help="Serve the topics to Foxglove on port 8765.")] = False,
-    layout: Annotated[
-        str,
-        typer.Option(help="split: computing nodes in own processes; processes: every node; threads: none."),
-    ] = "split",
-    update: Annotated[bool, typer.Option(help="Real2Sim update of the model; off for ablations.")] = True,
-    policy: Annotated[
-        str,
-        typer.Option(help="Nominal actions: learned (the trained actor) or optimised (through the model)."),
-    ] = DEFAULT_POLICY,
-    strategy: Annotated[
-        str,
-        typer.Option(help="Views: q, best, fixed or random; without it, q if learned, best if optimised."),
-    ] = "",
-    weights: Annotated[
-        Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
-    ] = None,
-    residual: Annotated[
-        Path | None,
-        typer.Option(help="A trained residual's weight file; without it, none, or what --params says."),
-    ] = None,
-    real_time_factor: Annotated[
-        float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)
-    ] = 1.0,
-    max_actions: Annotated[int, typer.Option(help="Actions per episode, 0 for the task's limit.", min=0)] = 0,
-    world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = "pybullet",
-    cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL,
-    params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None,
-) -> None:
-    """Run the two-arm cell on a task, and leave a bag, a summary and a picture."""
-    from samrl_ros.cell.run import CellOptions, run_cell
-
-    options = CellOptions(
-        task=task,
-        episodes=episodes,
-        seed=seed,
-        out=out,
-        layout=layout,
-        view=view,
-        update=update,
-        policy=policy,
-        strategy=strategy,
-        weights=weights,
-        residual=residual,
-        real_time_factor=real_time_factor,
-        max_actions=max_actions,
-        world=world,
-        cell=cell,
-        params=params,
-        node_args=context.obj or (),
-    )
-    raise typer.Exit(run_cell(options))
-
-
-@app.command()
-def replay(
-    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file.")],
-    out: Annotated[Path | None, typer.Option(help="Write the report there as JSON.")] = None,
-    nodes: Annotated[str, typer.Option(help="Comma-separated nodes to run.")] = "",
-    publish: Annotated[bool, typer.Option("--publish", help="Play over DDS with /clock instead.")] = False,
-    rate: Annotated[float, typer.Option(help="Speed of --publish, 1 is as recorded.", min=0.01)] = 1.0,
-) -> None:
-    """Run the nodes' handlers over a bag in recorded order, or play it over DDS."""
-    from samrl_ros.cli.replay import replay_bag
-
-    raise typer.Exit(replay_bag(bag, out, tuple(n for n in nodes.split(",") if n), publish, rate))
+add_command(
+    app,
+    "cell",
+    "samrl_ros.cli.cell:run_with_node_arguments",
+    "Run the two-arm cell on a task, and leave a bag, a summary and a picture.",
+)
+add_command(
+    app,
+    "replay",
+    "samrl_ros.cli.replay:replay_bag",
+    "Run the nodes' handlers over a bag in recorded order, or play it over DDS.",
+)
 
 
 @app.command()

@@ -1,10 +1,13 @@
-"""`samrl replay`: what the command does, apart from how its options are parsed."""
+"""`samrl replay`: handlers over a recorded bag, or the bag over DDS."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -22,15 +25,32 @@ COMPARED = frozenset(
 )
 
 
-def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: bool, rate: float) -> int:
-    """Replay in process, or publish over DDS; returns the exit code."""
+@dataclass(frozen=True)
+class ReplayOptions:
+    """Options of `samrl replay`."""
+
+    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file.")]
+    out: Annotated[Path | None, typer.Option(help="Write the report there as JSON.")] = None
+    nodes: Annotated[str, typer.Option(help="Comma-separated nodes to run.")] = ""
+    publish: Annotated[bool, typer.Option("--publish", help="Play over DDS with /clock instead.")] = False
+    rate: Annotated[float, typer.Option(help="Speed of --publish, 1 is as recorded.", min=0.01)] = 1.0
+
+
+def replay_bag(options: ReplayOptions) -> int:
+    """Replay in process, or publish over DDS; returns the exit code.
+
+    Raises:
+        InputError: no bag, unknown nodes, or a report that is there already.
+    """
+    bag, out = options.bag, options.out
+    names = tuple(name for name in options.nodes.split(",") if name) or DEFAULT_NODES
     require_ros()
     one_thread_per_library()
     console = Console(width=None if sys.stdout.isatty() else 120)  # a pipe has no width to respect
-    if publish:
+    if options.publish:
         from samrl_ros.bags.play import publish as play
 
-        play(open_bag(bag), rate)
+        play(open_bag(bag), options.rate)
         return OK
     if out is not None and out.exists():
         raise InputError(f"{out} exists; choose another --out")
@@ -39,7 +59,7 @@ def replay_bag(bag: Path, out: Path | None, nodes: tuple[str, ...], publish: boo
 
     settings = recorded_settings(bag)
     make = {}
-    for name in nodes or DEFAULT_NODES:
+    for name in names:
         node = entry(name)
 
         def factory(outbox: RecordingOutbox, node=node, name=name):

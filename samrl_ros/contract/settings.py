@@ -11,6 +11,8 @@ import math
 from dataclasses import field
 from typing import Any
 
+REAL_TIME_FACTOR = 1.0  # default upper bound of simulated over wall time, 0 for none
+
 
 def setting(
     default: Any,

@@ -22,6 +22,7 @@ JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
 FRAME = (COLOR, DEPTH, MASK, INFO)
 INPUTS = (*FRAME, CALIBRATION, *JOINTS)
 
+MAX_BAD_FRAMES = 30  # default number of refused images in a row before a node gives up
 _PENDING_FRAMES = 4  # stamps whose parts may be on their way at once
 _READINGS = 300  # joint readings kept per arm: 1.2 s at 250 Hz
 

@@ -28,6 +28,7 @@ from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.transforms import dynamic_transforms, static_transforms
 
+COMMAND_TIMEOUT_S = 0.1  # default age of a command, by reception, at which the arm brakes [s]
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] in world
 OPTICAL_FRAME = "camera_color_optical_frame"
 _SETTLE_S = 0.3  # simulated before a new episode is announced; also a gap that tells nodes of the restart

@@ -20,6 +20,7 @@ from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.conversions import model_state as model_state_message
 from samrl_ros.nodes import assembly
+from samrl_ros.nodes.assembly import MAX_BAD_FRAMES
 
 READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
 STATE, IMAGE = cell_topic("model_updater/state"), cell_topic("model_updater/image")
@@ -32,7 +33,9 @@ class ModelUpdaterSettings:
     task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     enabled: bool = setting(True, "false leaves the model as it starts: for ablations")
-    max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
+    max_bad_frames: int = setting(
+        MAX_BAD_FRAMES, "refused images in a row before the node gives up", range=(1, 1000)
+    )
 
 
 class ModelUpdater(Behaviour):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +13,14 @@ from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
 from samrl_core.policy.agent.agent import Agent
-from samrl_core.policy.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES
+from samrl_core.policy.agent.policies import ACTOR_IMAGES, POLICIES
 from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
-from samrl_core.policy.planning.trajectory import TrajectorySettings
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.settings import setting
 from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes import step_inputs
+from samrl_ros.nodes.assembly import MAX_BAD_FRAMES
 from samrl_ros.nodes.step_inputs import StepInput, StepInputs
 
 WEIGHTS, ACTION = cell_topic("residual_trainer/weights"), cell_topic("policy/nominal_action")
@@ -33,13 +33,13 @@ class PolicySettings:
     task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     policy: str = setting(
-        DEFAULT_POLICY,
+        AgentSettings.policy,
         "nominal action: of the trained actor, or of a plan through the model",
         choices=POLICIES,
         former="view_planner.policy",
     )
     actor_image: str = setting(
-        ACTOR_IMAGES[0],
+        AgentSettings.actor_image,
         "what the trained actor reads: the updated model's image, or the camera's (randomised models)",
         choices=ACTOR_IMAGES,
         former="view_planner.actor_image",
@@ -47,39 +47,41 @@ class PolicySettings:
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of exploration", range=(0, 2**31 - 1))
     horizon: int = setting(
-        3,
+        AgentSettings.plan.max_sub_goals,
         "sub-goals that are planned for; only the first action is executed",
         range=(1, 60),
         former="view_planner.horizon",
     )
     exploration: float = setting(
-        0.0,
+        AgentSettings.exploration,
         "standard deviation of what is added to the residual while it is trained",
         "m",
         (0.0, 0.005),
         former="view_planner.exploration",
     )
     exploration_limit: float = setting(
-        0.003,
+        AgentSettings.exploration_limit,
         "longest residual tried before the trainer has one; as its `limit`",
         "m",
         (1e-4, 0.02),
         former="view_planner.exploration_limit",
     )
     exploration_memory: float = setting(
-        0.98,
+        AgentSettings.exploration_memory,
         "correlation of what is added to an action and to the next one",
         range=(0.0, 1.0),
         former="view_planner.exploration_memory",
     )
     task_action_limit: float = setting(
-        0.02,
+        AgentSettings.longest,
         "longest displacement, residual included; not above manipulator's",
         "m",
         (1e-3, 0.2),
         former="view_planner.task_action_limit",
     )
-    max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
+    max_bad_frames: int = setting(
+        MAX_BAD_FRAMES, "refused images in a row before the node gives up", range=(1, 1000)
+    )
 
 
 class PolicyNode(Behaviour):
@@ -104,7 +106,7 @@ class PolicyNode(Behaviour):
             exploration_memory=settings.exploration_memory,
             exploration_limit=settings.exploration_limit,
             longest=settings.task_action_limit,
-            plan=TrajectorySettings(max_sub_goals=settings.horizon, max_iterations=3, spare_actions=1),
+            plan=replace(AgentSettings.plan, max_sub_goals=settings.horizon),
         )
         model = Model(self._task, self._cell)
         self._agent = Agent(model, asked, networks, lambda text: outbox.log("error", text), verbs=("act",))

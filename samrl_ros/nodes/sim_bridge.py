@@ -16,15 +16,15 @@ from typing import Any, final
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
-from samrl_core.cell.world import make_world
+from samrl_core.cell.world import DEFAULT_WORLD, WORLDS, make_world
 from samrl_core.cell.world.evaluation import TruthLog
 from samrl_core.common.errors import SamrlError
 from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
-from samrl_ros.contract.settings import setting
+from samrl_ros.contract.settings import REAL_TIME_FACTOR, setting
 from samrl_ros.contract.topics import SERVICES, TOPICS, arm_topic, cell_topic
 from samrl_ros.hosting import CellNode
-from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
+from samrl_ros.nodes.bridge_core import COMMAND_TIMEOUT_S, BridgeCore, BridgeRates
 
 OUTCOME = cell_topic("supervisor/outcome")
 
@@ -35,15 +35,17 @@ class SimBridgeSettings:
 
     task: str = setting(DEFAULT_TASK, "task whose scene is laid out")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
-    world: str = setting("pybullet", "simulator behind the border", choices=("pybullet", "mock"))
+    world: str = setting(DEFAULT_WORLD, "simulator behind the border", choices=WORLDS)
     real_time_factor: float = setting(
-        1.0, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0)
+        REAL_TIME_FACTOR, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0)
     )
-    joint_state_hz: int = setting(250, "simulated rate of joint states and clock", "Hz", (10, 1000))
-    camera_hz: int = setting(10, "simulated rate of images", "Hz", (1, 60))
-    tf_hz: int = setting(20, "simulated rate of tf", "Hz", (1, 250))
+    joint_state_hz: int = setting(
+        BridgeRates.joint_state_hz, "simulated rate of joint states and clock", "Hz", (10, 1000)
+    )
+    camera_hz: int = setting(BridgeRates.camera_hz, "simulated rate of images", "Hz", (1, 60))
+    tf_hz: int = setting(BridgeRates.tf_hz, "simulated rate of tf", "Hz", (1, 250))
     command_timeout: float = setting(
-        0.1, "age of a command, by reception, at which the arm brakes", "s", (0.01, 5.0)
+        COMMAND_TIMEOUT_S, "age of a command, by reception, at which the arm brakes", "s", (0.01, 5.0)
     )
     evaluation_file: str = setting("", "where evaluation truth is written, empty for nowhere")
 

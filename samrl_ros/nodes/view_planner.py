@@ -13,13 +13,14 @@ from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.model.model import Model
 from samrl_core.policy.agent.agent import Agent
-from samrl_core.policy.agent.policies import DEFAULT_POLICY, STRATEGIES, STRATEGY_OF
+from samrl_core.policy.agent.policies import STRATEGIES
 from samrl_core.policy.agent.settings import AgentSettings, trained_networks
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.settings import setting
 from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import to_message
 from samrl_ros.nodes import step_inputs
+from samrl_ros.nodes.assembly import MAX_BAD_FRAMES
 from samrl_ros.nodes.step_inputs import StepInput, StepInputs
 
 TARGET = cell_topic("view_planner/target")
@@ -32,13 +33,15 @@ class ViewPlannerSettings:
     task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     strategy: str = setting(
-        STRATEGY_OF[DEFAULT_POLICY],
+        AgentSettings.strategy,
         "how the view is chosen: ascent of the trained Q, expected information, stay, or at random",
         choices=STRATEGIES,
     )
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of the random strategy", range=(0, 2**31 - 1))
-    max_bad_frames: int = setting(30, "refused images in a row before the node gives up", range=(1, 1000))
+    max_bad_frames: int = setting(
+        MAX_BAD_FRAMES, "refused images in a row before the node gives up", range=(1, 1000)
+    )
 
 
 class ViewPlannerNode(Behaviour):

@@ -11,6 +11,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, LimitError
 
 InverseKinematics = Callable[[Pose, np.ndarray], np.ndarray]  # flange in base, seed (J,) -> (J,) [rad]
+LONGEST_DISPLACEMENT = 0.02  # default limit of the tool's displacement in one action [m]
 MAX_JOINT_STEP = 0.2  # between waypoints [rad]: more means that the solution has jumped to another branch
 
 

@@ -10,6 +10,7 @@ from samrl_core.cell.world.world import SimulatedWorld
 from samrl_core.common.errors import InputError
 
 WORLDS = ("pybullet", "mock")
+DEFAULT_WORLD = WORLDS[0]
 
 
 def make_world(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from samrl_core.cell.control.cartesian import LONGEST_DISPLACEMENT
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.policies import ACTOR_IMAGES, DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
@@ -39,7 +40,7 @@ class AgentSettings:
     exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]
     exploration_memory: float = 0.98  # correlation of what is added to an action and to the next one
     exploration_limit: float = 0.003  # of what is tried before there is a residual, which has its own [m]
-    longest: float = 0.02  # action, its residual included [m]
+    longest: float = LONGEST_DISPLACEMENT  # action, its residual included [m]
     plan: TrajectorySettings = TrajectorySettings(max_sub_goals=3, max_iterations=3, spare_actions=1)
     information: ViewPlannerSettings = field(default_factory=ViewPlannerSettings)
     ascent: ViewAscentSettings = ViewAscentSettings()

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.common.errors import InputError, SamrlError
-from samrl_ros.cli.options import add_command
+from samrl_ros.cli.options import add_command, add_group
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
 
 app = typer.Typer(
@@ -206,14 +206,14 @@ def interfaces() -> None:
     build()
 
 
-def _add_groups() -> None:
-    from samrl_ros.cli.bag import bag_app
-    from samrl_ros.cli.bench import bench_app
-    from samrl_ros.cli.forge import forge_app
-
-    app.add_typer(bag_app, name="bag", help="Look into bags and repair them.")
-    app.add_typer(bench_app, name="bench", help="Measure.")
-    app.add_typer(forge_app, name="forge")
+add_group(app, "bag", "samrl_ros.cli.bag:bag_app", "Look into bags and repair them.")
+add_group(app, "bench", "samrl_ros.cli.bench:bench_app", "Measure.")
+add_group(
+    app,
+    "forge",
+    "samrl_ros.cli.forge:forge_app",
+    "Sealed worlds for a blind test of the diagnosis: make, diagnose, score.",
+)
 
 
 def run(arguments: list[str]) -> int:
@@ -221,8 +221,6 @@ def run(arguments: list[str]) -> int:
 
     What follows `--ros-args` goes to the nodes unread, as with any ROS 2 executable.
     """
-    if not app.registered_groups:
-        _add_groups()
     cut = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
     try:
         app(args=arguments[:cut], obj=tuple(arguments[cut + 1 :]), prog_name="samrl")

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 from typer.models import ParameterInfo
 
 
@@ -41,6 +41,29 @@ def add_command(app: typer.Typer, name: str, target: str, help: str) -> None:
             return super().get_params(ctx)
 
     app.command(name, cls=LazyCommand, help=help)(lambda: None)
+
+
+def add_group(app: typer.Typer, name: str, target: str, help: str) -> None:
+    """Add a group of commands that is loaded when it is used.
+
+    Args:
+        app: gets the group.
+        name: of the group.
+        target: `module:app` of the group's own typer app.
+        help: what the group is for, in one line.
+    """
+
+    class LazyGroup(TyperGroup):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            if not self.commands:
+                module, _, attribute = target.partition(":")
+                group = typer.main.get_group(getattr(importlib.import_module(module), attribute))
+                self.commands, self.params, self.callback = group.commands, group.params, group.callback
+                self.no_args_is_help = group.no_args_is_help
+                self.invoke_without_command = group.invoke_without_command
+            return super().parse_args(ctx, args)
+
+    app.add_typer(typer.Typer(cls=LazyGroup, help=help), name=name)
 
 
 def command_function(function: Callable[..., int]) -> Callable[..., None]:

@@ -20,7 +20,7 @@ from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
 from samrl_core.learning.residual.learners import DEFAULT_LEARNER, LEARNERS, create_settings
-from samrl_core.learning.residual.replay import End, Replay, Step
+from samrl_core.learning.residual.replay import End, Replay, ReplayStep
 from samrl_core.learning.residual.training import (
     Announcement,
     TrainingSettings,
@@ -223,9 +223,9 @@ class ResidualTrainer(Behaviour):
         if self._transitions == self._settings.first_steps and not self._varied:
             self._outbox.log("warn", "all residuals are zero so far; set policy's `exploration`")
 
-    def _step(self, message: Any, episode: int, seen: Observation) -> Step:
+    def _step(self, message: Any, episode: int, seen: Observation) -> ReplayStep:
         flange = self._arm.flange_in_base(seen.tool_arm.position)
-        return Step(
+        return ReplayStep(
             episode,
             message.step,
             seen.frame.color,

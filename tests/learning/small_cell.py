@@ -10,17 +10,17 @@ import numpy as np
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.pose import look_at
-from samrl_core.learning.residual.replay import Step
+from samrl_core.learning.residual.replay import ReplayStep
 
 SIZE = 16  # [px]
 SMALL = replace(cell_named(), intrinsics=Intrinsics.from_fov(SIZE, SIZE, math.radians(42.0)))
 
 
-def random_step(rng: np.random.Generator, episode: int, step: int) -> Step:
+def random_step(rng: np.random.Generator, episode: int, step: int) -> ReplayStep:
     """A step that means nothing."""
     depth = rng.uniform(0.3, 0.6, (SIZE, SIZE)).astype(np.float32)
     depth[rng.random((SIZE, SIZE)) < 0.1] = np.nan
-    return Step(
+    return ReplayStep(
         episode,
         step,
         rng.integers(0, 256, (SIZE, SIZE, 3), dtype=np.uint8),

@@ -12,7 +12,7 @@ import torch
 
 from samrl_core.cell.types.pose import look_at
 from samrl_core.learning.images.packed_images import network_images, packed_depth, poses_as_rows
-from samrl_core.learning.residual.replay import End, Replay, Step
+from samrl_core.learning.residual.replay import End, Replay, ReplayStep
 from samrl_core.learning.residual.td3 import TD3Settings
 from samrl_core.learning.residual.training import ResidualTraining, TrainingSettings, replay_of
 from samrl_core.policy.agent.exploration import shortened
@@ -28,7 +28,7 @@ TIP = np.array([0.5, 0.0, 0.1])
 ENCODER = Encoder(CHANNELS, torch.Generator().manual_seed(3))  # as drawn: it tells where the dot is
 
 
-def draw_state(rng: np.random.Generator, episode: int) -> tuple[Step, np.ndarray]:
+def draw_state(rng: np.random.Generator, episode: int) -> tuple[ReplayStep, np.ndarray]:
     """A state with residual zero, and what the nominal action errs by (3,) [m]."""
     color = np.full((SIZE, SIZE, 3), 100, dtype=np.uint8) + rng.integers(
         0, 10, (SIZE, SIZE, 3), dtype=np.uint8
@@ -40,14 +40,14 @@ def draw_state(rng: np.random.Generator, episode: int) -> tuple[Step, np.ndarray
     error = np.array([0.0, BIAS if side else -BIAS, 0.0])
     wanted = rng.uniform(-0.003, 0.003, 3)
     zeros = np.zeros(3)
-    return Step(episode, 0, color, depth, CAMERA, TIP, wanted + error, zeros, zeros), error
+    return ReplayStep(episode, 0, color, depth, CAMERA, TIP, wanted + error, zeros, zeros), error
 
 
 def succeeds(residual: np.ndarray, error: np.ndarray) -> bool:
     return float(np.linalg.norm(residual + error)) < TOLERANCE
 
 
-def chosen_residual(actor: torch.nn.Module, state: Step) -> np.ndarray:
+def chosen_residual(actor: torch.nn.Module, state: ReplayStep) -> np.ndarray:
     images = network_images(
         state.color[None],
         packed_depth(state.depth)[None],
@@ -66,7 +66,7 @@ def act(
     for _ in range(count):
         state, error = draw_state(rng, replay.next_episode())
         residual = shortened(residual_of(state) + noise * rng.standard_normal(3), limit)
-        step = Step(**{**state.__dict__, "residual": residual, "executed": state.nominal + residual})
+        step = ReplayStep(**{**state.__dict__, "residual": residual, "executed": state.nominal + residual})
         ended = End.SUCCESS if succeeds(residual, error) else End.FAILURE
         replay.end_episode(replay.append(step), ended)
 

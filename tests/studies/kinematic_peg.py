@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
-from samrl_core.learning.residual.replay import Step
+from samrl_core.learning.residual.replay import ReplayStep
 from samrl_core.policy.agent.exploration import Exploration, shortened
 from samrl_core.policy.networks.networks import ResidualActor
 from samrl_core.studies.episodes.residual_episodes import Order, Played
@@ -50,7 +50,7 @@ def _episode(order: Order) -> Played:
     believed = TASK.start_values(rng)
     hole = believed + OFFSET + rng.normal(0.0, SPREAD, 2)
     tip = np.array([TASK.center_x, TASK.center_y, TASK.height + TASK.start_above])
-    steps: list[Step] = []
+    steps: list[ReplayStep] = []
     color, depth = scene(np.random.default_rng([order.seed, 1]))
     while True:
         seen = believed + rng.normal(0.0, ESTIMATE, 2)
@@ -60,7 +60,7 @@ def _episode(order: Order) -> Played:
             return Played(tuple(steps), "action_limit", "", False, float(np.linalg.norm(tip[:2] - hole)))
         goal = TASK.sub_goals(seen, tip)[0]
         nominal = shortened(goal.tip_position - tip, goal.max_step)
-        state = Step(
+        state = ReplayStep(
             0,
             len(steps),
             color + rng.integers(0, 20, (SIZE, SIZE, 3), dtype=np.uint8),
@@ -74,7 +74,7 @@ def _episode(order: Order) -> Played:
         residual = toy_cell.chosen_residual(actor, state) if order.residual else np.zeros(3)
         residual = shortened(residual + noise.next(), order.limit)
         after = _moved(tip, nominal + residual, hole)
-        steps.append(Step(**{**vars(state), "residual": residual, "executed": after - tip}))
+        steps.append(ReplayStep(**{**vars(state), "residual": residual, "executed": after - tip}))
         tip = after
 
 

@@ -29,7 +29,7 @@ from samrl_core.learning.data.checkpoint import (
     with_prefix,
 )
 from samrl_core.learning.data.fit_settings import FitResult, FitSettings
-from samrl_core.learning.data.samples import Samples
+from samrl_core.learning.data.samples import RegressionSamples
 
 Batch = dict[str, torch.Tensor]
 # Per-sample values (B,) of a batch, among them `loss`, whose mean is made small. The others are reported
@@ -45,8 +45,8 @@ _NETWORK, _ADAM = "network.", "adam."
 
 def fit(
     network: nn.Module,
-    train: Samples,
-    validation: Samples,
+    train: RegressionSamples,
+    validation: RegressionSamples,
     objective: Objective,
     settings: FitSettings,
     folder: Path,
@@ -83,8 +83,8 @@ class _Fit:
         self.settings: FitSettings = settings
         self.device = torch.device(settings.device)
         self.network: nn.Module = network.to(self.device)
-        self.train: Samples = train
-        self.validation: Samples = validation
+        self.train: RegressionSamples = train
+        self.validation: RegressionSamples = validation
         self.objective: Objective = objective
         self.folder: Path = folder
         self.progress: Progress = progress
@@ -139,7 +139,7 @@ class _Fit:
         self.adam.step()
         return value
 
-    def _judge(self, samples: Samples, indices: np.ndarray) -> dict[str, torch.Tensor]:
+    def _judge(self, samples: RegressionSamples, indices: np.ndarray) -> dict[str, torch.Tensor]:
         batch = samples.batch(indices, self.device)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16):
             return self.objective(self.network, batch)

@@ -12,7 +12,7 @@ ACTION = "action"  # (B, 3) [m]
 RETURN = "return_"  # (B,) 0..1
 
 
-class Samples(Protocol):
+class RegressionSamples(Protocol):
     """Read-only samples; the same indices give the same batch, so that a resumed training sees the same."""
 
     def __len__(self) -> int:

@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN, Samples
+from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN, RegressionSamples
 from samrl_core.learning.images.rendered_samples import rng_of
 from samrl_core.policy.networks.networks import SimActor
 
@@ -42,10 +42,10 @@ class ActedSettings:
 
 
 class ActedSamples:
-    """`Samples` for Q from those of an actor: its action in place of the expert's, and what it is worth."""
+    """`RegressionSamples` for Q: the actor's action in place of the expert's, and its worth."""
 
     def __init__(
-        self, samples: Samples, actor: SimActor, seed: int, settings: ActedSettings | None = None
+        self, samples: RegressionSamples, actor: SimActor, seed: int, settings: ActedSettings | None = None
     ) -> None:
         """Remembers both.
 
@@ -62,7 +62,7 @@ class ActedSamples:
         return len(self._samples)
 
     def batch(self, indices: np.ndarray, device: torch.device) -> dict[str, torch.Tensor]:
-        """See `Samples`."""
+        """See `RegressionSamples`."""
         s, limit = self._settings, self._actor.action_limit
         batch = self._samples.batch(indices, device)
         rng = rng_of(self._seed, np.asarray(indices, dtype=np.int64))

@@ -15,19 +15,19 @@ from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
 
 
-class LookSource(Protocol):
-    """Where looks are drawn from."""
+class AppearanceSource(Protocol):
+    """Where appearances are drawn from."""
 
-    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
-        """So many looks of the model; the same ones for the same generator."""
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Appearances:
+        """So many appearances of the model; the same ones for the same generator."""
         ...
 
 
 @dataclass(frozen=True)
-class LookSettings:
+class AppearanceSettings:
     """Standard deviations; those of colours are of their logarithm. ASSUMPTIONS, all of them."""
 
-    plain_share: float = 0.2  # of looks that are exactly the model's own
+    plain_share: float = 0.2  # of appearances that are exactly the model's own
     exposure: float = 0.15  # of all colours together
     tint: float = 0.05  # of each channel of all colours
     paint: float = 0.15  # of each colour
@@ -40,13 +40,13 @@ class LookSettings:
             if not value >= 0.0:
                 raise InputError(f"{name} is {value}, must be at least 0")
 
-    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
-        """See `LookSource`."""
-        return draw_looks(model, rng, count, self)
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Appearances:
+        """See `AppearanceSource`."""
+        return sample_appearances(model, rng, count, self)
 
 
 @dataclass(frozen=True, eq=False)
-class Looks:
+class Appearances:
     """Colours and light of B images, and how noisy the camera is."""
 
     colors: torch.Tensor  # (B, G, 3) of the colour groups, linear RGB, as `Model.color_names`
@@ -55,19 +55,19 @@ class Looks:
     ambient: torch.Tensor  # (B,) share of light without direction, 0..1
     noise: torch.Tensor  # (B,) factor on the size of the camera's noise, where there is any
 
-    def rows(self, which: np.ndarray | slice) -> Looks:
+    def rows(self, which: np.ndarray | slice) -> Appearances:
         """Those of some of the images."""
-        return Looks(*(part[which] for part in vars(self).values()))
+        return Appearances(*(part[which] for part in vars(self).values()))
 
-    def to(self, device: torch.device) -> Looks:
+    def to(self, device: torch.device) -> Appearances:
         """The same on a device."""
-        return Looks(*(part.to(device) for part in vars(self).values()))
+        return Appearances(*(part.to(device) for part in vars(self).values()))
 
 
-def own_looks(model: Model, count: int) -> Looks:
+def model_appearances(model: Model, count: int) -> Appearances:
     """The model's own look, `count` times."""
     light = np.array(model.settings.towards_light)
-    return _looks(
+    return _appearances(
         np.tile(model.initial_colors(), (count, 1, 1)),
         np.ones((count, len(model.mesh.palette[0]), 3)),
         np.tile(light / np.linalg.norm(light), (count, 1)),
@@ -76,9 +76,9 @@ def own_looks(model: Model, count: int) -> Looks:
     )
 
 
-def draw_looks(
-    model: Model, rng: np.random.Generator, count: int, settings: LookSettings | None = None
-) -> Looks:
+def sample_appearances(
+    model: Model, rng: np.random.Generator, count: int, settings: AppearanceSettings | None = None
+) -> Appearances:
     """Looks about the model's own.
 
     Args:
@@ -87,8 +87,8 @@ def draw_looks(
         count: how many.
         settings: how widely.
     """
-    s = settings or LookSettings()
-    own = own_looks(model, 1)
+    s = settings or AppearanceSettings()
+    own = model_appearances(model, 1)
     varied = (rng.random(count) >= s.plain_share).astype(np.float64)[:, None, None]
 
     def spread(number: int) -> np.ndarray:
@@ -103,10 +103,10 @@ def draw_looks(
     light = own.towards_light.numpy() + varied[:, 0] * s.light * rng.standard_normal((count, 3))
     light /= np.maximum(np.linalg.norm(light, axis=1, keepdims=True), 1e-6)
     ambient = own.ambient.numpy() + varied[:, 0, 0] * s.ambient * rng.standard_normal(count)
-    return _looks(colors, gain, light, np.clip(ambient, 0.05, 0.95), np.ones(count))
+    return _appearances(colors, gain, light, np.clip(ambient, 0.05, 0.95), np.ones(count))
 
 
-def looks_at(model: Model, rng: np.random.Generator, points: LookPoints) -> Looks:
+def appearances_at(model: Model, rng: np.random.Generator, points: AppearancePoints) -> Appearances:
     """Looks as points say; what each colour is painted with, within its size, is drawn.
 
     Args:
@@ -114,7 +114,7 @@ def looks_at(model: Model, rng: np.random.Generator, points: LookPoints) -> Look
         rng: source of everything random.
         points: N of them.
     """
-    own, count = own_looks(model, 1), len(points.exposure)
+    own, count = model_appearances(model, 1), len(points.exposure)
 
     def painted(number: int) -> np.ndarray:
         each = points.paint[:, None, None] * rng.standard_normal((count, number, 3))
@@ -124,12 +124,12 @@ def looks_at(model: Model, rng: np.random.Generator, points: LookPoints) -> Look
     gain = painted(own.gain.shape[1])
     light = own.towards_light.numpy() + points.light
     light /= np.maximum(np.linalg.norm(light, axis=1, keepdims=True), 1e-6)
-    return _looks(colors, gain, light, points.ambient, points.noise)
+    return _appearances(colors, gain, light, points.ambient, points.noise)
 
 
 @dataclass(frozen=True, eq=False)
-class LookPoints:
-    """What N looks are, but for the paint."""
+class AppearancePoints:
+    """What N appearances are, but for the paint."""
 
     exposure: np.ndarray  # (N,) logarithm of a gain on all colours
     paint: np.ndarray  # (N,) standard deviation of the logarithm of each channel of each colour
@@ -138,5 +138,5 @@ class LookPoints:
     noise: np.ndarray  # (N,) factor on the size of the camera's noise
 
 
-def _looks(*parts: np.ndarray) -> Looks:
-    return Looks(*(torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in parts))
+def _appearances(*parts: np.ndarray) -> Appearances:
+    return Appearances(*(torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in parts))

@@ -13,7 +13,7 @@ import torch
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.warp_runtime import numbered_device
-from samrl_core.learning.images.appearance import Looks, own_looks
+from samrl_core.learning.images.appearance import Appearances, model_appearances
 from samrl_core.learning.images.image_noise import ImageNoiseSettings, noisy
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import CameraPose, Model
@@ -76,34 +76,34 @@ class BatchRenderer:
         )
 
     def render(
-        self, frames: torch.Tensor | np.ndarray, camera: CameraPose, looks: Looks | None = None
+        self, frames: torch.Tensor | np.ndarray, camera: CameraPose, appearances: Appearances | None = None
     ) -> Rendered:
-        """B images, all at once; differentiable in frames, camera and looks.
+        """B images, all at once; differentiable in frames, camera and appearances.
 
         Args:
             frames: (B, F, 12) of `SceneFrames.rows`.
             camera: world-to-camera rotations (B, 3, 3) and translations (B, 3) [m].
-            looks: of B images; None takes the model's own.
+            appearances: of B images; None takes the model's own.
 
         Raises:
-            InputError: frames of another model, or another number of cameras or looks.
+            InputError: frames of another model, or another number of cameras or appearances.
         """
         rows = torch.as_tensor(frames).to(self.device, torch.float64)
         count, names = rows.shape[0], len(self.frame_names)
-        looks = looks or own_looks(self.model, count)
+        appearances = appearances or model_appearances(self.model, count)
         if (
             rows.shape[1:] != (names, 12)
-            or not len(camera[0]) == len(camera[1]) == len(looks.colors) == count
+            or not len(camera[0]) == len(camera[1]) == len(appearances.colors) == count
         ):
             raise InputError(
-                f"frames {tuple(rows.shape)}, cameras {len(camera[0])} and {len(camera[1])}, looks "
-                f"{len(looks.colors)}: must be (B, {names}, 12) and B of the others"
+                f"frames {tuple(rows.shape)}, cameras {len(camera[0])} and {len(camera[1])}, appearances "
+                f"{len(appearances.colors)}: must be (B, {names}, 12) and B of the others"
             )
-        looks = looks.to(self.device)
+        appearances = appearances.to(self.device)
         poses = TensorPose(rows[..., :9].reshape(count, names, 3, 3), rows[..., 9:])
         places, cosines = [], []
         for piece in self._pieces:
-            light = looks.towards_light  # (B, 3)
+            light = appearances.towards_light  # (B, 3)
             if piece.frame == -2:
                 assert self._skin is not None
                 links = TensorPose(poses.rotation[:, self._chain], poses.position[:, self._chain])
@@ -115,10 +115,10 @@ class BatchRenderer:
                 places.append(piece.vertices @ turn.mT + poses.position[:, piece.frame, None])
                 light = (light[:, None] @ turn)[:, 0]  # in the piece's frame: R^T l
             cosines.append(light @ piece.normals.T)
-        ambient = looks.ambient[:, None]
+        ambient = appearances.ambient[:, None]
         shade = ambient + (1.0 - ambient) * torch.cat(cosines, dim=1).clamp_min(0.0)  # Lambert 1760
-        rest = (self._fixed * looks.gain)[:, self._which] * shade[..., None]
-        color = torch.where(self._is_grouped, looks.colors[:, self._group], rest).clamp(0.0, 1.0)
+        rest = (self._fixed * appearances.gain)[:, self._which] * shade[..., None]
+        color = torch.where(self._is_grouped, appearances.colors[:, self._group], rest).clamp(0.0, 1.0)
         return self._renderer(torch.cat(places, dim=1), color, self._target, *camera)
 
     def images(
@@ -126,7 +126,7 @@ class BatchRenderer:
         frames: torch.Tensor | np.ndarray,
         tip_in_base: torch.Tensor | np.ndarray,
         views: np.ndarray,
-        looks: Looks | None = None,
+        appearances: Appearances | None = None,
         noise: ImageNoiseSettings | None = None,
         generator: torch.Generator | None = None,
     ) -> torch.Tensor:
@@ -136,7 +136,7 @@ class BatchRenderer:
             frames: (B, F, 12).
             tip_in_base: (B, 3) tool tip in the tool arm's base frame [m].
             views: (B, 6) as `draw_views` gives them.
-            looks: of B images; None takes the model's own.
+            appearances: of B images; None takes the model's own.
             noise: of the camera; None leaves it out.
             generator: of the noise, on the renderer's device.
 
@@ -152,7 +152,7 @@ class BatchRenderer:
         parts = []
         for start in range(0, len(rows), self.chunk):
             few = slice(start, start + self.chunk)
-            chosen = None if looks is None else looks.rows(few)
+            chosen = None if appearances is None else appearances.rows(few)
             rotation, translation = cameras_of(torch.as_tensor(views[few]).to(self.device, torch.float64))
             with torch.no_grad():
                 r = self.render(rows[few], (rotation, translation), chosen)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from samrl_core.learning.images.appearance import Looks, own_looks
+from samrl_core.learning.images.appearance import Appearances, model_appearances
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.model.model import CameraPose, world_to_camera
 from samrl_core.policy.networks.network_image import rendered_image, upright
@@ -25,26 +25,26 @@ from samrl_core.policy.view.view_search import (
 
 
 @dataclass(frozen=True, eq=False)
-class Scenes:
+class ViewScenes:
     """B states as they are drawn and as the camera arm meets them."""
 
     values: np.ndarray  # (B, P) in the order of `Task.parameters`
     tip_in_base: np.ndarray  # (B, 3) [m]
     frames: np.ndarray  # (B, F, 12) of `SceneFrames.rows`
     tool_arm_position: np.ndarray  # (B, J) [rad]
-    looks: Looks | None = None  # of B images; None: the model's own
+    appearances: Appearances | None = None  # of B images; None: the model's own
 
 
 def model_images(
-    renderer: BatchRenderer, scenes: Scenes, which: np.ndarray, camera: CameraPose
+    renderer: BatchRenderer, scenes: ViewScenes, which: np.ndarray, camera: CameraPose
 ) -> torch.Tensor:
     """What the model shows of states `which` (N,) from N cameras with their top up, all at once.
 
     Returns:
         Network images (N, 6, H, W) on the renderer's device, differentiable in the camera.
     """
-    looks = scenes.looks or own_looks(renderer.model, len(scenes.values))
-    rendered = renderer.render(scenes.frames[which], camera, looks.rows(which))
+    appearances = scenes.appearances or model_appearances(renderer.model, len(scenes.values))
+    rendered = renderer.render(scenes.frames[which], camera, appearances.rows(which))
     return rendered_image(rendered, camera, scenes.tip_in_base[which], renderer.model.cell)
 
 
@@ -74,7 +74,7 @@ class BatchViewAscent:
         self._settings = settings or ViewAscentSettings()
         self._region = renderer.model.task.view_region()
 
-    def plan(self, scenes: Scenes, camera_arm_position: np.ndarray) -> list[Found]:
+    def plan(self, scenes: ViewScenes, camera_arm_position: np.ndarray) -> list[Found]:
         """Choose the next view of each state.
 
         Args:
@@ -104,7 +104,7 @@ class BatchViewAscent:
             answers = self._answers(scenes, requests)
         return [found[k] for k in range(count)]
 
-    def _present(self, scenes: Scenes, positions: np.ndarray) -> np.ndarray:
+    def _present(self, scenes: ViewScenes, positions: np.ndarray) -> np.ndarray:
         """Q of where the cameras are (B,)."""
         poses = [self._reach.camera_at(here) for here in positions]
         found = []
@@ -118,7 +118,7 @@ class BatchViewAscent:
                 found.append(value_of(self._networks, image)[0].cpu().numpy())
         return np.concatenate(found)
 
-    def _answers(self, scenes: Scenes, requests: dict[int, Request]) -> dict[int, Answer | None]:
+    def _answers(self, scenes: ViewScenes, requests: dict[int, Request]) -> dict[int, Answer | None]:
         answers: dict[int, Answer | None] = {}
         for with_slope in (False, True):
             some = {k: one for k, one in requests.items() if one.with_slope == with_slope}
@@ -135,7 +135,7 @@ class BatchViewAscent:
         return answers
 
     def _looked(
-        self, scenes: Scenes, which: np.ndarray, places: np.ndarray, with_slope: bool
+        self, scenes: ViewScenes, which: np.ndarray, places: np.ndarray, with_slope: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Q (N,) and its slopes (N, 3) by the place."""
         variable = self._tensor(torch.from_numpy(places)).requires_grad_(with_slope)

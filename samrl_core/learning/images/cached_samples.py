@@ -20,7 +20,7 @@ _CHUNK = 512  # images per drawing
 _PRECISION = torch.float16  # 0.05 mm for points within 0.1 m of the tip
 
 
-class KeptSamples:
+class CachedSamples:
     """`Samples` of N scenes, K images of each: sample k N + i shows scene i for the k-th time."""
 
     def __init__(

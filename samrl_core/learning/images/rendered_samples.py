@@ -14,7 +14,7 @@ import torch
 
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN
-from samrl_core.learning.images.appearance import LookSettings, LookSource
+from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.states.states import StateSamples
@@ -22,11 +22,11 @@ from samrl_core.policy.view.views import ViewSettings, draw_views
 
 
 @dataclass(frozen=True)
-class DrawSettings:
+class SampleSettings:
     """What varies between images of one state."""
 
     views: ViewSettings = ViewSettings()
-    looks: LookSource = LookSettings()
+    appearances: AppearanceSource = AppearanceSettings()
     noise: ImageNoiseSettings = ImageNoiseSettings()
 
 
@@ -74,10 +74,14 @@ def rng_of(seed: int, indices: np.ndarray) -> np.random.Generator:
 
 
 class RenderedSamples:
-    """`Samples` drawn on demand; views, looks and noise follow from the seed and a batch's indices."""
+    """`Samples` drawn on demand; views, appearances and noise follow from the seed and a batch's indices."""
 
     def __init__(
-        self, scenes: Scenes, renderer: BatchRenderer, seed: int, settings: DrawSettings | None = None
+        self,
+        scenes: Scenes,
+        renderer: BatchRenderer,
+        seed: int,
+        settings: SampleSettings | None = None,
     ) -> None:
         """Remembers what to draw.
 
@@ -88,11 +92,11 @@ class RenderedSamples:
             settings: what varies.
         """
         self._scenes, self._renderer, self._seed = scenes, renderer, seed
-        self._settings = settings or DrawSettings()
+        self._settings = settings or SampleSettings()
         self._region = renderer.model.task.view_region()
 
     def again(self, number: int) -> RenderedSamples:
-        """The same scenes with other views, looks and noise; others for each number."""
+        """The same scenes with other views, appearances and noise; others for each number."""
         return RenderedSamples(self._scenes, self._renderer, 1000 * self._seed + number, self._settings)
 
     def __len__(self) -> int:
@@ -107,10 +111,10 @@ class RenderedSamples:
             views = draw_views(self._region, rng, len(which), s.views)
         else:
             views = scenes.view[which]
-        looks = s.looks.sample(self._renderer.model, rng, len(which))
+        appearances = s.appearances.sample(self._renderer.model, rng, len(which))
         generator = torch.Generator(self._renderer.device).manual_seed(int(rng.integers(2**62)))
         images = self._renderer.images(
-            scenes.frames[which], scenes.tip_in_base[which], views, looks, s.noise, generator
+            scenes.frames[which], scenes.tip_in_base[which], views, appearances, s.noise, generator
         )
         targets = {name: torch.from_numpy(array[which]) for name, array in scenes.targets.items()}
         return {IMAGE: images.to(device), **{name: value.to(device) for name, value in targets.items()}}

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.randomisation.distributions import Box
+from samrl_core.learning.randomisation.distributions import UniformBox
 from samrl_core.learning.randomisation.space import Space
-from samrl_core.learning.randomisation.strategy import Evidence, Measure, Question, nothing
+from samrl_core.learning.randomisation.strategy import Measure, Question, QuestionResult, nothing
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Adr:
     """Where the boundaries are, and what was tried at each since it moved last."""
 
     settings: AdrSettings
-    distribution: Box
+    distribution: UniformBox
     tried: tuple[tuple[float, ...], ...]  # (2 P) results at each lower, then each upper boundary
     measure: Measure = "success"
 
@@ -59,7 +59,7 @@ class Adr:
         """A narrow box about the nominal values."""
         s = settings or AdrSettings()
         lower, upper = _least(space, s)
-        return Adr(s, Box(space, lower, upper), ((),) * (2 * len(space)))
+        return Adr(s, UniformBox(space, lower, upper), ((),) * (2 * len(space)))
 
     def ask(self, rng: np.random.Generator) -> Question:
         """See `Strategy`: each point on one boundary, all of them as likely; the other numbers are drawn."""
@@ -70,7 +70,7 @@ class Adr:
             points[row, k % len(box.space)] = self._boundary(int(k))
         return Question(points, label.astype(np.int64)) if count else nothing(box.space)
 
-    def update(self, evidence: Evidence) -> Adr:
+    def update(self, evidence: QuestionResult) -> Adr:
         """See `Strategy`; evidence counts in order.
 
         Raises:
@@ -104,7 +104,7 @@ class Adr:
         outwards = (success >= s.high) - (success <= s.low)
         return replace(self, tried=tuple(tried), distribution=self._moved(k, outwards))
 
-    def _moved(self, k: int, outwards: int) -> Box:
+    def _moved(self, k: int, outwards: int) -> UniformBox:
         """Within the space's bounds, and never within the box that was begun with."""
         space = self.distribution.space
         lower, upper = self.distribution.lower.copy(), self.distribution.upper.copy()
@@ -114,7 +114,7 @@ class Adr:
             lower[i] = np.clip(lower[i] - by[i], space.lower[i], least[0][i])
         else:
             upper[i] = np.clip(upper[i] + by[i], least[1][i], space.upper[i])
-        return Box(space, lower, upper)
+        return UniformBox(space, lower, upper)
 
 
 def _least(space: Space, s: AdrSettings) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.learning.randomisation.adr import Adr, AdrSettings
 from samrl_core.learning.randomisation.found import FoundSettings, Real2SimUpdated, found_starts
 from samrl_core.learning.randomisation.names import ADR, RANDOMISATIONS, REAL2SIM, SIMOPT
-from samrl_core.learning.randomisation.of_task import attributes_space, looks_of, starts_of, together
+from samrl_core.learning.randomisation.of_task import appearances_of, attributes_space, starts_of, together
 from samrl_core.learning.randomisation.simopt import SimOpt, SimOptSettings
 from samrl_core.learning.randomisation.strategy import Strategy, Uniform
 from samrl_core.learning.states.visited import VisitedStates
@@ -42,7 +42,7 @@ def begin(
         strategy = Real2SimUpdated.begin(starts_of(task), found)
         return strategy if visited is None else strategy.update(found_starts(task, visited))
     attributes = attributes_space(model.dynamics)
-    seen = together(starts_of(task), looks_of(model))
+    seen = together(starts_of(task), appearances_of(model))
     if name == SIMOPT:
         if attributes is None:
             raise InputError(

@@ -44,7 +44,7 @@ class ParameterDistribution(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Box(ParameterDistribution):
+class UniformBox(ParameterDistribution):
     """Uniform between bounds of its own.
 
     Raises:
@@ -68,9 +68,9 @@ class Box(ParameterDistribution):
             )
 
     @staticmethod
-    def whole(space: Space) -> Box:
+    def whole(space: Space) -> UniformBox:
         """All of a space."""
-        return Box(space, space.lower, space.upper)
+        return UniformBox(space, space.lower, space.upper)
 
     @property
     def space(self) -> Space:

@@ -8,10 +8,10 @@ import numpy as np
 
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError
-from samrl_core.learning.randomisation.distributions import Box, Mixture, ParameterDistribution
+from samrl_core.learning.randomisation.distributions import Mixture, ParameterDistribution, UniformBox
 from samrl_core.learning.randomisation.of_task import starts_of
 from samrl_core.learning.randomisation.space import Space
-from samrl_core.learning.randomisation.strategy import Evidence, Measure, Question, nothing
+from samrl_core.learning.randomisation.strategy import Measure, Question, QuestionResult, nothing
 from samrl_core.learning.states.visited import VisitedStates
 
 
@@ -48,12 +48,14 @@ class Real2SimUpdated:
     @property
     def distribution(self) -> ParameterDistribution:
         """See `Strategy`."""
-        whole, s = Box.whole(self.over), self.settings
+        whole, s = UniformBox.whole(self.over), self.settings
         if not len(self.centers):
             return whole
         half = 0.5 * s.spread * (self.over.upper - self.over.lower)
         near = tuple(
-            Box(self.over, np.maximum(c - half, self.over.lower), np.minimum(c + half, self.over.upper))
+            UniformBox(
+                self.over, np.maximum(c - half, self.over.lower), np.minimum(c + half, self.over.upper)
+            )
             for c in self.centers
         )
         weights = np.array([1.0 - s.share, *[s.share / len(near)] * len(near)])
@@ -63,7 +65,7 @@ class Real2SimUpdated:
         """See `Strategy`: nothing; the cell answers unasked."""
         return nothing(self.over)
 
-    def update(self, evidence: Evidence) -> Real2SimUpdated:
+    def update(self, evidence: QuestionResult) -> Real2SimUpdated:
         """See `Strategy`: the points are estimates of starts, whatever their results.
 
         Raises:
@@ -76,7 +78,7 @@ class Real2SimUpdated:
         return Real2SimUpdated(self.settings, self.over, np.vstack([self.centers, points]))
 
 
-def found_starts(task: Task, visited: VisitedStates) -> Evidence:
+def found_starts(task: Task, visited: VisitedStates) -> QuestionResult:
     """Estimates of how episodes began, those within the starts' bounds; of a parameter that does not vary
     between starts nothing is taken over.
     """
@@ -84,4 +86,4 @@ def found_starts(task: Task, visited: VisitedStates) -> Evidence:
     names = [f"start/{spec.name}" for spec in task.parameters()]
     points = visited.values[visited.step == 0][:, [names.index(name) for name in space.names]]
     points = points[((points >= space.lower) & (points <= space.upper)).all(axis=1)]
-    return Evidence(Question(points, np.zeros(len(points), dtype=np.int64)), np.ones(len(points)))
+    return QuestionResult(Question(points, np.zeros(len(points), dtype=np.int64)), np.ones(len(points)))

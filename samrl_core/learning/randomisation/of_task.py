@@ -13,7 +13,7 @@ import numpy as np
 
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError
-from samrl_core.learning.images.appearance import LookPoints, Looks, looks_at
+from samrl_core.learning.images.appearance import AppearancePoints, Appearances, appearances_at
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.randomisation.space import Dimension, Space
 from samrl_core.model.model import Model
@@ -22,7 +22,7 @@ from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
 
 START, LOOK, LOG = "start", "look", "log"
 _FACTOR = math.log(2.0)  # an attribute is off by a factor of 2 at most; ASSUMPTION
-# About three standard deviations of `LookSettings`, and none to twice the camera's noise; ASSUMPTIONS.
+# About three standard deviations of `AppearanceSettings`, and none to twice the camera's noise; ASSUMPTIONS.
 _LOOKS = (
     ("exposure", 0.0, -0.45, 0.45),
     ("paint", 0.0, 0.0, 0.35),
@@ -45,7 +45,7 @@ def starts_of(task: Task) -> Space:
     )
 
 
-def looks_of(model: Model) -> Space:
+def appearances_of(model: Model) -> Space:
     """How the model looks, and how noisy the camera is."""
     own = model.settings.ambient
     ambient = Dimension(f"{LOOK}/ambient", "-", own, max(0.0, own - _AMBIENT), min(1.0, own + _AMBIENT))
@@ -74,9 +74,9 @@ def start_values(task: Task, space: Space, points: np.ndarray) -> np.ndarray:
     return values
 
 
-def look_points(model: Model, space: Space, points: np.ndarray) -> LookPoints:
+def look_points(model: Model, space: Space, points: np.ndarray) -> AppearancePoints:
     """How the images of these points look."""
-    own = {d.name: d.nominal for d in looks_of(model).dimensions}
+    own = {d.name: d.nominal for d in appearances_of(model).dimensions}
 
     def column(name: str) -> np.ndarray:
         found = f"{LOOK}/{name}"
@@ -84,7 +84,7 @@ def look_points(model: Model, space: Space, points: np.ndarray) -> LookPoints:
         return points[:, space.names.index(found)] if here else np.full(len(points), own[found])
 
     light = np.column_stack([column("light_x"), column("light_y"), np.zeros(len(points))])
-    return LookPoints(column("exposure"), column("paint"), light, column("ambient"), column("noise"))
+    return AppearancePoints(column("exposure"), column("paint"), light, column("ambient"), column("noise"))
 
 
 def dynamics_at(dynamics: TaskDynamics, space: Space, points: np.ndarray) -> TaskDynamics:
@@ -124,30 +124,30 @@ def with_one_attribute(space: Space, points: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnLooks:
-    """A `LookSource`: looks of a distribution."""
+class AppearancesOf:
+    """A `AppearanceSource`: appearances of a distribution."""
 
     distribution: ParameterDistribution
 
-    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
-        """See `LookSource`."""
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Appearances:
+        """See `AppearanceSource`."""
         points = self.distribution.sample(rng, count)
-        return looks_at(model, rng, look_points(model, self.distribution.space, points))
+        return appearances_at(model, rng, look_points(model, self.distribution.space, points))
 
 
 @dataclass(frozen=True, eq=False)
-class LooksAt:
-    """A `LookSource`: looks of given points, in order."""
+class AppearancesAt:
+    """A `AppearanceSource`: appearances of given points, in order."""
 
     space: Space
     points: np.ndarray  # (N, P)
 
-    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Looks:
-        """See `LookSource`.
+    def sample(self, model: Model, rng: np.random.Generator, count: int) -> Appearances:
+        """See `AppearanceSource`.
 
         Raises:
-            InputError: another number of looks than points.
+            InputError: another number of appearances than points.
         """
         if count != len(self.points):
-            raise InputError(f"{count} looks were asked for, there are {len(self.points)} points")
-        return looks_at(model, rng, look_points(model, self.space, self.points))
+            raise InputError(f"{count} appearances were asked for, there are {len(self.points)} points")
+        return appearances_at(model, rng, look_points(model, self.space, self.points))

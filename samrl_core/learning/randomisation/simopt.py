@@ -17,14 +17,14 @@ from scipy.optimize import minimize_scalar
 from samrl_core.common.errors import InputError
 from samrl_core.learning.randomisation.distributions import (
     BoundedNormal,
-    Box,
     Independent,
     ParameterDistribution,
+    UniformBox,
     is_definite,
     log_mean_exp,
 )
 from samrl_core.learning.randomisation.space import Space
-from samrl_core.learning.randomisation.strategy import Evidence, Measure, Question, nothing
+from samrl_core.learning.randomisation.strategy import Measure, Question, QuestionResult, nothing
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class SimOpt:
     @property
     def distribution(self) -> ParameterDistribution:
         """See `Strategy`: the rest first, then what is fitted."""
-        return self.fitted if self.rest is None else Independent((Box.whole(self.rest), self.fitted))
+        return self.fitted if self.rest is None else Independent((UniformBox.whole(self.rest), self.fitted))
 
     def ask(self, rng: np.random.Generator) -> Question:
         """See `Strategy`: draws of the distribution, or nothing after the last iteration."""
@@ -74,7 +74,7 @@ class SimOpt:
         points = self.distribution.sample(rng, self.settings.draws)
         return Question(points, np.zeros(len(points), dtype=np.int64))
 
-    def update(self, evidence: Evidence) -> SimOpt:
+    def update(self, evidence: QuestionResult) -> SimOpt:
         """See `Strategy`; the results are discrepancies."""
         if not len(evidence.question):
             return self

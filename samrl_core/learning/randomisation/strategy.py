@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.randomisation.distributions import Box, ParameterDistribution
+from samrl_core.learning.randomisation.distributions import ParameterDistribution, UniformBox
 from samrl_core.learning.randomisation.space import Space
 
 # What is measured at the points that a strategy asks for: nothing; whether the actor succeeds in the model
@@ -28,7 +28,7 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class QuestionResult:
     """What came out at the points of a question.
 
     Raises:
@@ -63,7 +63,7 @@ class Strategy(Protocol):
         """What to try next; no point when there is nothing to ask any more."""
         ...
 
-    def update(self, evidence: Evidence) -> Strategy:
+    def update(self, evidence: QuestionResult) -> Strategy:
         """The strategy after that."""
         ...
 
@@ -81,14 +81,14 @@ class Uniform:
     measure: Measure = "nothing"
 
     @property
-    def distribution(self) -> Box:
+    def distribution(self) -> UniformBox:
         """See `Strategy`."""
-        return Box.whole(self.space)
+        return UniformBox.whole(self.space)
 
     def ask(self, rng: np.random.Generator) -> Question:
         """See `Strategy`."""
         return nothing(self.space)
 
-    def update(self, evidence: Evidence) -> Uniform:
+    def update(self, evidence: QuestionResult) -> Uniform:
         """See `Strategy`."""
         return self

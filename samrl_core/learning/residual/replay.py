@@ -40,7 +40,7 @@ class End(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ReplayStep:
     """One action on the cell and what was seen before it."""
 
     episode: int  # counted within the replay, see `Replay.next_episode`
@@ -136,7 +136,7 @@ class Replay:
         present = self.present()
         return int(self._slots["body"]["episode"][self._slot(present)].max()) + 1 if present.size else 0
 
-    def append(self, step: Step) -> int:
+    def append(self, step: ReplayStep) -> int:
         """Add a step whose episode goes on as far as is known; returns its number.
 
         Raises:
@@ -227,7 +227,7 @@ class Replay:
     def _slot(self, number):
         return (number - 1) % self.info.capacity
 
-    def _packed(self, step: Step) -> np.ndarray:
+    def _packed(self, step: ReplayStep) -> np.ndarray:
         k = self.info.intrinsics
         body = np.zeros((), dtype=self._slots.dtype["body"])
         if step.color.shape != (k.height, k.width, 3) or step.depth.shape != (k.height, k.width):

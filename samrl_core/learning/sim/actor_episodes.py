@@ -13,15 +13,15 @@ import numpy as np
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.learning.data.samples import ACTION
 from samrl_core.learning.images.rendered_samples import Scenes
-from samrl_core.learning.sim.cached_groups import kept_groups
-from samrl_core.learning.sim.episodes import Group
+from samrl_core.learning.sim.cached_groups import run_cached_groups
+from samrl_core.learning.sim.episodes import EpisodeGroup
 from samrl_core.learning.sim.prepare import label_all
 from samrl_core.learning.sim.randomising import Randomising
 from samrl_core.learning.sim.rollouts import PER_ACTION
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.policy.networks.networks import SimActor
 
-Tell = Callable[[str, dict[str, float]], None]  # stage, its figures so far
+Log = Callable[[str, dict[str, float]], None]  # stage, its figures so far
 _LABELLED = ("values", "tip_in_base", "frames", "action")  # of labelled states
 _SEEN = ("values", "tip_in_base", "frames", "success")  # of a round's episodes
 _JUDGED = ("success", "actions")
@@ -33,11 +33,11 @@ class ActorEpisodes:
     """Of one training."""
 
     def __init__(
-        self, task: str, folder: Path, settings: TrainSettings, randomising: Randomising, tell: Tell
+        self, task: str, folder: Path, settings: TrainSettings, randomising: Randomising, log: Log
     ) -> None:
         """`folder` is the training's; `randomising` says what the models of noisy episodes are drawn from."""
         self._task, self._folder, self._settings = task, folder, settings
-        self._randomising, self._tell = randomising, tell
+        self._randomising, self._log = randomising, log
 
     def round(self, k: int, actor: SimActor) -> Scenes:
         """States that the actor comes to, with the optimiser's action there."""
@@ -80,7 +80,7 @@ class ActorEpisodes:
             chosen["tip_in_base"],
             folder,
             s.workers,
-            lambda done, wanted: self._tell(stage, {"labelled": done, "of": wanted}),
+            lambda done, wanted: self._log(stage, {"labelled": done, "of": wanted}),
         )
         write_arrays(path, {name: array[left] for name, array in {**chosen, "action": action}.items()})
 
@@ -125,7 +125,7 @@ class ActorEpisodes:
                 "success": float(success.mean()),
                 "median_actions": float(np.median(actions)),
             }
-            self._tell("judged", {f"success_{name}": found[name]["success"]})
+            self._log("judged", {f"success_{name}": found[name]["success"]})
         return found
 
     def _sizes(self, count: int) -> list[int]:
@@ -133,16 +133,18 @@ class ActorEpisodes:
         size = self._settings.group
         return [min(size, count - first) for first in range(0, count, size)]
 
-    def _group(self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool) -> Group:
+    def _group(
+        self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool
+    ) -> EpisodeGroup:
         s = self._settings
         drawn = self._randomising.distribution if noisy else None  # what is judged is the task as it is
-        return Group((s.seed, *stream), count, hold, noise, noisy, s.max_actions, drawn)
+        return EpisodeGroup((s.seed, *stream), count, hold, noise, noisy, s.max_actions, drawn)
 
     def _run(
-        self, actor: SimActor, groups: list[Group], names: tuple[str, ...], folder: Path, stage: str
+        self, actor: SimActor, groups: list[EpisodeGroup], names: tuple[str, ...], folder: Path, stage: str
     ) -> list[dict[str, np.ndarray]]:
         s = self._settings
-        return kept_groups(
+        return run_cached_groups(
             self._task,
             actor,
             groups,
@@ -150,5 +152,5 @@ class ActorEpisodes:
             folder,
             s.device,
             s.workers,
-            lambda row: self._tell(stage, row),
+            lambda row: self._log(stage, row),
         )

@@ -9,21 +9,21 @@ import numpy as np
 
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.executor import free_cores
-from samrl_core.learning.sim.episodes import Group, run_groups
+from samrl_core.learning.sim.episodes import EpisodeGroup, run_groups
 from samrl_core.policy.networks.networks import SimActor
 
-Tell = Callable[[dict[str, float]], None]  # hears how many groups there are
+Log = Callable[[dict[str, float]], None]  # hears how many groups there are
 
 
-def kept_groups(
+def run_cached_groups(
     task: str,
     actor: SimActor,
-    groups: Sequence[Group],
+    groups: Sequence[EpisodeGroup],
     names: Sequence[str],
     folder: Path,
     device: str,
     workers: int,
-    tell: Tell,
+    log: Log,
 ) -> list[dict[str, np.ndarray]]:
     """Each group's arrays, in the order of the groups: run now, or read from the file of an earlier call.
 
@@ -35,7 +35,7 @@ def kept_groups(
         folder: gets a file for each group as soon as it has ended.
         device: of the images and the actor.
         workers: processes; 0 takes the free cores.
-        tell: called at first and after each group.
+        log: called at first and after each group.
 
     Raises:
         InputError: a file is damaged or another's; otherwise as `run_groups`.
@@ -43,10 +43,10 @@ def kept_groups(
     paths = [folder / f"{k:04d}.npz" for k in range(len(groups))]
     missing = [k for k, path in enumerate(paths) if not path.exists()]
     done = len(paths) - len(missing)
-    tell({"groups": done, "of": len(paths)})
+    log({"groups": done, "of": len(paths)})
     left = [groups[k] for k in missing]
     for k, run in run_groups(task, actor, left, device, workers or free_cores()):
         write_arrays(paths[missing[k]], {name: getattr(run, name) for name in names})
         done += 1
-        tell({"groups": done, "of": len(paths), "success": float(run.success.mean())})
+        log({"groups": done, "of": len(paths), "success": float(run.success.mean())})
     return [read_arrays(path, names) for path in paths]

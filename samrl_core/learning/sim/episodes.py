@@ -10,18 +10,18 @@ import numpy as np
 import torch
 
 from samrl_core.common.executor import run_calls
-from samrl_core.learning.images.appearance import LookSettings, LookSource
+from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.images.models import renderer_of
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.randomisation.of_task import (
     LOOK,
-    LooksAt,
+    AppearancesAt,
     dynamics_at,
     start_values,
     with_one_attribute,
 )
-from samrl_core.learning.sim.rollouts import Rollouts, RolloutSettings, held, new_each_step, roll_out
+from samrl_core.learning.sim.rollouts import ActorRollouts, RolloutSettings, held, new_each_step, roll_out
 from samrl_core.learning.states.explore import Starts
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model
@@ -33,10 +33,10 @@ Weights = dict[str, torch.Tensor]
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class EpisodeGroup:
     """Episodes from the task's own starts, or from those of a distribution, side by side.
 
-    What a distribution says nothing of is as the task, or `LookSettings`, has it. All episodes have the same
+    What a distribution leaves out is as the task, or `AppearanceSettings`, has it. All episodes have the same
     physical attributes: those of the first point.
     """
 
@@ -51,8 +51,8 @@ class Group:
 
 
 def run_groups(
-    task: str, actor: SimActor, groups: Sequence[Group], device: str, workers: int
-) -> Iterator[tuple[int, Rollouts]]:
+    task: str, actor: SimActor, groups: Sequence[EpisodeGroup], device: str, workers: int
+) -> Iterator[tuple[int, ActorRollouts]]:
     """Each group's number and episodes, in the order in which they end.
 
     Args:
@@ -67,28 +67,28 @@ def run_groups(
         yield done.index, done.result
 
 
-def _run(task: str, weights: Weights, group: Group, device: str) -> Rollouts:
+def _run(task: str, weights: Weights, group: EpisodeGroup, device: str) -> ActorRollouts:
     renderer = renderer_of(task, device)
     model, rng = renderer.model, np.random.default_rng(group.seed)
     actor = SimActor(model.task.action_limit)
     actor.load_state_dict(weights)
     actor.to(renderer.device).eval()
-    values, looks, dynamics = begun(model, group, rng)
+    values, appearances, dynamics = begun(model, group, rng)
     starts = Starts(values, np.tile(SceneFrames(model).start_tip, (group.count, 1)))
     region = model.task.view_region()
     viewer = held(draw_views(region, rng, group.count)) if group.hold else new_each_step(region)
     settings = RolloutSettings(
         max_actions=group.max_actions,
         action_noise=group.action_noise,
-        looks=looks if group.noisy else None,
+        appearances=appearances if group.noisy else None,
         noise=ImageNoiseSettings() if group.noisy else None,
     )
     return roll_out(model, renderer, actor, starts, viewer, settings, rng, dynamics)
 
 
 def begun(
-    model: Model, group: Group, rng: np.random.Generator
-) -> tuple[np.ndarray, LookSource, TaskDynamics]:
+    model: Model, group: EpisodeGroup, rng: np.random.Generator
+) -> tuple[np.ndarray, AppearanceSource, TaskDynamics]:
     """Values (count, P) at the start, how the images look, and how the model moves.
 
     Raises:
@@ -96,9 +96,9 @@ def begun(
     """
     if group.drawn is None:
         values = np.array([model.task.start_values(rng) for _ in range(group.count)])
-        return values, LookSettings(), model.dynamics
+        return values, AppearanceSettings(), model.dynamics
     space, points = group.drawn.space, group.points
     if points is None:
         points = with_one_attribute(space, group.drawn.sample(rng, group.count))
-    looks = LooksAt(space, points) if space.columns(LOOK) else LookSettings()
-    return start_values(model.task, space, points), looks, dynamics_at(model.dynamics, space, points)
+    appearances = AppearancesAt(space, points) if space.columns(LOOK) else AppearanceSettings()
+    return start_values(model.task, space, points), appearances, dynamics_at(model.dynamics, space, points)

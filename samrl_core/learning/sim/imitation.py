@@ -10,7 +10,7 @@ from torch import nn
 
 from samrl_core.learning.data.fit import LOSS, Batch, Progress, fit
 from samrl_core.learning.data.fit_settings import FitResult, FitSettings
-from samrl_core.learning.data.samples import ACTION, IMAGE, Samples
+from samrl_core.learning.data.samples import ACTION, IMAGE, RegressionSamples
 from samrl_core.policy.networks.networks import SimActor
 
 _MM = 1000.0  # per metre
@@ -42,8 +42,8 @@ class Imitation:
 
 
 def fit_actor(
-    train: Samples,
-    validation: Samples,
+    train: RegressionSamples,
+    validation: RegressionSamples,
     action_limit: float,
     settings: FitSettings,
     folder: Path,

@@ -1,6 +1,6 @@
-"""What a training draws its starts, looks and attributes from, and how its strategy learns on the way.
+"""What a training draws its starts, appearances and attributes from, and how its strategy learns on the way.
 
-Evidence is kept question by question in the training's folder: one that goes on asks again, finds the answers
+Results are cached question by question in the training's folder: a resumed one asks again, finds the results
 there, and comes to the same distribution.
 """
 
@@ -14,22 +14,22 @@ import numpy as np
 
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.errors import InputError
-from samrl_core.learning.images.appearance import LookSettings, LookSource
+from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
 from samrl_core.learning.randomisation.choose import begin
 from samrl_core.learning.randomisation.discrepancy import Discrepancy
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.randomisation.found import Real2SimUpdated
-from samrl_core.learning.randomisation.of_task import LOOK, DrawnLooks, alike
-from samrl_core.learning.randomisation.strategy import Evidence, Question
-from samrl_core.learning.sim.cached_groups import kept_groups
-from samrl_core.learning.sim.episodes import Group
+from samrl_core.learning.randomisation.of_task import LOOK, AppearancesOf, alike
+from samrl_core.learning.randomisation.strategy import Question, QuestionResult
+from samrl_core.learning.sim.cached_groups import run_cached_groups
+from samrl_core.learning.sim.episodes import EpisodeGroup
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.learning.states.visited import VisitedStates
 from samrl_core.model.model import Model
 from samrl_core.policy.networks.networks import SimActor
 
 STREAM = 4  # of a training's sources of randomness
-Tell = Callable[[str, dict[str, float]], None]
+Log = Callable[[str, dict[str, float]], None]
 Answer = Callable[[Question], np.ndarray]
 _STAGE = "randomisation"
 _NAMES = ("points", "label", "result")
@@ -44,7 +44,7 @@ class Randomising:
         settings: TrainSettings,
         folder: Path,
         visited: VisitedStates | None,
-        tell: Tell,
+        log: Log,
         given_actor: bool = False,
     ) -> None:
         """Begins the strategy; `given_actor` tells that the training has an actor already.
@@ -53,7 +53,7 @@ class Randomising:
             InputError: as `choose.begin`, or a strategy that learns from actors in a training of one.
         """
         s = settings
-        self._model, self._settings, self._folder, self._tell = model, s, folder / _STAGE, tell
+        self._model, self._settings, self._folder, self._log = model, s, folder / _STAGE, log
         self._strategy = begin(s.randomisation, model, visited, s.adr, s.simopt, s.found)
         if self._strategy.measure == "success" and (s.rounds == 0 or given_actor):
             raise InputError(
@@ -66,17 +66,19 @@ class Randomising:
 
     @property
     def distribution(self) -> ParameterDistribution | None:
-        """What is drawn from now; None where all is as the task and `LookSettings` declare it."""
+        """What is drawn from now; None where all is as the task and `AppearanceSettings` declare it."""
         s = self._strategy
         if isinstance(s, Real2SimUpdated) and not len(s.centers):
             return None
         return s.distribution
 
     @property
-    def looks(self) -> LookSource:
+    def appearances(self) -> AppearanceSource:
         """Of images."""
         found = self.distribution
-        return LookSettings() if found is None or not found.space.columns(LOOK) else DrawnLooks(found)
+        return (
+            AppearanceSettings() if found is None or not found.space.columns(LOOK) else AppearancesOf(found)
+        )
 
     def before_training(self) -> None:
         """All that the strategy can learn without an actor."""
@@ -116,10 +118,10 @@ class Randomising:
         rows = read_arrays(path, _NAMES)
         if not np.array_equal(rows["points"], question.points):
             raise InputError(f"{path} answers another question; remove it, and it is answered anew")
-        self._strategy = self._strategy.update(Evidence(question, rows["result"]))
+        self._strategy = self._strategy.update(QuestionResult(question, rows["result"]))
         self._asked += 1
         self._entropies.append(self._strategy.distribution.entropy())
-        self._tell(
+        self._log(
             _STAGE,
             {"questions": self._asked, "mean": float(rows["result"].mean()), "entropy": self._entropies[-1]},
         )
@@ -134,7 +136,7 @@ class Randomising:
             for few in np.array_split(same, -(-len(same) // s.group))
         ]
         groups = [
-            Group(
+            EpisodeGroup(
                 (s.seed, STREAM, self._asked, k),
                 len(few),
                 hold=False,
@@ -146,7 +148,7 @@ class Randomising:
             )
             for k, few in enumerate(rows)
         ]
-        found = kept_groups(
+        found = run_cached_groups(
             self._model.task.name,
             actor,
             groups,
@@ -154,7 +156,7 @@ class Randomising:
             self._folder / f"question-{self._asked:03d}",
             s.device,
             s.workers,
-            lambda row: self._tell(_STAGE, row),
+            lambda row: self._log(_STAGE, row),
         )
         result = np.zeros(len(question))
         for which, part in zip(rows, found, strict=True):

@@ -14,7 +14,7 @@ import torch
 
 from samrl_core.cell.tasks.task import ViewRegion
 from samrl_core.common.errors import InputError, ReachError
-from samrl_core.learning.images.appearance import Looks, LookSource
+from samrl_core.learning.images.appearance import Appearances, AppearanceSource
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.states.explore import Starts
@@ -37,7 +37,7 @@ class Moment:
     tip_in_base: np.ndarray  # (B, 3) [m]
     frames: np.ndarray  # (B, F, 12) float32, as in `StateSamples`
     tool_arm_position: np.ndarray  # (B, J) [rad]
-    looks: Looks | None  # of B images; None: the model's own
+    appearances: Appearances | None  # of B images; None: the model's own
     rng: np.random.Generator
 
 
@@ -61,7 +61,7 @@ class RolloutSettings:
     max_actions: int = 0  # of an episode; 0 takes the task's
     discount: float = 0.97  # gamma of eq. 24
     action_noise: float = 0.0  # per axis, standard deviation [action limits]
-    looks: LookSource | None = None  # of an episode's colours and light; None: the model's own
+    appearances: AppearanceSource | None = None  # of an episode's colours and light; None: the model's own
     noise: ImageNoiseSettings | None = None  # of the camera; None: clean images, as the model's are in use
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class RolloutSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Rollouts:
+class ActorRollouts:
     """M actions of E episodes, in the order of their episodes."""
 
     values: np.ndarray  # (M, P) before the action
@@ -90,7 +90,7 @@ class Rollouts:
 
 
 # Fields with one row per action, as a training keeps them.
-PER_ACTION = tuple(f.name for f in fields(Rollouts) if f.name not in ("success", "actions"))
+PER_ACTION = tuple(f.name for f in fields(ActorRollouts) if f.name not in ("success", "actions"))
 
 
 def roll_out(
@@ -102,7 +102,7 @@ def roll_out(
     settings: RolloutSettings,
     rng: np.random.Generator,
     dynamics: TaskDynamics | None = None,
-) -> Rollouts:
+) -> ActorRollouts:
     """Episodes side by side until all have ended; the same ones for the same generator.
 
     An episode succeeds when the task is done in the model. It fails at its last action, where the equations
@@ -145,7 +145,9 @@ class _Episodes:
         self._settings, self._rng = settings, rng
         self._frames = SceneFrames(model)
         self._generator = torch.Generator(renderer.device).manual_seed(int(rng.integers(2**62)))
-        self._looks = None if settings.looks is None else settings.looks.sample(model, rng, count)
+        self._appearances = (
+            None if settings.appearances is None else settings.appearances.sample(model, rng, count)
+        )
         self._states = joined(
             [self._dynamics.start(*pair) for pair in zip(starts.values, starts.tip_in_base, strict=True)]
         )
@@ -154,7 +156,7 @@ class _Episodes:
         self._actions = np.zeros(count, dtype=np.int64)
         self._taken: list[dict[str, np.ndarray]] = []
 
-    def run(self) -> Rollouts:
+    def run(self) -> ActorRollouts:
         """All episodes."""
         self._settle(np.ones(len(self._alive), dtype=bool))
         for step in range(self._settings.max_actions or self._task.max_actions):
@@ -203,8 +205,8 @@ class _Episodes:
     def _act(self, seen: dict[str, np.ndarray], step: int) -> np.ndarray:
         """Views, images and actions (B, 3) [m] of one step; the views are added to what is seen."""
         count = len(self._alive)
-        looks = None if self._looks is None else self._looks.rows(self._alive)
-        moment = Moment(self._alive.copy(), step, **seen, looks=looks, rng=self._rng)
+        appearances = None if self._appearances is None else self._appearances.rows(self._alive)
+        moment = Moment(self._alive.copy(), step, **seen, appearances=appearances, rng=self._rng)
         view = np.asarray(self._viewer(moment))
         if view.shape != (count, COORDINATES):
             raise InputError(f"views have shape {view.shape}, must be ({count}, {COORDINATES})")
@@ -213,7 +215,7 @@ class _Episodes:
             seen["frames"],
             seen["tip_in_base"],
             view,
-            looks,
+            appearances,
             self._settings.noise,
             self._generator,
         )
@@ -228,7 +230,7 @@ class _Episodes:
         length = np.linalg.norm(action, axis=1, keepdims=True)
         return action * np.minimum(1.0, limit / np.maximum(length, 1e-12))
 
-    def _result(self) -> Rollouts:
+    def _result(self) -> ActorRollouts:
         names = [name for name in PER_ACTION if name != "returns"]
         if not self._taken:
             raise InputError("all episodes were done, or out of the arm's reach, before their first action")
@@ -238,4 +240,4 @@ class _Episodes:
         episode = columns["episode"]
         ahead = self._actions[episode] - 1 - columns["step"]
         returns = np.where(self._success[episode], self._settings.discount**ahead, 0.0)
-        return Rollouts(**columns, returns=returns, success=self._success, actions=self._actions)
+        return ActorRollouts(**columns, returns=returns, success=self._success, actions=self._actions)

@@ -31,11 +31,11 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.files import folder_lock, keep_to, write_whole
 from samrl_core.learning.data.fit import Progress
-from samrl_core.learning.data.samples import ACTION, Samples
+from samrl_core.learning.data.samples import ACTION, RegressionSamples
 from samrl_core.learning.images.acted_samples import ActedSamples
 from samrl_core.learning.images.batch_render import BatchRenderer
-from samrl_core.learning.images.cached_samples import KeptSamples
-from samrl_core.learning.images.rendered_samples import DrawSettings, RenderedSamples, Scenes
+from samrl_core.learning.images.cached_samples import CachedSamples
+from samrl_core.learning.images.rendered_samples import RenderedSamples, SampleSettings, Scenes
 from samrl_core.learning.randomisation.names import REAL2SIM
 from samrl_core.learning.sim.actor_episodes import ActorEpisodes
 from samrl_core.learning.sim.imitation import fit_actor
@@ -55,7 +55,7 @@ from samrl_core.policy.networks.weights import (
     weights_name,
 )
 
-Tell = Callable[[str, dict[str, float]], None]  # stage, its figures so far
+Log = Callable[[str, dict[str, float]], None]  # stage, its figures so far
 CONFIG, SUMMARY = "train.json", "summary.json"
 
 
@@ -63,7 +63,7 @@ def train(
     task: str,
     folder: Path,
     settings: TrainSettings,
-    tell: Tell = lambda stage, row: None,
+    log: Log = lambda stage, row: None,
     given: Path | None = None,
     visited: Sequence[Path] = (),
 ) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def train(
         task: name of the task.
         folder: of this training alone; made if it is missing.
         settings: sizes and seeds. Device and workers may differ when a training goes on.
-        tell: called as each stage gets on.
+        log: called as each stage gets on.
         given: weights of an actor; only its Q is then trained, and it is judged.
         visited: files of states that Real2Sim found in the cell: where some episodes begin (lines 16-17 of
             Algorithm 1), or what SimOpt compares the model with.
@@ -85,7 +85,7 @@ def train(
         SolveError: a loss or gradient is not finite; the state before it is in the folder.
     """
     with folder_lock(folder):
-        return _Training(task, folder, settings, tell, given, visited).run()
+        return _Training(task, folder, settings, log, given, visited).run()
 
 
 class _Training:
@@ -94,20 +94,20 @@ class _Training:
         task: str,
         folder: Path,
         settings: TrainSettings,
-        tell: Tell,
+        log: Log,
         given: Path | None,
         visited: Sequence[Path],
     ) -> None:
-        self.task, self.folder, self.settings, self.tell = task_named(task), folder, settings, tell
+        self.task, self.folder, self.settings, self.log = task_named(task), folder, settings, log
         self.given = None if given is None else load_weights(given, "sim_actor", task, cell_named())
         parts = [load_visited(path, task) for path in visited]
         seen = VisitedStates.joined(parts) if parts else None
         self.starts = seen.starts(self.task) if seen and settings.randomisation == REAL2SIM else None
         self.model = Model(self.task, cell_named())
-        self.randomising = Randomising(self.model, settings, folder, seen, tell, given is not None)
+        self.randomising = Randomising(self.model, settings, folder, seen, log, given is not None)
         self._check_folder("" if given is None else sha256_of(given), [sha256_of(path) for path in visited])
         self.renderer = BatchRenderer(self.model, settings.device)
-        self.episodes = ActorEpisodes(self.task.name, folder, settings, self.randomising, tell)
+        self.episodes = ActorEpisodes(self.task.name, folder, settings, self.randomising, log)
 
     def run(self) -> dict[str, Any]:
         self.randomising.before_training()
@@ -135,7 +135,7 @@ class _Training:
             s.workers,
             s.explore,
             self.starts,
-            progress=lambda done, wanted: self.tell("states", {"done": done, "of": wanted}),
+            progress=lambda done, wanted: self.log("states", {"done": done, "of": wanted}),
             drawn=None if self.starts else self.randomising.distribution,
         )
         known, looked_at = _split(states, s.validation)
@@ -158,23 +158,23 @@ class _Training:
         self.commit = kept["commit"]
 
     def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:
-        settings = DrawSettings(looks=self.randomising.looks)
+        settings = SampleSettings(appearances=self.randomising.appearances)
         return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream, settings)
 
-    def _to_learn_from(self, scenes: Scenes, stream: int, stage: str) -> Samples:
+    def _to_learn_from(self, scenes: Scenes, stream: int, stage: str) -> RegressionSamples:
         """What a regression sees many times over; what validates is drawn anew each time."""
         samples, s = self._samples(scenes, stream), self.settings
         if not s.kept:
             return samples
-        return KeptSamples(
+        return CachedSamples(
             samples,
             s.kept,
             torch.device(s.device),
-            lambda done, wanted: self.tell(stage, {"drawn": done, "of": wanted}),
+            lambda done, wanted: self.log(stage, {"drawn": done, "of": wanted}),
         )
 
     def _fit_progress(self, stage: str) -> Progress:
-        return lambda row: self.tell(stage, row)
+        return lambda row: self.log(stage, row)
 
     def _actor(
         self, k: int, parts: list[Scenes], validation: RenderedSamples
@@ -194,7 +194,7 @@ class _Training:
         parts = (groups[:-looked_at], groups[-looked_at:])
         if s.q_target == "return":
             train = self._to_learn_from(_of_returns(parts[0]), 3, "q")
-            validation: Samples = self._samples(_of_returns(parts[1]), 4)
+            validation: RegressionSamples = self._samples(_of_returns(parts[1]), 4)
         else:
             drawn = self._to_learn_from(self.episodes.labelled("q", parts[0]), 3, "q")
             train = ActedSamples(drawn, actor, 10 * s.seed + 3, s.acted)

@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from samrl_core.learning.data.fit import LOSS, Batch, Objective, Progress, fit
 from samrl_core.learning.data.fit_settings import FitResult, FitSettings
-from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN, Samples
+from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN, RegressionSamples
 from samrl_core.policy.networks.networks import SensingQ
 
 EXPLAINED = "explained"  # share of the returns' variance that Q accounts for; 0 is as good as a constant
@@ -28,7 +28,7 @@ def likelihood(network: nn.Module, batch: Batch) -> dict[str, torch.Tensor]:
     """Cross entropy of Q and R per sample (B,), R taken for the chance of a success; see `_figures`.
 
     Its best Q is that of eq. 24, the mean of R. What differs is the way there: the squared error of a Q that
-    says 0 of everything has no slope any more, and where most returns are small a Q can end up there.
+    says 0 of everything has a vanishing gradient, and where most returns are small a Q can end up there.
     """
     assert isinstance(network, SensingQ)
     wanted = batch[RETURN].float()
@@ -41,8 +41,8 @@ Q_LOSSES: dict[str, Objective] = {"square": squared_error, "likelihood": likelih
 
 
 def fit_q(
-    train: Samples,
-    validation: Samples,
+    train: RegressionSamples,
+    validation: RegressionSamples,
     settings: FitSettings,
     folder: Path,
     progress: Progress | None = None,

@@ -18,7 +18,7 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.evaluation import judged_now
 from samrl_core.common.errors import ReachError, SamrlError
-from samrl_core.learning.residual.replay import End, Step
+from samrl_core.learning.residual.replay import End, ReplayStep
 from samrl_core.model.model import Model
 from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.episode import Episode, run_episode
@@ -69,7 +69,7 @@ class Order:
 class Played:
     """What came of it."""
 
-    steps: tuple[Step, ...]  # their episode is 0
+    steps: tuple[ReplayStep, ...]  # their episode is 0
     ended: str  # as the loop says, or "error"
     why: str  # of an error
     success: bool  # by the truth
@@ -107,7 +107,7 @@ class Stage:
         world = differing_world(self._task, self._cell, self._offset)
         plant = _PatientPlant(WorldPlant(world, self._task, self._cell))
         plant.begin(order.seed)
-        steps: tuple[Step, ...] = ()
+        steps: tuple[ReplayStep, ...] = ()
         ended, why = "error", ""
         try:
             episode = run_episode(self._agent, plant, LoopSettings(order.max_actions))
@@ -127,11 +127,11 @@ class Stage:
             exploration_limit=order.limit,
         )
 
-    def _steps(self, episode: Episode) -> tuple[Step, ...]:
+    def _steps(self, episode: Episode) -> tuple[ReplayStep, ...]:
         seen = [step.observation for step in episode.steps] + [episode.last]
         tips = [self._model.tip_in_base(one.tool_arm.position).position for one in seen]
         return tuple(
-            Step(
+            ReplayStep(
                 0,
                 index,
                 step.observation.frame.color,

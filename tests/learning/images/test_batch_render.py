@@ -11,7 +11,7 @@ import torch
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.common.errors import InputError
-from samrl_core.learning.images.appearance import LookSettings, draw_looks, own_looks
+from samrl_core.learning.images.appearance import AppearanceSettings, model_appearances, sample_appearances
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.states.frames import SceneFrames
@@ -99,18 +99,18 @@ def test_gradients_reach_the_camera() -> None:
 def test_looks_vary_about_the_models_own() -> None:
     model, _, renderer = scene("spatula_flipping")
     rng = np.random.default_rng(0)
-    drawn = draw_looks(model, rng, 400)
-    own = own_looks(model, 400)
+    drawn = sample_appearances(model, rng, 400)
+    own = model_appearances(model, 400)
     for part in ("colors", "gain", "towards_light", "ambient"):
         same = (getattr(drawn, part) == getattr(own, part)).reshape(400, -1).all(dim=1)
         assert 0.12 < float(same.float().mean()) < 0.30, part
         assert torch.isfinite(getattr(drawn, part)).all()
     assert float(drawn.colors.min()) >= 0.0 and float(drawn.colors.max()) <= 1.0
-    plain = draw_looks(model, rng, 5, LookSettings(plain_share=1.0))
+    plain = sample_appearances(model, rng, 5, AppearanceSettings(plain_share=1.0))
     torch.testing.assert_close(plain.colors, own.colors[:5])
     _, _, _, rows, views = states("spatula_flipping")
     own_image = renderer.render(rows, cameras_of(views)).color
-    few = draw_looks(model, rng, COUNT, LookSettings(plain_share=0.0))
+    few = sample_appearances(model, rng, COUNT, AppearanceSettings(plain_share=0.0))
     other = renderer.render(rows, cameras_of(views), few).color
     assert ((own_image - other).abs().mean(dim=(1, 2, 3)) > 0.01).all()
 
@@ -156,4 +156,4 @@ def test_wrong_input_is_refused() -> None:
     with pytest.raises(InputError, match="at least 0"):
         ImageNoiseSettings(depth=-1.0)
     with pytest.raises(InputError, match="at least 0"):
-        LookSettings(paint=-1.0)
+        AppearanceSettings(paint=-1.0)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.images.appearance import LookSettings, draw_looks
+from samrl_core.learning.images.appearance import AppearanceSettings, sample_appearances
 from samrl_core.learning.images.batch_render import BatchRenderer
-from samrl_core.learning.images.batch_views import BatchViewAscent, Scenes
+from samrl_core.learning.images.batch_views import BatchViewAscent, ViewScenes
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import initial_estimate
@@ -29,22 +29,22 @@ def reach(model: Model) -> ViewReach:
 
 
 @pytest.fixture(scope="module")
-def scenes(model: Model) -> Scenes:
+def scenes(model: Model) -> ViewScenes:
     """Two states of a descent."""
     frames = SceneFrames(model)
     values = np.array([[0.5, 0.0], [0.53, -0.03]])
     tips = np.array([frames.start_tip, [0.53, -0.03, 0.06]])
     joints = np.array([frames.joints(tip) for tip in tips])
     rows = np.array([frames.rows(*pair) for pair in zip(values, joints, strict=True)])
-    return Scenes(values, tips, rows, joints)
+    return ViewScenes(values, tips, rows, joints)
 
 
-def planned(model: Model, reach: ViewReach, scenes: Scenes, q: SmoothQ, chunk: int) -> list[Found]:
+def planned(model: Model, reach: ViewReach, scenes: ViewScenes, q: SmoothQ, chunk: int) -> list[Found]:
     ascent = BatchViewAscent(BatchRenderer(model, chunk=chunk), networks(q), reach, SETTINGS)
     return ascent.plan(scenes, np.tile(model.task.start_joints(model.cell)["camera_arm"], (2, 1)))
 
 
-def test_as_the_single_search_chooses(model: Model, reach: ViewReach, scenes: Scenes) -> None:
+def test_as_the_single_search_chooses(model: Model, reach: ViewReach, scenes: ViewScenes) -> None:
     """Same views looked at, same choice, Q within rounding; whatever is drawn at a time."""
     single = ViewAscent(model, model.cell, model.task, networks(SmoothQ()), SETTINGS)
     single._reach = reach
@@ -64,15 +64,15 @@ def test_as_the_single_search_chooses(model: Model, reach: ViewReach, scenes: Sc
     assert moved > 0
 
 
-def test_what_the_networks_do_not_know_is_refused(model: Model, reach: ViewReach, scenes: Scenes) -> None:
+def test_what_the_networks_do_not_know_is_refused(model: Model, reach: ViewReach, scenes: ViewScenes) -> None:
     with pytest.raises(InputError, match="train them anew"):
         planned(model, reach, scenes, SmoothQ(gain=float("nan")), 128)
 
 
-def test_the_look_of_a_state_is_drawn(model: Model, reach: ViewReach, scenes: Scenes) -> None:
+def test_the_look_of_a_state_is_drawn(model: Model, reach: ViewReach, scenes: ViewScenes) -> None:
     """In other light Q is another."""
 
-    looks = draw_looks(model, np.random.default_rng(0), 2, LookSettings(plain_share=0.0))
+    looks = sample_appearances(model, np.random.default_rng(0), 2, AppearanceSettings(plain_share=0.0))
     plain = planned(model, reach, scenes, SmoothQ("colour"), 128)
-    varied = planned(model, reach, replace(scenes, looks=looks), SmoothQ("colour"), 128)
+    varied = planned(model, reach, replace(scenes, appearances=looks), SmoothQ("colour"), 128)
     assert all(abs(a.most - b.most) > 1e-4 for a, b in zip(plain, varied, strict=True))

@@ -11,7 +11,7 @@ import torch
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.samples import ACTION, IMAGE
 from samrl_core.learning.images import cached_samples as kept_samples
-from samrl_core.learning.images.cached_samples import KeptSamples
+from samrl_core.learning.images.cached_samples import CachedSamples
 
 CPU = torch.device("cpu")
 
@@ -37,9 +37,9 @@ class Numbers:
         return {IMAGE: image, ACTION: scene[:, None].expand(-1, 3)}
 
 
-def kept(times: int) -> KeptSamples:
+def kept(times: int) -> CachedSamples:
     samples: Any = Numbers()
-    return KeptSamples(samples, times, CPU)
+    return CachedSamples(samples, times, CPU)
 
 
 def test_a_sample_is_its_scene_drawn_for_the_kth_time() -> None:
@@ -77,7 +77,7 @@ def test_drawings_of_real_scenes_differ_and_repeat() -> None:
     rows = frames.rows(values, frames.joints(tip))[None].repeat(2, axis=0).astype(np.float32)
     scenes = Scenes(rows, np.tile(tip, (2, 1)), {ACTION: np.zeros((2, 3))})
     samples = RenderedSamples(scenes, BatchRenderer(model), 5)
-    one, two = (KeptSamples(samples, 2, CPU).batch(np.arange(4), CPU)[IMAGE] for _ in range(2))
+    one, two = (CachedSamples(samples, 2, CPU).batch(np.arange(4), CPU)[IMAGE] for _ in range(2))
     torch.testing.assert_close(one, two, rtol=0.0, atol=0.0)
     assert all(float((one[i] - one[j]).abs().mean()) > 0.01 for i in range(4) for j in range(i))
     direct = samples.again(0).batch(np.arange(2), CPU)[IMAGE]

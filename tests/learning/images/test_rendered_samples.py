@@ -13,17 +13,17 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.samples import ACTION, IMAGE
-from samrl_core.learning.images.appearance import LookSettings
+from samrl_core.learning.images.appearance import AppearanceSettings
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
-from samrl_core.learning.images.rendered_samples import DrawSettings, RenderedSamples, Scenes
+from samrl_core.learning.images.rendered_samples import RenderedSamples, SampleSettings, Scenes
 from samrl_core.learning.sim.sample_states import draw_states
 from samrl_core.learning.states.explore import ExploreSettings
 from samrl_core.model.model import Model
 
 CPU = torch.device("cpu")
 CLEAN = ImageNoiseSettings(clean_share=1.0, lost=0.0, jump_lost=0.0)
-PLAIN = LookSettings(plain_share=1.0)
+PLAIN = AppearanceSettings(plain_share=1.0)
 VIEW = np.array([0.6, 0.6, 0.35, 0.5, 0.0, 0.08])
 
 
@@ -55,7 +55,7 @@ def test_drawn_samples_follow_seed_and_indices() -> None:
 def test_a_view_can_be_given() -> None:
     """As a fixed camera has it: nothing else varies, so the images of a state are the same."""
     fixed = replace(scenes(), view=np.tile(VIEW, (5, 1)))
-    samples = RenderedSamples(fixed, renderer(), 0, DrawSettings(looks=PLAIN, noise=CLEAN))
+    samples = RenderedSamples(fixed, renderer(), 0, SampleSettings(appearances=PLAIN, noise=CLEAN))
     first, second = (samples.batch(np.array(i), CPU)[IMAGE] for i in ([0, 1], [1, 2]))
     torch.testing.assert_close(first[1], second[0])
     expected = renderer().images(scenes().frames[1:2], scenes().tip_in_base[1:2], VIEW[None])

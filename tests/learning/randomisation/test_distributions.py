@@ -9,23 +9,26 @@ from scipy.integrate import quad
 from samrl_core.common.errors import InputError
 from samrl_core.learning.randomisation.distributions import (
     BoundedNormal,
-    Box,
     Independent,
     Mixture,
     ParameterDistribution,
+    UniformBox,
 )
 from samrl_core.learning.randomisation.space import Dimension, Space
 
 SPACE = Space((Dimension("a/x", "m", 0.1, 0.0, 0.4), Dimension("b/y", "-", 0.0, -1.0, 2.0)))
 NORMAL = BoundedNormal(SPACE, np.array([0.6, -1.0]), np.array([[0.3, 0.1], [0.1, 0.5]]))
-BOX = Box(SPACE, np.array([0.1, -0.5]), np.array([0.2, 1.5]))
-MIXTURE = Mixture((Box.whole(SPACE), BOX), np.array([0.7, 0.3]))
+BOX = UniformBox(SPACE, np.array([0.1, -0.5]), np.array([0.2, 1.5]))
+MIXTURE = Mixture((UniformBox.whole(SPACE), BOX), np.array([0.7, 0.3]))
 EVERY: dict[str, ParameterDistribution] = {
     "box": BOX,
     "bounded_normal": NORMAL,
     "mixture": MIXTURE,
     "independent": Independent(
-        (Box.whole(SPACE.part([0])), BoundedNormal(SPACE.part([1]), np.array([0.5]), np.array([[0.2]])))
+        (
+            UniformBox.whole(SPACE.part([0])),
+            BoundedNormal(SPACE.part([1]), np.array([0.5]), np.array([[0.2]])),
+        )
     ),
 }
 
@@ -46,7 +49,7 @@ def test_draws_are_seeded_inside_and_as_dense_as_said(name: str) -> None:
     assert np.isneginf(one.log_density(outside)).all()
     assert one.record()["kind"] == name
     # The density is one: its mean over the whole box times the box's size.
-    spread = Box.whole(SPACE).sample(np.random.default_rng(3), 40_000)
+    spread = UniformBox.whole(SPACE).sample(np.random.default_rng(3), 40_000)
     assert abs(np.exp(one.log_density(spread)).mean() * np.prod(SPACE.upper - SPACE.lower) - 1.0) < 0.06
 
 
@@ -64,9 +67,11 @@ def test_a_bounded_normal_of_one_dimension_by_quadrature() -> None:
 
 def test_the_whole_bounded_normal_is_the_box() -> None:
     whole = BoundedNormal.whole(SPACE)
-    points = Box.whole(SPACE).sample(np.random.default_rng(0), 50)
-    np.testing.assert_allclose(whole.log_density(points), Box.whole(SPACE).log_density(points), atol=1e-9)
-    assert whole.entropy() == pytest.approx(Box.whole(SPACE).entropy())
+    points = UniformBox.whole(SPACE).sample(np.random.default_rng(0), 50)
+    np.testing.assert_allclose(
+        whole.log_density(points), UniformBox.whole(SPACE).log_density(points), atol=1e-9
+    )
+    assert whole.entropy() == pytest.approx(UniformBox.whole(SPACE).entropy())
 
 
 def test_relative_entropy_is_that_of_the_draws() -> None:
@@ -85,8 +90,8 @@ def test_what_is_no_distribution_is_refused() -> None:
         (lambda: Dimension("a", "m", 3.0, 0.0, 1.0), "nominally"),
         (lambda: Space(()), "different names"),
         (lambda: Space((SPACE.dimensions[0],) * 2), "different names"),
-        (lambda: Box(SPACE, SPACE.lower - 0.1, SPACE.upper), "a/x"),
-        (lambda: Box(SPACE, SPACE.upper, SPACE.upper), "a/x"),
+        (lambda: UniformBox(SPACE, SPACE.lower - 0.1, SPACE.upper), "a/x"),
+        (lambda: UniformBox(SPACE, SPACE.upper, SPACE.upper), "a/x"),
         (lambda: BoundedNormal(SPACE, np.zeros(2), np.diag([1.0, -1.0])), "not definite"),
         (lambda: BoundedNormal(SPACE, np.zeros(3), np.eye(3)), "2 dimensions"),
         (lambda: Mixture((BOX,), np.array([0.5])), "sum to 1"),

@@ -13,16 +13,16 @@ import torch
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.common.errors import InputError
-from samrl_core.learning.images.appearance import own_looks
+from samrl_core.learning.images.appearance import model_appearances
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.randomisation import of_task
 from samrl_core.learning.randomisation.discrepancy import Discrepancy, DiscrepancySettings
-from samrl_core.learning.randomisation.distributions import Box
+from samrl_core.learning.randomisation.distributions import UniformBox
 from samrl_core.learning.randomisation.found import FoundSettings, Real2SimUpdated, found_starts
 from samrl_core.learning.randomisation.simopt import SimOpt, SimOptSettings
 from samrl_core.learning.randomisation.space import Dimension, Space
-from samrl_core.learning.randomisation.strategy import Evidence
+from samrl_core.learning.randomisation.strategy import QuestionResult
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.learning.states.state_batch import joined, moved
 from samrl_core.learning.states.visited import VisitedStates
@@ -46,7 +46,7 @@ def test_starts_fill_the_range_that_the_task_declares(name: str) -> None:
     np.testing.assert_allclose(drawn.min(axis=0), lower, atol=0.03 * (upper - lower).max())
     np.testing.assert_allclose(drawn.max(axis=0), upper, atol=0.03 * (upper - lower).max())
     space = of_task.starts_of(task)
-    points = Box.whole(space).sample(rng, 5)
+    points = UniformBox.whole(space).sample(rng, 5)
     values = of_task.start_values(task, space, points)
     assert ((values >= lower) & (values <= upper)).all()
     varied = lower < upper
@@ -70,21 +70,22 @@ def test_which_attributes_the_tasks_have() -> None:
 
 def test_looks_of_points(model: Model) -> None:
     """The nominal point looks as the model does; exposure brightens, no noise is no noise."""
-    space = of_task.looks_of(model)
+    space = of_task.appearances_of(model)
     nominal = np.tile(space.nominal, (3, 1))
     bright = nominal.copy()
     bright[:, space.names.index("look/exposure")] = 0.2
     rng = np.random.default_rng(0)
-    own = own_looks(model, 3)
-    same = of_task.LooksAt(space, nominal).sample(model, rng, 3)
-    brighter = of_task.LooksAt(space, bright).sample(model, rng, 3)
+    own = model_appearances(model, 3)
+    same = of_task.AppearancesAt(space, nominal).sample(model, rng, 3)
+    brighter = of_task.AppearancesAt(space, bright).sample(model, rng, 3)
     for name, value in vars(own).items():
         torch.testing.assert_close(vars(same)[name], value)
     torch.testing.assert_close(brighter.gain, own.gain * math.exp(0.2))
     with pytest.raises(InputError, match="3 points"):
-        of_task.LooksAt(space, nominal).sample(model, rng, 2)
+        of_task.AppearancesAt(space, nominal).sample(model, rng, 2)
     one, again = (
-        of_task.DrawnLooks(Box.whole(space)).sample(model, np.random.default_rng(5), 8) for _ in "ab"
+        of_task.AppearancesOf(UniformBox.whole(space)).sample(model, np.random.default_rng(5), 8)
+        for _ in "ab"
     )
     torch.testing.assert_close(one.colors, again.colors, rtol=0, atol=0)
     assert float(one.noise.min()) >= 0.0 and float(one.noise.std()) > 0.2
@@ -95,7 +96,7 @@ def test_the_factor_on_noise_reaches_the_image(model: Model) -> None:
     rows = np.tile(frames.rows(np.array([0.5, 0.0]), frames.joints(frames.start_tip)), (2, 1, 1))
     tips, renderer = np.tile(frames.start_tip, (2, 1)), BatchRenderer(model)
     views = np.tile(draw_views(model.task.view_region(), np.random.default_rng(0), 1), (2, 1))
-    looks = replace(own_looks(model, 2), noise=torch.tensor([0.0, 2.0], dtype=torch.float64))
+    looks = replace(model_appearances(model, 2), noise=torch.tensor([0.0, 2.0], dtype=torch.float64))
     noise = ImageNoiseSettings(clean_share=0.0)
     clean = renderer.images(rows, tips, views)
     noisy = renderer.images(rows, tips, views, looks, noise, torch.Generator().manual_seed(3))
@@ -159,7 +160,7 @@ def test_simopt_finds_the_friction_under_a_pushed_pancake() -> None:
         question = found.ask(rng)
         cost = measure.at(space, question.points)
         costs.append(float(cost.mean()))
-        found = found.update(Evidence(question, cost))
+        found = found.update(QuestionResult(question, cost))
     assert math.exp(float(found.fitted.median[0])) == pytest.approx(FRICTION, rel=0.12)
     assert costs[0] > costs[1] > costs[2] and all(kl <= 1.0 + 1e-9 for kl in found.steps)
 

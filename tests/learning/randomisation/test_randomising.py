@@ -14,13 +14,18 @@ import torch
 
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.shards import MANIFEST
-from samrl_core.learning.images.appearance import LookSettings
+from samrl_core.learning.images.appearance import AppearanceSettings
 from samrl_core.learning.randomisation.adr import AdrSettings
-from samrl_core.learning.randomisation.distributions import Box
-from samrl_core.learning.randomisation.of_task import DrawnLooks, attributes_space, starts_of, together
+from samrl_core.learning.randomisation.distributions import UniformBox
+from samrl_core.learning.randomisation.of_task import (
+    AppearancesOf,
+    attributes_space,
+    starts_of,
+    together,
+)
 from samrl_core.learning.randomisation.simopt import SimOptSettings
 from samrl_core.learning.sim import randomising
-from samrl_core.learning.sim.episodes import Group, begun, run_groups
+from samrl_core.learning.sim.episodes import EpisodeGroup, begun, run_groups
 from samrl_core.learning.sim.prepare import prepare_states
 from samrl_core.learning.sim.randomising import Randomising
 from samrl_core.learning.sim.train import CONFIG, SUMMARY, train
@@ -51,16 +56,16 @@ def test_adr_learns_from_actors_and_goes_on_where_it_was(
     settings = replace(TINY, randomisation="adr")
     failing = Randomising(model, settings, tmp_path / "f", None, silent)
     before = failing.distribution
-    assert isinstance(before, Box) and isinstance(failing.looks, DrawnLooks)
+    assert isinstance(before, UniformBox) and isinstance(failing.appearances, AppearancesOf)
     failing.before_training()
     failing.after_actor(actor_of(model))
     assert len(list((tmp_path / "f" / "randomisation").glob("evidence-*.npz"))) == 2
     assert failing.summary()["entropy"] == [before.entropy()] * 3
 
-    def succeed(task: str, actor: SimActor, groups: list[Group], *rest: Any) -> Any:
+    def succeed(task: str, actor: SimActor, groups: list[EpisodeGroup], *rest: Any) -> Any:
         return [{"success": np.ones(group.count, dtype=bool)} for group in groups]
 
-    monkeypatch.setattr(randomising, "kept_groups", succeed)
+    monkeypatch.setattr(randomising, "run_cached_groups", succeed)
     growing = Randomising(model, settings, tmp_path / "g", None, silent)
     growing.after_actor(actor_of(model))
     entropies = growing.summary()["entropy"]
@@ -69,7 +74,7 @@ def test_adr_learns_from_actors_and_goes_on_where_it_was(
     def never(*given: Any) -> Any:
         raise AssertionError("what was tried is not tried again")
 
-    monkeypatch.setattr(randomising, "kept_groups", never)
+    monkeypatch.setattr(randomising, "run_cached_groups", never)
     again = Randomising(model, settings, tmp_path / "g", None, silent)
     again.after_actor(actor_of(model))
     assert again.summary() == growing.summary()
@@ -98,9 +103,9 @@ def test_simopt_learns_before_training(tmp_path: Path) -> None:
 
 def test_real2sim_draws_as_ever_until_something_was_found(model: Model, tmp_path: Path) -> None:
     plain = Randomising(model, SMALL, tmp_path, None, silent)
-    assert plain.distribution is None and plain.looks == LookSettings()
+    assert plain.distribution is None and plain.appearances == AppearanceSettings()
     found = Randomising(model, SMALL, tmp_path, visited(), silent)
-    assert found.distribution is not None and found.looks == LookSettings()
+    assert found.distribution is not None and found.appearances == AppearanceSettings()
     assert found.summary()["strategy"] == "real2sim" and not list(tmp_path.iterdir())
 
 
@@ -121,7 +126,7 @@ def test_what_cannot_be_randomised_so_is_refused(model: Model, tmp_path: Path) -
 
 def test_states_begin_where_the_distribution_says(tmp_path: Path, model: Model) -> None:
     space = starts_of(model.task)
-    narrow = Box(space, np.array([0.46, 0.02]), np.array([0.462, 0.022]))
+    narrow = UniformBox(space, np.array([0.46, 0.02]), np.array([0.462, 0.022]))
     settings = ExploreSettings(slots=2, longest=5, exact_values=1.0)
     states = prepare_states(PEG, 40, tmp_path, 3, 1, settings, drawn=narrow)
     assert (states.values >= narrow.lower).all() and (states.values <= narrow.upper).all()
@@ -134,7 +139,7 @@ def test_episodes_begin_at_their_points(model: Model) -> None:
     """In the order of the points; the same group gives the same episodes."""
     space = starts_of(model.task)
     points = np.array([[0.46, 0.02], [0.54, -0.03]])
-    group = Group((0, 1), 2, False, 0.0, True, 1, Box.whole(space), points)
+    group = EpisodeGroup((0, 1), 2, False, 0.0, True, 1, UniformBox.whole(space), points)
     ((_, one),) = run_groups(PEG, actor_of(model), [group], "cpu", 1)
     np.testing.assert_allclose(one.values, points)
     drawn = replace(group, points=None)
@@ -152,9 +157,9 @@ def test_a_group_moves_with_the_attributes_of_its_points() -> None:
     space = together(starts_of(model.task), attributes)
     assert space.names == ("start/pancake_x", "start/pancake_y", "log/friction", "log/mass")
     points = np.array([[0.51, 0.0, -math.log(2.0), 0.0], [0.50, 0.0, -math.log(2.0), 0.0]])
-    group = Group((0, 1), 2, False, 0.0, False, 0, Box.whole(space), points)
+    group = EpisodeGroup((0, 1), 2, False, 0.0, False, 0, UniformBox.whole(space), points)
     values, looks, dynamics = begun(model, group, np.random.default_rng(0))
-    assert isinstance(dynamics, TaskPhysics) and looks == LookSettings()
+    assert isinstance(dynamics, TaskPhysics) and looks == AppearanceSettings()
     np.testing.assert_array_equal(values[:, 0], points[:, 0])
     own = model.dynamics.parameters
     torch.testing.assert_close(dynamics.parameters.friction, 0.5 * own.friction)

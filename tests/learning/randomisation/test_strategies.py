@@ -10,10 +10,10 @@ import pytest
 
 from samrl_core.common.errors import InputError
 from samrl_core.learning.randomisation.adr import Adr, AdrSettings
-from samrl_core.learning.randomisation.distributions import BoundedNormal, Box
+from samrl_core.learning.randomisation.distributions import BoundedNormal, UniformBox
 from samrl_core.learning.randomisation.simopt import SimOpt, SimOptSettings, reps_weights, within_bound
 from samrl_core.learning.randomisation.space import Dimension, Space
-from samrl_core.learning.randomisation.strategy import Evidence, Question, Strategy, Uniform
+from samrl_core.learning.randomisation.strategy import Question, QuestionResult, Strategy, Uniform
 
 SPACE = Space((Dimension("a/x", "m", 0.1, 0.0, 0.4), Dimension("b/y", "-", 0.0, -1.0, 2.0)))
 
@@ -23,7 +23,7 @@ def rounds(strategy: Any, result: Any, count: int, seed: int = 0) -> list[Any]:
     rng, found = np.random.default_rng(seed), [strategy]
     for _ in range(count):
         question = found[-1].ask(rng)
-        found.append(found[-1].update(Evidence(question, result(question.points))))
+        found.append(found[-1].update(QuestionResult(question, result(question.points))))
     return found
 
 
@@ -36,7 +36,7 @@ def test_uniform_is_the_whole_space_and_asks_nothing() -> None:
                                atol=0.07)  # fmt: skip
     question = strategy.ask(np.random.default_rng(0))
     assert len(question) == 0
-    after = strategy.update(Evidence(question, np.zeros(0)))
+    after = strategy.update(QuestionResult(question, np.zeros(0)))
     assert after.distribution.entropy() == strategy.distribution.entropy()
 
 
@@ -54,7 +54,7 @@ def test_adr_grows_to_the_bounds_where_all_succeeds() -> None:
 
 def test_adr_shrinks_to_where_it_began_where_nothing_succeeds() -> None:
     begun = Adr.begin(SPACE, ADR)
-    wide = replace(begun, distribution=Box.whole(SPACE))
+    wide = replace(begun, distribution=UniformBox.whole(SPACE))
     found = rounds(wide, lambda points: np.zeros(len(points)), 12)
     entropies = [one.distribution.entropy() for one in found]
     assert all(a > b for a, b in zip(entropies[:4], entropies[1:5], strict=True))
@@ -79,14 +79,14 @@ def test_adr_between_its_thresholds_stays_and_forgets() -> None:
     point = begun.distribution.sample(np.random.default_rng(0), 2)
     point[:, 1] = begun.distribution.upper[1]
     question = Question(point, np.array([3, 3]))
-    after = begun.update(Evidence(question, np.array([0.5, 0.8])))
+    after = begun.update(QuestionResult(question, np.array([0.5, 0.8])))
     assert after.distribution.entropy() == begun.distribution.entropy() and after.tried[3] == ()
-    one = begun.update(Evidence(Question(point[:1], np.array([3])), np.array([1.0])))
+    one = begun.update(QuestionResult(Question(point[:1], np.array([3])), np.array([1.0])))
     assert one.tried[3] == (1.0,)
-    two = one.update(Evidence(Question(point[:1], np.array([3])), np.array([1.0])))
+    two = one.update(QuestionResult(Question(point[:1], np.array([3])), np.array([1.0])))
     assert two.distribution.upper[1] == pytest.approx(begun.distribution.upper[1] + 0.3)
     # What was tried at the old boundary says nothing of the new one.
-    stale = two.update(Evidence(question, np.array([0.0, 0.0])))
+    stale = two.update(QuestionResult(question, np.array([0.0, 0.0])))
     assert stale.distribution.upper[1] == two.distribution.upper[1] and stale.tried[3] == ()
 
 
@@ -98,7 +98,7 @@ def test_adr_asks_at_boundaries_and_is_seeded() -> None:
     np.testing.assert_array_equal(question.points[np.arange(64), question.label % 2], edges[question.label])
     assert set(question.label) == {0, 1, 2, 3}
     with pytest.raises(InputError, match="success"):
-        begun.update(Evidence(question, np.full(64, 2.0)))
+        begun.update(QuestionResult(question, np.full(64, 2.0)))
 
 
 TRUE = np.array([0.31, 1.4])
@@ -176,8 +176,8 @@ def test_settings_outside_their_meaning_are_refused() -> None:
         lambda: AdrSettings(buffer=0),
         lambda: SimOptSettings(bound=0.0),
         lambda: SimOptSettings(draws=2),
-        lambda: Evidence(Question(np.zeros((2, 1)), np.zeros(2, dtype=np.int64)), np.zeros(1)),
-        lambda: Evidence(Question(np.zeros((1, 1)), np.zeros(1, dtype=np.int64)), np.array([np.nan])),
+        lambda: QuestionResult(Question(np.zeros((2, 1)), np.zeros(2, dtype=np.int64)), np.zeros(1)),
+        lambda: QuestionResult(Question(np.zeros((1, 1)), np.zeros(1, dtype=np.int64)), np.array([np.nan])),
     ):
         with pytest.raises(InputError):
             broken()

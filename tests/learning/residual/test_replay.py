@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.residual.replay import HEADER_BYTES, End, Replay, ReplayInfo, Step
+from samrl_core.learning.residual.replay import HEADER_BYTES, End, Replay, ReplayInfo, ReplayStep
 from samrl_core.learning.residual.transitions import transitions_of
 from tests.learning.small_cell import SMALL, random_step
 
@@ -187,7 +187,7 @@ def test_two_writers_are_one_too_many(tmp_path: Path) -> None:
 
 def test_a_step_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     replay = Replay.write(tmp_path / "replay", INFO)
-    good: Step = random_step(np.random.default_rng(0), 0, 0)
+    good: ReplayStep = random_step(np.random.default_rng(0), 0, 0)
     for bad in (
         replace(good, nominal=np.array([0.0, np.nan, 0.0])),
         replace(good, residual=np.zeros(2)),

@@ -14,8 +14,8 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim import cached_groups as module
-from samrl_core.learning.sim.cached_groups import kept_groups
-from samrl_core.learning.sim.episodes import Group
+from samrl_core.learning.sim.cached_groups import run_cached_groups
+from samrl_core.learning.sim.episodes import EpisodeGroup
 from samrl_core.learning.sim.prepare import label_all
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model
@@ -23,7 +23,7 @@ from samrl_core.policy.networks.networks import SimActor
 
 TASK = "peg_insertion"
 NAMES = ("values", "tip_in_base", "success")
-GROUPS = [Group((3, k), 2, True, 0.0, noisy=True, max_actions=2) for k in range(3)]
+GROUPS = [EpisodeGroup((3, k), 2, True, 0.0, noisy=True, max_actions=2) for k in range(3)]
 
 
 @cache
@@ -40,7 +40,7 @@ def run(folder: Path, stop_at: int = -1) -> tuple[list[dict[str, np.ndarray]], l
             raise InterruptedError
 
     try:
-        return kept_groups(TASK, actor(), GROUPS, NAMES, folder, "cpu", 1, tell), told
+        return run_cached_groups(TASK, actor(), GROUPS, NAMES, folder, "cpu", 1, tell), told
     except InterruptedError:
         return [], told
 

@@ -11,13 +11,13 @@ import torch
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
-from samrl_core.learning.images.appearance import LookSettings
+from samrl_core.learning.images.appearance import AppearanceSettings
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.sim.rollouts import (
     PER_ACTION,
+    ActorRollouts,
     Moment,
-    Rollouts,
     RolloutSettings,
     held,
     new_each_step,
@@ -72,7 +72,7 @@ class Knowing:
         return torch.from_numpy(np.array(actions))
 
 
-def run(actor: Knowing, settings: RolloutSettings, seed: int = 0) -> Rollouts:
+def run(actor: Knowing, settings: RolloutSettings, seed: int = 0) -> ActorRollouts:
     r = renderer()
     return roll_out(r.model, r, actor, starts(), actor.viewer, settings, np.random.default_rng(seed))
 
@@ -100,7 +100,9 @@ def test_returns_of_success_and_failure() -> None:
 
 
 def test_the_same_seed_gives_the_same_episodes() -> None:
-    settings = RolloutSettings(3, action_noise=0.3, looks=LookSettings(), noise=ImageNoiseSettings())
+    settings = RolloutSettings(
+        3, action_noise=0.3, appearances=AppearanceSettings(), noise=ImageNoiseSettings()
+    )
     first, again, other = (run(Knowing(), settings, seed) for seed in (4, 4, 5))
     np.testing.assert_array_equal(first.action, again.action)
     assert not np.array_equal(first.action, other.action)

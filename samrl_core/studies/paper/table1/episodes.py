@@ -10,7 +10,7 @@ import numpy as np
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
-from samrl_core.learning.images.appearance import LookSettings
+from samrl_core.learning.images.appearance import AppearanceSettings
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.images.models import model_of
 from samrl_core.learning.sim.rollouts import RolloutSettings, roll_out
@@ -97,7 +97,7 @@ def run_group(group: Group) -> list[Case]:
     camera = MovingCamera(bench, group.count, *_chooser(group, bench, networks), s.views.speed_share)
     settings = RolloutSettings(
         max_actions=s.max_actions,
-        looks=LookSettings() if group.noisy else None,
+        appearances=AppearanceSettings() if group.noisy else None,
         noise=ImageNoiseSettings() if group.noisy else None,
     )
     # The same looks and the same noise in all conditions, as far as their episodes are the same.

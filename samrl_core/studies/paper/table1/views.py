@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from samrl_core.learning.images.batch_render import BatchRenderer
-from samrl_core.learning.images.batch_views import BatchViewAscent, Scenes, model_images
+from samrl_core.learning.images.batch_views import BatchViewAscent, ViewScenes, model_images
 from samrl_core.learning.sim.rollouts import Moment
 from samrl_core.policy.planning.expert import label_of
 from samrl_core.policy.view.sensing_value import Networks
@@ -28,10 +28,10 @@ class Bench:
     renderer: BatchRenderer
     reach: ViewReach
 
-    def scenes(self, moment: Moment) -> Scenes:
+    def scenes(self, moment: Moment) -> ViewScenes:
         """The moment's states."""
         m = moment
-        return Scenes(m.values, m.tip_in_base, m.frames, m.tool_arm_position, m.looks)
+        return ViewScenes(m.values, m.tip_in_base, m.frames, m.tool_arm_position, m.appearances)
 
     def free(self, moment: Moment, k: int) -> list[View]:
         """Views of the grid that are clear in the k-th state of a moment."""

@@ -10,10 +10,10 @@ import typer
 from rich.console import Console
 
 from samrl_core.common.errors import InputError
+from samrl_core.learning.sim.regressions import EXPLAINED
 from samrl_core.learning.sim.train import SUMMARY, train
 from samrl_core.learning.sim.train_picture import write_picture
 from samrl_core.learning.sim.train_settings import TrainSettings
-from samrl_core.learning.sim.value import EXPLAINED
 
 LEAST_EXPLAINED = 0.05  # of the returns' variance, by a Q that is of use
 

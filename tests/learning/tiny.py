@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from samrl_core.learning.data.fit_settings import FitSettings
-from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN
-from samrl_core.learning.sim.imitation import fit_actor
+from samrl_core.learning.data.fit import ACTION, IMAGE, RETURN, FitSettings
+from samrl_core.learning.sim.regressions import fit_actor
 from samrl_core.policy.networks.network_image import XYZ_UNIT
 
 LIMIT = 0.05  # [m]

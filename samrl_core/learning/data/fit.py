@@ -11,14 +11,15 @@ import csv
 import io
 import math
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import nn
 
+from samrl_core.common.devices import checked_device
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.common.files import write_whole
 from samrl_core.learning.data.checkpoint import (
@@ -28,8 +29,70 @@ from samrl_core.learning.data.checkpoint import (
     save_checkpoint,
     with_prefix,
 )
-from samrl_core.learning.data.fit_settings import FitResult, FitSettings
-from samrl_core.learning.data.samples import RegressionSamples
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """One training.
+
+    Raises:
+        InputError: a value outside its limits, or a device that is not there.
+    """
+
+    epochs: int = 30
+    batch_size: int = 128
+    learning_rate: float = 1e-3  # highest, of Adam
+    warm_up: float = 0.03  # share of all steps in which the rate rises from 0
+    max_gradient: float = 1.0  # norm to which a longer gradient is cut
+    seed: int = 0  # of the first weights and of the samples' order
+    device: str = "cpu"  # torch's name
+    bfloat16: bool = False  # autocast of the convolutions
+    checkpoint_every: int = 500  # steps between two checkpoints; each epoch's end is one anyway
+
+    def __post_init__(self) -> None:
+        for name in ("epochs", "batch_size", "checkpoint_every"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} is {getattr(self, name)}, must be at least 1")
+        for name in ("learning_rate", "max_gradient"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"{name} is {getattr(self, name)}, must be positive and finite")
+        if not 0 <= self.warm_up < 1:
+            raise InputError(f"warm_up is {self.warm_up}, must be a share of the steps, 0 to below 1")
+        checked_device(self.device)
+
+    def rate(self, step: int, steps: int) -> float:
+        """Learning rate of a step: up to the highest, then half a cosine down to 0."""
+        rising = max(1, round(self.warm_up * steps))
+        if step < rising:
+            return self.learning_rate * (step + 1) / rising
+        return 0.5 * self.learning_rate * (1 + math.cos(math.pi * (step - rising) / max(1, steps - rising)))
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """What a finished training gave."""
+
+    steps: int
+    figures: dict[str, float]  # means over the validation samples, at the end
+    rows: tuple[dict[str, float], ...]  # of the log, one per epoch
+
+
+IMAGE = "image"  # (B, 6, H, W), see `network_image`
+ACTION = "action"  # (B, 3) [m]
+RETURN = "return_"  # (B,) 0..1
+
+
+class RegressionSamples(Protocol):
+    """Read-only samples; the same indices give the same batch, so that a resumed training sees the same."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        ...
+
+    def batch(self, indices: np.ndarray, device: torch.device) -> dict[str, torch.Tensor]:
+        """Samples (B,) int on a device, by names as above, any float type; samples lie in the first axis."""
+        ...
+
 
 Batch = dict[str, torch.Tensor]
 # Per-sample values (B,) of a batch, among them `loss`, whose mean is made small. The others are reported

@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN, RegressionSamples
+from samrl_core.learning.data.fit import ACTION, IMAGE, RETURN, RegressionSamples
 from samrl_core.learning.images.rendered_samples import rng_of
 from samrl_core.policy.networks.networks import SimActor
 

@@ -7,10 +7,13 @@ product per piece of the scene for all images together, then the renderer.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import torch
 
+from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.common.warp_runtime import numbered_device
 from samrl_core.learning.images.appearance import Appearances, model_appearances
@@ -23,6 +26,18 @@ from samrl_core.model.scene.chain_skin import CHAIN
 from samrl_core.policy.networks.network_image import network_image
 from samrl_core.policy.networks.surface import nearest_points
 from samrl_core.policy.view.views import cameras_of
+
+
+@cache
+def model_of(task: str) -> Model:
+    """The task's model."""
+    return Model(task_named(task), cell_named())
+
+
+@cache
+def renderer_of(task: str, device: str) -> BatchRenderer:
+    """It draws `model_of(task)` on a device."""
+    return BatchRenderer(model_of(task), device)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.samples import IMAGE
+from samrl_core.learning.data.fit import IMAGE
 from samrl_core.learning.images.rendered_samples import RenderedSamples
 
 _CHUNK = 512  # images per drawing

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN
+from samrl_core.learning.data.fit import ACTION, IMAGE, RETURN
 from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings

@@ -5,10 +5,16 @@ from __future__ import annotations
 from samrl_core.common.errors import InputError
 from samrl_core.learning.randomisation.adr import Adr, AdrSettings
 from samrl_core.learning.randomisation.found import FoundSettings, Real2SimUpdated, found_starts
-from samrl_core.learning.randomisation.names import ADR, RANDOMISATIONS, REAL2SIM, SIMOPT
 from samrl_core.learning.randomisation.of_task import appearances_of, attributes_space, starts_of, together
 from samrl_core.learning.randomisation.simopt import SimOpt, SimOptSettings
-from samrl_core.learning.randomisation.strategy import Strategy, Uniform
+from samrl_core.learning.randomisation.strategy import (
+    ADR,
+    RANDOMISATIONS,
+    REAL2SIM,
+    SIMOPT,
+    Strategy,
+    Uniform,
+)
 from samrl_core.learning.states.visited import VisitedStates
 from samrl_core.model.model import Model
 

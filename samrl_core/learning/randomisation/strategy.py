@@ -16,6 +16,10 @@ from samrl_core.learning.randomisation.space import Space
 Measure = Literal["nothing", "success", "discrepancy"]
 
 
+REAL2SIM, UNIFORM, ADR, SIMOPT = "real2sim", "uniform", "adr", "simopt"
+RANDOMISATIONS = (REAL2SIM, UNIFORM, ADR, SIMOPT)
+
+
 @dataclass(frozen=True, eq=False)
 class Question:
     """Points to try."""

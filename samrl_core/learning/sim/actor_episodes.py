@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.common.array_file import read_arrays, write_arrays
-from samrl_core.learning.data.samples import ACTION
+from samrl_core.learning.data.fit import ACTION
 from samrl_core.learning.images.rendered_samples import Scenes
-from samrl_core.learning.sim.cached_groups import run_cached_groups
-from samrl_core.learning.sim.episodes import EpisodeGroup
+from samrl_core.learning.sim.episodes import EpisodeGroup, run_cached_groups
 from samrl_core.learning.sim.prepare import label_all
 from samrl_core.learning.sim.randomising import Randomising
 from samrl_core.learning.sim.rollouts import PER_ACTION

@@ -23,7 +23,7 @@ from samrl_core.common.errors import SamrlError
 from samrl_core.common.executor import free_cores, run_calls
 from samrl_core.common.files import folder_lock
 from samrl_core.learning.data.shards import DataInfo, ShardFolder
-from samrl_core.learning.images.models import model_of
+from samrl_core.learning.images.batch_render import model_of
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.sim.sample_states import draw_states
 from samrl_core.learning.states.explore import ExploreSettings, Starts

@@ -21,8 +21,7 @@ from samrl_core.learning.randomisation.distributions import ParameterDistributio
 from samrl_core.learning.randomisation.found import Real2SimUpdated
 from samrl_core.learning.randomisation.of_task import LOOK, AppearancesOf, alike
 from samrl_core.learning.randomisation.strategy import Question, QuestionResult
-from samrl_core.learning.sim.cached_groups import run_cached_groups
-from samrl_core.learning.sim.episodes import EpisodeGroup
+from samrl_core.learning.sim.episodes import EpisodeGroup, run_cached_groups
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.learning.states.visited import VisitedStates
 from samrl_core.model.model import Model

@@ -30,19 +30,17 @@ from torch import nn
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.files import folder_lock, keep_to, write_whole
-from samrl_core.learning.data.fit import Progress
-from samrl_core.learning.data.samples import ACTION, RegressionSamples
+from samrl_core.learning.data.fit import ACTION, Progress, RegressionSamples
 from samrl_core.learning.images.acted_samples import ActedSamples
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.cached_samples import CachedSamples
 from samrl_core.learning.images.rendered_samples import RenderedSamples, SampleSettings, Scenes
-from samrl_core.learning.randomisation.names import REAL2SIM
+from samrl_core.learning.randomisation.strategy import REAL2SIM
 from samrl_core.learning.sim.actor_episodes import ActorEpisodes
-from samrl_core.learning.sim.imitation import fit_actor
 from samrl_core.learning.sim.prepare import prepare_states
 from samrl_core.learning.sim.randomising import Randomising
+from samrl_core.learning.sim.regressions import fit_actor, fit_q
 from samrl_core.learning.sim.train_settings import TrainSettings
-from samrl_core.learning.sim.value import fit_q
 from samrl_core.learning.states.states import StateSamples
 from samrl_core.learning.states.visited import VisitedStates, load_visited
 from samrl_core.model.model import Model

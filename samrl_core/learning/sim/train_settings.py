@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.fit_settings import FitSettings
+from samrl_core.learning.data.fit import FitSettings
 from samrl_core.learning.images.acted_samples import ActedSettings
 from samrl_core.learning.randomisation.adr import AdrSettings
 from samrl_core.learning.randomisation.found import FoundSettings
-from samrl_core.learning.randomisation.names import RANDOMISATIONS, REAL2SIM
 from samrl_core.learning.randomisation.simopt import SimOptSettings
-from samrl_core.learning.sim.value import Q_LOSSES
+from samrl_core.learning.randomisation.strategy import RANDOMISATIONS, REAL2SIM
+from samrl_core.learning.sim.regressions import Q_LOSSES
 from samrl_core.learning.states.explore import ExploreSettings
 
 Q_TARGETS = ("return", "action")
@@ -34,7 +34,7 @@ class TrainSettings:
     episodes: int = 512  # for Q (eq. 24), each with a view held
     action_noise: float = 0.3  # highest level of theirs, per axis, standard deviation [action limits]
     q_target: str = "action"  # what Q learns: worth of the "action" in its state, or "return" of episodes
-    q_loss: str = "square"  # how: by the "square" of eq. 24, or by "likelihood"; see `learn/value.py`
+    q_loss: str = "square"  # how: by the "square" of eq. 24, or by "likelihood"; see `regressions.py`
     acted: ActedSettings = ActedSettings()  # actions that Q learns the worth of, and their worth
     judged: int = 200  # episodes that tell the actor's success, for each way to look
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed

@@ -16,7 +16,7 @@ import numpy as np
 
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS
 from samrl_core.common.statistics import pooled_median
-from samrl_core.learning.images.models import model_of
+from samrl_core.learning.images.batch_render import model_of
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig6_picture import write_picture

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import torch
 
-from samrl_core.learning.images.batch_render import BatchRenderer
-from samrl_core.learning.images.models import renderer_of
+from samrl_core.learning.images.batch_render import BatchRenderer, renderer_of
 from samrl_core.policy.agent.settings import trained_networks
 from samrl_core.policy.view.sensing_value import Networks
 from samrl_core.studies.experiment import Options

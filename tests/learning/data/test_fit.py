@@ -16,10 +16,15 @@ import torch
 
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
-from samrl_core.learning.data.fit import CHECKPOINT, LOG, STOPPED, fit
-from samrl_core.learning.data.fit_settings import FitSettings
-from samrl_core.learning.sim.imitation import Imitation, fit_actor
-from samrl_core.learning.sim.value import Q_LOSSES, fit_q, likelihood, squared_error
+from samrl_core.learning.data.fit import CHECKPOINT, LOG, STOPPED, FitSettings, fit
+from samrl_core.learning.sim.regressions import (
+    Q_LOSSES,
+    Imitation,
+    fit_actor,
+    fit_q,
+    likelihood,
+    squared_error,
+)
 from samrl_core.policy.networks.networks import SensingQ, SimActor
 from tests.learning import tiny
 from tests.waiting import wait_for

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.samples import ACTION, IMAGE, RETURN
+from samrl_core.learning.data.fit import ACTION, IMAGE, RETURN
 from samrl_core.learning.images.acted_samples import ActedSamples, ActedSettings
 from samrl_core.policy.networks.networks import SimActor
 from tests.learning.tiny import LIMIT, Spots

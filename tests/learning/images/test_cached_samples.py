@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.samples import ACTION, IMAGE
+from samrl_core.learning.data.fit import ACTION, IMAGE
 from samrl_core.learning.images import cached_samples as kept_samples
 from samrl_core.learning.images.cached_samples import CachedSamples
 

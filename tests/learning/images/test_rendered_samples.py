@@ -12,7 +12,7 @@ import torch
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.samples import ACTION, IMAGE
+from samrl_core.learning.data.fit import ACTION, IMAGE
 from samrl_core.learning.images.appearance import AppearanceSettings
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings

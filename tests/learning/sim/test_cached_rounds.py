@@ -13,9 +13,8 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.errors import InputError
-from samrl_core.learning.sim import cached_groups as module
-from samrl_core.learning.sim.cached_groups import run_cached_groups
-from samrl_core.learning.sim.episodes import EpisodeGroup
+from samrl_core.learning.sim import episodes as module
+from samrl_core.learning.sim.episodes import EpisodeGroup, run_cached_groups
 from samrl_core.learning.sim.prepare import label_all
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model

@@ -16,7 +16,7 @@ import torch
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError
-from samrl_core.learning.data.fit_settings import FitSettings
+from samrl_core.learning.data.fit import FitSettings
 from samrl_core.learning.sim.train import CONFIG, train
 from samrl_core.learning.sim.train_picture import write_picture
 from samrl_core.learning.sim.train_settings import Q_TARGETS, TrainSettings

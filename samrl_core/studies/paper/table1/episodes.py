@@ -11,8 +11,8 @@ import numpy as np
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.learning.images.appearance import AppearanceSettings
+from samrl_core.learning.images.batch_render import model_of
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
-from samrl_core.learning.images.models import model_of
 from samrl_core.learning.sim.rollouts import RolloutSettings, roll_out
 from samrl_core.learning.states.explore import Starts
 from samrl_core.learning.states.frames import SceneFrames

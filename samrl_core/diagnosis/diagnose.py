@@ -147,7 +147,7 @@ def _conclude(
     k = selection.correlation_time
     z = likelihood.whitened()
     chosen = selection.chosen
-    does = None if chosen is None else likelihood.y - evidence.rest(chosen)
+    does = None if chosen is None else likelihood.y - evidence.remainder(chosen)
     grid, items = heatmap(likelihood, z, k, does)
     named: tuple[NamedEffect, ...] = ()
     runner_ups: tuple[NamedEffect, ...] = ()
@@ -184,7 +184,7 @@ def _conclude(
     alarms += list(far.alarms)
     done("how far")
     outcome = rules.decide(selection, named, runner_ups, alarms, far, settings.verdict)
-    rest = evidence.rest(chosen) if chosen is not None else likelihood.y
+    rest = evidence.remainder(chosen) if chosen is not None else likelihood.y
     ambiguity: tuple[tuple[str, ...], ...] = ()
     experiment = None
     if outcome.verdict == "ambiguous" and chosen is not None and named:

@@ -53,7 +53,7 @@ def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> i
     from samrl_core.diagnosis.selection.selection import SelectionSettings
 
     families = read_library(options.library) if options.library else None
-    selection = SelectionSettings(null_worlds=options.null_worlds, cache=cache_folder() / "null_worlds")
+    selection = SelectionSettings(null_simulations=options.null_worlds, cache=cache_folder() / "null_worlds")
     # What the user holds out stays held out; what was held out by default may be shared.
     settings = DiagnosisSettings(
         library=families, seed=options.seed, selection=selection, share_held_out=not options.held_out

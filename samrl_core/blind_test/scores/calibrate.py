@@ -28,9 +28,9 @@ from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.null_simulations import (
     QUANTILE,
-    best_gain,
-    draw_plant,
-    null_recordings,
+    best_log_evidence,
+    sample_plant,
+    simulate_null_recordings,
     threshold,
 )
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
@@ -91,10 +91,10 @@ def main() -> None:
         began = time.monotonic()
         trials = trials_of(ROLES[world % 2], options.seed * 1000 + world // 2 % 3, options.duration)
         scale = float(rng.uniform(1.0, 2.0)) if rng.uniform() < WIDE else 1.0
-        recordings = null_recordings(trials, draw_plant(_wider(trials[0], scale), rng), rng)
+        recordings = simulate_null_recordings(trials, sample_plant(_wider(trials[0], scale), rng), rng)
         if recordings is None:
             raise SystemExit(f"world {world} diverged; its tolerances are no arm's")
-        gains.append(best_gain(recordings, trials, EFFECTS))
+        gains.append(best_log_evidence(recordings, trials, EFFECTS))
         took = time.monotonic() - began
         print(f"{world + 1}/{options.worlds} scale {scale:.2f} gain {gains[-1]:.1f} nat {took:.0f} s")
     result = {

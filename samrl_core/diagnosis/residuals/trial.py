@@ -37,7 +37,7 @@ class Trial:
         self.scale = scale_limits(recording.arm, rigid, self.motion)
         self.channels = self.equations.channels
         self.joints = self.motion.joints
-        self.kept: dict[tuple[str, str], Any] = {}  # what an effect works out once per trial
+        self.cached: dict[tuple[str, str], Any] = {}  # what a form works out once per trial
 
     def __len__(self) -> int:
         return len(self.motion)

@@ -14,10 +14,10 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
 RELATIVE_TEMPERATURE = 0.005  # of the best evidence, likewise: a tie within half a percent is one
-REST_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
+REMAINDER_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
 FORMULA = 0.05  # relative deviation of every parameter: no formula is the thing itself
-REST_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
+REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
 SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 
@@ -33,7 +33,7 @@ def probabilities(fits: Sequence[Fit], remaining: float = 0.0) -> np.ndarray:
     adds = (
         float(np.max(evidence) - np.min(evidence)) if len(fits[0].hypotheses) > 1 else float(np.max(evidence))
     )
-    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REST_TEMPERATURE * remaining)
+    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REMAINDER_TEMPERATURE * remaining)
     weights = np.exp((evidence - np.max(evidence)) / temperature)
     return weights / np.sum(weights)
 
@@ -84,12 +84,14 @@ def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
     the share left is therefore how far another formula could move the amplitude.
     """
     likelihood, k = evidence.likelihood, evidence.correlation_time
-    h, rest = fit.hypotheses[index], evidence.rest(fit)
+    h, rest = fit.hypotheses[index], evidence.remainder(fit)
     there = set(h.regressors.blocks)
     # Undo this effect alone: what it had to explain.
     alone = likelihood.minus(h.regressors, -fit.amplitudes[index], rest)
     before, after = likelihood.deficit(alone, k, there), likelihood.deficit(rest, k, there)
-    return float(np.hypot(FORMULA, REST_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))))
+    return float(
+        np.hypot(FORMULA, REMAINDER_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0)))
+    )
 
 
 def _shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
@@ -148,7 +150,7 @@ def invariance_alarms(
 
 def undone_alarms(evidence: Evidence, fit: Fit) -> list[str]:
     """Effects of whose prediction too much is not seen, and would have to be undone within tolerances."""
-    likelihood, rest, alarms = evidence.likelihood, evidence.rest(fit), []
+    likelihood, rest, alarms = evidence.likelihood, evidence.remainder(fit), []
     for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
         prediction = likelihood.prediction(h.regressors, amplitudes)
         seen = 1.0 + float(prediction @ rest) / max(float(prediction @ prediction), 1e-12)

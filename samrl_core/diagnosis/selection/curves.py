@@ -25,7 +25,7 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
     """Data and fit where the effect acts most strongly; other named effects are taken out."""
     likelihood = evidence.likelihood
     index = fit.hypotheses.index(h)
-    rest = evidence.rest(fit)
+    rest = evidence.remainder(fit)
     # What tolerances cause, a torque offset above all, would shift the data off the curve.
     rest = rest - likelihood.tolerated(rest, evidence.correlation_time)
     own = likelihood.prediction(h.regressors, fit.amplitudes[index])

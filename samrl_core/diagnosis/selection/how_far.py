@@ -24,7 +24,7 @@ from samrl_core.diagnosis.selection.resimulation import (
     shrink_interval,
     simulable,
 )
-from samrl_core.diagnosis.selection.selection import Selection, held_out_rest
+from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 OVERLAYS = 6  # joint and quantity pairs that are drawn
@@ -178,9 +178,9 @@ def _along_the_log(held_out: Likelihood, selection: Selection, rng: np.random.Ge
     channel = _where_it_acts(held_out, chosen)
     if chosen is not None and any(h.effect.by_chance for h in chosen.hypotheses):
         chosen = None  # when chance strikes again, nothing that was fitted can say
-    rest = None if chosen is None else held_out_rest(held_out, chosen)
+    rest = None if chosen is None else held_out_remainder(held_out, chosen)
     rival = selection.rivals[0] if chosen is not None and selection.rivals else None
-    other = None if rival is None else held_out_rest(held_out, rival)
+    other = None if rival is None else held_out_remainder(held_out, rival)
     before = _physical(held_out, held_out.y, channel)
     nominal = float(np.sqrt(np.mean(np.concatenate(before) ** 2)))
     after = None if rest is None else _physical(held_out, rest, channel)

@@ -134,7 +134,7 @@ class Evidence:
         )
         return Fit(tuple(hypotheses), parts, covariance, log_evidence if possible else -np.inf)
 
-    def rest(self, fit: Fit) -> np.ndarray:
+    def remainder(self, fit: Fit) -> np.ndarray:
         """Residuals (N,) after a fit."""
         y = self.likelihood.y
         for h, a in zip(fit.hypotheses, fit.amplitudes, strict=True):

@@ -1,10 +1,10 @@
 """How much evidence no effect at all can seem to give: the library run on simulated worlds without one.
 
-Worlds are closed-loop rollouts of the recordings' own commands with nominal parameters drawn from the
+Simulations are closed-loop rollouts of the recordings' own commands with nominal parameters sampled from the
 tolerances and the recordings' own sensor noise; each goes through the whole screening, since a little
-friction moves a joint elsewhere and regressors must follow. The largest gain over the library is kept, so
-that a threshold takes into account how many effects and places are tried. Gains are kept on disk per
-trajectory.
+friction moves a joint elsewhere and regressors must follow. The largest log evidence over the library
+counts, so that a threshold takes into account how many effects and places are tried. It is cached on disk
+per trajectory.
 """
 
 from __future__ import annotations
@@ -31,38 +31,38 @@ QUANTILE = 0.98
 VERSION = 2  # of what is computed; part of the cache's key
 
 
-def null_gains(
+def simulate_null_evidence(
     trials: Sequence[Trial],
     effects: Sequence[Effect],
-    worlds: int,
+    count: int,
     seed: int = 0,
     cache: Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> np.ndarray | None:
-    """Largest log evidence of the library in each simulated world (M,); None where none can be simulated.
+    """Largest log evidence of the library in each null simulation (M,); None where none can be simulated.
 
-    Gains of worlds that were made before, with the same commands, arm and library, come from the cache: an
+    Simulations that were made before, with the same commands, arm and library, come from the cache: an
     interrupted run goes on where it stopped.
     """
     if not trials or not all(simulable(t) for t in trials):
         return None
     file = None if cache is None else cache / f"{_key(trials, effects, seed)}.json"
-    gains: list[float] = json.loads(file.read_text())["gains"] if file is not None and file.exists() else []
-    for world in range(len(gains), worlds):
-        progress(f"simulating world {world + 1} of {worlds} without an effect")
-        rng = np.random.default_rng([seed, world])
-        recordings = null_recordings(trials, draw_plant(trials[0], rng), rng)
-        gains.append(-np.inf if recordings is None else best_gain(recordings, trials, effects))
+    found: list[float] = json.loads(file.read_text())["gains"] if file is not None and file.exists() else []
+    for k in range(len(found), count):
+        progress(f"simulation {k + 1} of {count} without an effect")
+        rng = np.random.default_rng([seed, k])
+        recordings = simulate_null_recordings(trials, sample_plant(trials[0], rng), rng)
+        found.append(-np.inf if recordings is None else best_log_evidence(recordings, trials, effects))
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
             temporary = file.with_suffix(f".{os.getpid()}")
-            temporary.write_text(json.dumps({"gains": gains}))
+            temporary.write_text(json.dumps({"gains": found}))
             temporary.replace(file)
-    made = np.array(gains[:worlds])
+    made = np.array(found[:count])
     return made[np.isfinite(made)]
 
 
-def best_gain(
+def best_log_evidence(
     recordings: Sequence[ArmRecording], trials: Sequence[Trial], effects: Sequence[Effect]
 ) -> float:
     """Largest log evidence of any effect at any place in recordings made like those of the trials."""
@@ -72,7 +72,7 @@ def best_gain(
     return max((evidence.fit([h]).log_evidence for h in evidence.screen(effects)), default=0.0)
 
 
-def null_recordings(
+def simulate_null_recordings(
     trials: Sequence[Trial], plant: PlantParameters, rng: np.random.Generator
 ) -> list[ArmRecording] | None:
     """The trials' commands by a plant, with their noise; None if it diverges."""
@@ -118,7 +118,7 @@ def threshold(gains: np.ndarray, least: float) -> float:
     return max(least, location - spread * float(np.log(-np.log(QUANTILE))))
 
 
-def draw_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
+def sample_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
     """A nominal arm within its tolerances, uniformly."""
     rigid, arm = trial.rigid, trial.recording.arm
     assert rigid is not None

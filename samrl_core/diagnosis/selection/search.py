@@ -52,7 +52,7 @@ def _inside_first(fits: list[Fit]) -> list[Fit]:
     return fits
 
 
-def switched_on(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
+def find_onset(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
     """The best single effect that begins within the recordings, at one time after each one's start."""
     shortest = min(float(t.motion.time[-1] - t.motion.time[0]) for t in evidence.likelihood.trials)
     best: Fit | None = None
@@ -84,7 +84,7 @@ def switched_on(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
     return evidence.refine(best, 0)
 
 
-def extended(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
+def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
     """The best sets with one more effect, one for each place, best first."""
     taken = {h.name for h in chosen.hypotheses}
     best: dict[str, Fit] = {}
@@ -105,7 +105,7 @@ def extended(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> lis
     return sorted(refined, key=lambda f: -f.log_evidence)
 
 
-def swapped(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
+def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
     """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS)."""
     for index in range(len(chosen.hypotheses) - 1):
         others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
@@ -122,7 +122,7 @@ def swapped(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
     return chosen
 
 
-def rivals_of(
+def find_rivals(
     evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, singles: Sequence[Fit]
 ) -> list[Fit]:
     """The chosen set with its first effect exchanged for each other one."""

@@ -11,8 +11,14 @@ import numpy as np
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis, on_bound
-from samrl_core.diagnosis.selection.null_simulations import null_gains, threshold
-from samrl_core.diagnosis.selection.search import best_singles, extended, rivals_of, swapped, switched_on
+from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
+from samrl_core.diagnosis.selection.search import (
+    best_singles,
+    find_extensions,
+    find_onset,
+    find_rivals,
+    swap_members,
+)
 
 MOST_EFFECTS = 3
 SEEN_THERE = 0.1  # of the fitted excess: held-out recordings with less hardly show the effect
@@ -23,14 +29,14 @@ class SelectionSettings:
     """When an effect is believed. Values come from `samrl_core.blind_test.scores.calibrate`."""
 
     threshold: float = 12.0  # log evidence that a first effect needs at least against nothing [nat]
-    null_worlds: int = 0  # simulate as many without an effect, and raise the threshold to what they reach
-    cache: Path | None = None  # folder that keeps those worlds' gains
+    null_simulations: int = 0  # as many without an effect, whose evidence may raise the threshold
+    cache: Path | None = None  # folder that caches their log evidence
     second_threshold: float = 16.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
-    onset_rest: float = 0.05  # share left by the best effect from which on it may have been switched on
+    onset_remainder: float = 0.05  # share left by the best effect from which on it may have been switched on
     same_share: float = 0.12  # of all there was, where the first effects act on the same channels and joints
-    local_rest: float = 0.2  # less left than this share of what there was: the first effect's formula
+    local_remainder: float = 0.2  # less left than this share of what there was: the first effect's formula
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +80,17 @@ def select(
     progress("screening effects")
     pool = evidence.screen(effects)
     least = settings.threshold
-    if settings.null_worlds:
-        gains = null_gains(likelihood.trials, effects, settings.null_worlds, 0, settings.cache, progress)
-        if gains is not None and len(gains) > 4:
-            least = threshold(gains, settings.threshold)
+    if settings.null_simulations:
+        found = simulate_null_evidence(
+            likelihood.trials, effects, settings.null_simulations, 0, settings.cache, progress
+        )
+        if found is not None and len(found) > 4:
+            least = threshold(found, settings.threshold)
     progress("refining")
     singles = best_singles(evidence, pool)
     # The correlation that remains under the best explanation is the one that counts.
     if singles and singles[0].log_evidence > least:
-        left = evidence.rest(singles[0])
+        left = evidence.remainder(singles[0])
         evidence.correlation_time = max(2.0, min(likelihood.correlation_time(left), 25.0))
         singles = best_singles(evidence, pool)
     k = evidence.correlation_time
@@ -97,27 +105,27 @@ def select(
         )  # fmt: skip
     chosen = singles[0]
     progress("looking for an onset")
-    left = likelihood.deficit(evidence.rest(chosen), k) / max(excess, 1e-9)
-    if left > settings.onset_rest and (switched := switched_on(evidence, singles)) is not None:
+    left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, 1e-9)
+    if left > settings.onset_remainder and (switched := find_onset(evidence, singles)) is not None:
         if switched.log_evidence > chosen.log_evidence + settings.second_threshold:
             chosen = switched
             singles = [switched, *(f for f in singles if f.hypotheses[0].name != switched.hypotheses[0].name)]
     for _ in range(MOST_EFFECTS - 1):
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
         # The best addition may only mend the first effect's formula; then a weaker one elsewhere may be real.
-        candidates = extended(evidence, pool, chosen)
+        candidates = find_extensions(evidence, pool, chosen)
         inside = (w for w in candidates if not on_bound(w.hypotheses[-1]))
-        held_left = held_out_rest(held_out, chosen)
+        held_left = held_out_remainder(held_out, chosen)
         worth = (w for w in inside if _worth(evidence, held_out, chosen, held_left, w, settings))
         if (wider := next(worth, None)) is None:
             break
-        chosen = swapped(evidence, pool, wider)
-    rivals = rivals_of(evidence, pool, chosen, singles)
+        chosen = swap_members(evidence, pool, wider)
+    rivals = find_rivals(evidence, pool, chosen, singles)
     if rivals and rivals[0].log_evidence > chosen.log_evidence:
         better, rivals = rivals[0], [chosen, *rivals[1:]]
         chosen = better
-    remaining = likelihood.deficit(evidence.rest(chosen), k)
-    held_rest = held_out_rest(held_out, chosen)
+    remaining = likelihood.deficit(evidence.remainder(chosen), k)
+    held_rest = held_out_remainder(held_out, chosen)
     held_remaining = held_out.deficit(held_rest, k)
     return Selection(
         chosen, tuple(singles), tuple(rivals), least, excess, remaining, held_excess,
@@ -125,7 +133,7 @@ def select(
     )  # fmt: skip
 
 
-def held_out_rest(held_out: Likelihood, fit: Fit) -> np.ndarray:
+def held_out_remainder(held_out: Likelihood, fit: Fit) -> np.ndarray:
     """Held-out residuals with the fitted effects taken out; nothing is fitted again."""
     y = held_out.y
     for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
@@ -151,19 +159,19 @@ def _worth(
         return False
     k = evidence.correlation_time
     likelihood = evidence.likelihood
-    rest_narrow, rest_wide = evidence.rest(narrow), evidence.rest(wide)
+    remainder_narrow, remainder_wide = evidence.remainder(narrow), evidence.remainder(wide)
     added = wide.hypotheses[-1]
     there = set(added.regressors.blocks)
     # Where it acts, the further effect must explain most of what is left, or much of what there ever was:
     # it may be small beside the first, but it must not merely mend the first one's formula.
-    before = likelihood.deficit(rest_narrow, k, there)
-    after = likelihood.deficit(rest_wide, k, there)
+    before = likelihood.deficit(remainder_narrow, k, there)
+    after = likelihood.deficit(remainder_wide, k, there)
     at_all = likelihood.deficit(likelihood.y, k, there)
     # A weak effect may stay below one standard deviation per sample: then its evidence says what it explains.
     explained = max(before - after, wide.log_evidence - narrow.log_evidence)
     # One family at every joint of an arm mends nothing: it is what arms have.
     common = added.place.startswith("arm:") and added.effect.at_every_joint
-    mends = before < settings.local_rest * at_all and not common
+    mends = before < settings.local_remainder * at_all and not common
     same = {b[1:] for b in there} <= {b[1:] for h in narrow.hypotheses for b in h.regressors.blocks}
     if same and not common and explained < settings.same_share * at_all:
         return False
@@ -172,7 +180,7 @@ def _worth(
         return False
     known = _known(held_out, there)
     held_before = held_out.deficit(held_left, k, known)
-    held_after = held_out.deficit(held_out_rest(held_out, wide), k, known)
+    held_after = held_out.deficit(held_out_remainder(held_out, wide), k, known)
     return held_after <= (1.0 - settings.held_out_share) * held_before
 
 

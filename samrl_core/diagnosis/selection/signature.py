@@ -1,4 +1,4 @@
-"""What an unexplained rest looks like: hints that name no cause, and joints whose residuals move together."""
+"""What the remainder looks like: hints that name no cause, and joints whose residuals move together."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def signatures(likelihood: Likelihood, rest: np.ndarray, evidence: Evidence) -> 
             for name, driver in _drivers(trial, j).items():
                 hints.setdefault(name, []).append(_correlation(x, driver))
         mean = {name: float(np.mean(values)) for name, values in hints.items()}
-        told = tuple(
+        strong = tuple(
             (name, round(value, 2))
             for name, value in sorted(mean.items(), key=lambda item: -abs(item[1]))
             if abs(value) > HINT
         )
         joint = likelihood.trials[0].recording.arm.joints[j]
-        out.append(Signature(f"joint:{joint}", channel, told or (("no simple pattern", 0.0),)))
+        out.append(Signature(f"joint:{joint}", channel, strong or (("no simple pattern", 0.0),)))
     return tuple(out)
 
 

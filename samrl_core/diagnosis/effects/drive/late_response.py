@@ -91,10 +91,10 @@ class LateForm(PresentForm):
 
     def _support(self, trial: Trial, shape: Shape) -> np.ndarray:
         key = (type(self).__name__, repr(sorted(shape.items())))
-        if key not in trial.kept:
+        if key not in trial.cached:
             assert trial.motion.raw_commanded is not None
-            trial.kept[key] = detail_support(trial, self.late(trial, trial.motion.raw_commanded, shape))
-        return trial.kept[key]
+            trial.cached[key] = detail_support(trial, self.late(trial, trial.motion.raw_commanded, shape))
+        return trial.cached[key]
 
 
 def clearest_delay(trial: Trial, joints: Sequence[int]) -> float:
@@ -106,11 +106,11 @@ def clearest_delay(trial: Trial, joints: Sequence[int]) -> float:
 def _supports(trial: Trial) -> list[np.ndarray]:
     """What pure delays and filters of a few sizes explain of the torque's detail, (J,) [nat] each."""
     key = ("supports", "effort")
-    if key not in trial.kept:
+    if key not in trial.cached:
         motion, u = trial.motion, trial.motion.raw_commanded
         assert u is not None
         late = [motion.delayed(u, d / motion.rate) for d in DELAYS]
         late += [low_passed(u, f, motion.rate) for f in CUTOFFS]
         late += [resonant(u, f, np.sqrt(0.5), 1.0 / motion.rate) for f in CUTOFFS]
-        trial.kept[key] = [detail_support(trial, x) for x in late]
-    return trial.kept[key]
+        trial.cached[key] = [detail_support(trial, x) for x in late]
+    return trial.cached[key]

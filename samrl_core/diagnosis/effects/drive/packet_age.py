@@ -70,29 +70,29 @@ class Age:
 def ages(trial: Trial, side: str, clock: str) -> tuple[Age, ...]:
     """Of each joint alone, then of all joints together; found once per recording."""
     key = (clock, side)
-    if key not in trial.kept:
-        trial.kept[key] = _find(trial, side, clock)
-    return trial.kept[key]
+    if key not in trial.cached:
+        trial.cached[key] = _find(trial, side, clock)
+    return trial.cached[key]
 
 
 def usual_age(trial: Trial, place: Place, side: str) -> int:
     """The constant age [samples] that explains a place's detail best; 0 where none does clearly."""
     key = ("usual", side)
-    if key not in trial.kept:
+    if key not in trial.cached:
         sent, done = _sent(trial, side), _done(trial, side)
-        trial.kept[key] = _usual_ages(
+        trial.cached[key] = _usual_ages(
             [_by_age(x, _oldest(trial)) for x in sent.T], done, _slow_filter(trial.motion.rate)
         )
-    return int(trial.kept[key][place.index])
+    return int(trial.cached[key][place.index])
 
 
 def detail_support(trial: Trial, late: np.ndarray) -> np.ndarray:
     """[nat] by which an effort (F, J) as it arrives explains the detail of each joint's torque, (J,)."""
     low = _slow_filter(trial.motion.rate)
-    if ("detail", "effort") not in trial.kept:
+    if ("detail", "effort") not in trial.cached:
         done = _done(trial, "effort")
-        trial.kept["detail", "effort"] = done - signal.sosfiltfilt(low, done, axis=0)
-    done, fast = trial.kept["detail", "effort"], late - signal.sosfiltfilt(low, late, axis=0)
+        trial.cached["detail", "effort"] = done - signal.sosfiltfilt(low, done, axis=0)
+    done, fast = trial.cached["detail", "effort"], late - signal.sosfiltfilt(low, late, axis=0)
     along = np.clip(np.sum(done * fast, axis=0), 0.0, None) ** 2 / np.maximum(np.sum(fast**2, axis=0), 1e-12)
     left = 1.0 - along / np.maximum(np.sum(done**2, axis=0), 1e-12)
     return -0.5 * len(fast) * np.log(np.maximum(left, 1e-6))

@@ -78,11 +78,11 @@ class CableForm(Form):
     def _loop(self, trial: Trial, distance: float) -> np.ndarray:
         """Hysteresis (N,) of unit height."""
         key = ("cable", f"{self.joint} {distance:.9g}")
-        if key not in trial.kept:
-            trial.kept[key] = trial.motion.reduce(
+        if key not in trial.cached:
+            trial.cached[key] = trial.motion.reduce(
                 bristle(trial.motion.full_position[:, self.joint], distance)
             )
-        return trial.kept[key]
+        return trial.cached[key]
 
     def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         scale = trial.scale[self.joint]

@@ -20,22 +20,23 @@ WHEEL = META["tool"]["hatch"]["build"]["targets"]["wheel"]
 # colcon --symlink-install builds in a folder of links to the packages alone
 IN_CHECKOUT = Path("pyproject.toml").exists()
 
-packages = find_namespace_packages(include=[f"{name}*" for name in WHEEL["packages"]])
+packages = find_namespace_packages(
+    include=[name for root in WHEEL["packages"] for name in (root, f"{root}.*")], exclude=["*.__pycache__*"]
+)
 package_dir = {}
 if IN_CHECKOUT:  # what hatchling copies into the package from elsewhere; behind links it is found as it is
     for source, target in WHEEL["force-include"].items():
-        for folder in sorted(path for path in (HERE / source).rglob("*") if path.is_dir()):
-            below = folder.relative_to(HERE / source)
-            name = f"{target}/{below}".replace("/", ".")
+        for folder in [HERE / source, *sorted(p for p in (HERE / source).rglob("*") if p.is_dir())]:
+            name = ".".join([*target.split("/"), *folder.relative_to(HERE / source).parts])
             packages.append(name)
-            package_dir[name] = f"{source}/{below}"
+            package_dir[name] = str(folder.relative_to(HERE))
 
 arguments = {
     "packages": packages,
     "package_dir": package_dir,
-    "package_data": {
-        "": ["*.urdf", "*.yaml", "*.xml", "*.msg", "*.srv", "*.json", "*.npz", "*.j2", "*.css", "*.js"]
-    },
+    # Whatever lies beside the code, as hatchling takes it: a list of suffixes forgets the next one
+    "package_data": {"": ["*"]},
+    "exclude_package_data": {"": ["*.pyc", ".*"]},
     "data_files": [(os.path.dirname(target), [source]) for source, target in WHEEL["shared-data"].items()],  # noqa: PTH120
 }
 if not IN_CHECKOUT:

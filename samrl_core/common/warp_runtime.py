@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from pathlib import Path
+from typing import Any
 
 import torch
 import warp as wp
@@ -40,10 +42,38 @@ def start() -> None:
                 if _NO_GPU not in line:
                     os.write(2, line)
     wp.config.log_level = max(level, 30)  # afterwards warnings too, but no line per loaded kernel
+    _announce_compilation()
     _started = True
 
 
 _started = False
+
+COMPILING = "compiling kernels"  # how the line begins that tells of it
+
+
+def kernel_cache() -> Path:
+    """Folder of compiled kernels."""
+    start()
+    return Path(str(wp.config.kernel_cache_dir))
+
+
+def _announce_compilation() -> None:
+    """Say on the error stream what is compiled: the first start is otherwise silent for a minute.
+
+    Warp tells of a module only when it is compiled, so its compiler is asked through. A Warp without that
+    inner function compiles in silence.
+    """
+    compiler = getattr(wp.Module, "_compile", None)
+    if compiler is None:
+        return
+
+    def compile_and_tell(module: Any, device: Any, folder: str, output: str, *rest: Any, **named: Any) -> Any:
+        if not (Path(folder) / output).exists():
+            name = str(module.name).removeprefix("samrl_core.")
+            print(f"{COMPILING}: {name} for {device}; kept for the next start", file=sys.stderr, flush=True)
+        return compiler(module, device, folder, output, *rest, **named)
+
+    wp.Module._compile = compile_and_tell
 
 
 def numbered_device(name: str) -> torch.device:

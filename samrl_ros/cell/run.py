@@ -18,6 +18,7 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_ros.cell.options import CellOptions, prepare
+from samrl_ros.cell.start_up import CompilationTeller
 from samrl_ros.contract.exit_codes import FAILED, INTERRUPTED, OK
 from samrl_ros.hosting.ros_check import require_ros
 from samrl_ros.nodes.registry import NODES
@@ -129,10 +130,12 @@ def _watch_run(
             "threads": ThreadGroup,
         }[options.layout]()
         trouble = ""
+        compilations = CompilationTeller(logs)
         try:
-            trouble = _bring_up(group, monitor, stop)
+            trouble = _bring_up(group, monitor, stop, compilations)
             while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
                 monitor.spin()
+                compilations.tell()
                 on_tick(group.pids())
                 trouble = group.trouble() or monitor.trouble()
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
@@ -151,13 +154,14 @@ def _watch_run(
     return monitor.watch, trouble
 
 
-def _bring_up(group: Any, monitor: Any, stop: Any) -> str:
+def _bring_up(group: Any, monitor: Any, stop: Any, compilations: CompilationTeller) -> str:
     """Start all nodes but the supervisor, wait until they are active, then start the supervisor."""
     others = NODES[:-1]
     group.start(others)
     deadline = time.monotonic() + START_TIMEOUT_S
     while not all(monitor.is_active(name) for name in others):
         monitor.spin()
+        compilations.tell()
         trouble = group.trouble() or monitor.trouble()
         if trouble or stop.is_set():
             return trouble

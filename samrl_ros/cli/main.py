@@ -206,6 +206,12 @@ def interfaces() -> None:
     build()
 
 
+add_command(
+    app,
+    "doctor",
+    "samrl_ros.cli.doctor:doctor",
+    "Check whether the cell can run here, and say what to do where not; exit code 1 on a problem.",
+)
 add_group(app, "bag", "samrl_ros.cli.bag:bag_app", "Look into bags and repair them.")
 add_group(app, "bench", "samrl_ros.cli.bench:bench_app", "Measure.")
 add_group(

@@ -82,9 +82,11 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
         "blind_test": frozenset({"recordings"}),
         "nodes": frozenset({"bags", "contract", "conversions", "hosting"}),
         "cell": frozenset({"nodes", "bags", "contract", "conversions", "hosting"}),
+        "doctor": frozenset({"hosting", "contract"}),
         "cli": frozenset(
             {
                 "cell",
+                "doctor",
                 "blind_test",
                 "log_import",
                 "recordings",

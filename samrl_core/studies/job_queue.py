@@ -23,7 +23,7 @@ OVERBOOKED = 1.5  # times the cores: no command keeps all its processes busy all
 
 
 @dataclass(frozen=True)
-class Job:
+class CommandJob:
     """One command."""
 
     name: str
@@ -46,14 +46,14 @@ class Machine:
         if self.cores < 1:
             raise InputError(f"{self.cores} cores, must be at least 1")
 
-    def workers(self, job: Job) -> int:
+    def workers(self, job: CommandJob) -> int:
         """Processes for a job."""
         return max(1, round(job.share * self.cores))
 
 
 @dataclass(eq=False)
 class _Running:
-    job: Job
+    job: CommandJob
     process: subprocess.Popen[bytes]
     gpu: int  # that it keeps, -1 for none
     began: float
@@ -66,7 +66,7 @@ class JobQueue:
         InputError: two jobs have the same name, or one needs a job that is not there.
     """
 
-    def __init__(self, jobs: Sequence[Job], machine: Machine, folder: Path, tell: Tell) -> None:
+    def __init__(self, jobs: Sequence[CommandJob], machine: Machine, folder: Path, tell: Tell) -> None:
         """`folder`: where the commands run; their output goes to `logs/NAME.log` in it."""
         names = [job.name for job in jobs]
         for job in jobs:
@@ -112,7 +112,7 @@ class JobQueue:
                     self._left.remove(job)
                     self._running.append(self._started(job, gpu))
 
-    def _started(self, job: Job, gpu: int) -> _Running:
+    def _started(self, job: CommandJob, gpu: int) -> _Running:
         device = "cpu" if not self._machine.gpu_gb else "cuda" if gpu < 0 else f"cuda:{gpu}"
         filled = {DEVICE: device, WORKERS: str(self._machine.workers(job))}
         command = [filled.get(part, part) for part in job.command]
@@ -145,7 +145,7 @@ class JobQueue:
                 self._failed.append(one.job.name)
                 self._tell(f"{one.job.name}: failed with code {code} after {minutes:.1f} min")
 
-    def _finish(self, job: Job, how: str) -> None:
+    def _finish(self, job: CommandJob, how: str) -> None:
         if job.then is not None:
             job.then()
         self._done.add(job.name)
@@ -159,7 +159,7 @@ class JobQueue:
                 self._failed.append(job.name)
                 self._tell(f"{job.name}: left out, {lost[0]} failed")
 
-    def _gpu_for(self, job: Job) -> int | None:
+    def _gpu_for(self, job: CommandJob) -> int | None:
         """The GPU with most memory left, -1 where none is needed, None while there is not enough."""
         sizes = self._machine.gpu_gb
         if not sizes or not job.gpu_gb:
@@ -172,7 +172,7 @@ class JobQueue:
         alone = not any(one.gpu == best for one in self._running)
         return best if left[best] >= job.gpu_gb or alone else None
 
-    def _has_cores(self, job: Job) -> bool:
+    def _has_cores(self, job: CommandJob) -> bool:
         used = sum(self._machine.workers(one.job) for one in self._running)
         return not used or used + self._machine.workers(job) <= OVERBOOKED * self._machine.cores
 

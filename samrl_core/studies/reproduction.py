@@ -10,7 +10,7 @@ from pathlib import Path
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, plain_name
 from samrl_core.common.errors import InputError
 from samrl_core.policy.networks.weights import weights_name
-from samrl_core.studies.job_queue import DEVICE, WORKERS, Job
+from samrl_core.studies.job_queue import DEVICE, WORKERS, CommandJob
 from samrl_core.studies.paper.sample_efficiency import BUDGET, weights_at
 
 SEEDS = (1, 2, 3)  # of trainings; the package has the first one's networks
@@ -81,13 +81,13 @@ class Reproduction:
         if self.trained is not None and not self.trained.is_dir():
             raise InputError(f"no folder of trained networks at {self.trained}; leave it out to train all")
 
-    def jobs(self) -> list[Job]:
+    def jobs(self) -> list[CommandJob]:
         """In the order in which they are best begun: what takes long, and what others wait for, first."""
         trainings = [self._training(task, seed) for task in reversed(TASKS) for seed in SEEDS]
         trainings += [self._training(task, OCCLUDED_SEED) for task in reversed(OCCLUDED_TASKS)]
         return trainings + self._experiments()
 
-    def _experiments(self) -> list[Job]:
+    def _experiments(self) -> list[CommandJob]:
         seeds = {task: tuple(_training_name(task, seed) for seed in SEEDS) for task in TASKS}
         one, occluded = "weights/seed-1", "weights/occluded"
         firsts = tuple(names[0] for names in seeds.values())
@@ -108,7 +108,7 @@ class Reproduction:
             found.append(self._experiment("fig8d", (task,), f"weights/residual-{task}", needs, 0.3))
         return found
 
-    def _training(self, task: str, seed: int) -> Job:
+    def _training(self, task: str, seed: int) -> CommandJob:
         name = _training_name(task, seed)
         recipe = recipe_of(task, seed)
         target = self.out / "weights" / ("occluded" if task in OCCLUDED_TASKS else f"seed-{seed}")
@@ -118,7 +118,7 @@ class Reproduction:
         folder = self.out / "train" / name
         if len(have) == len(KINDS):  # nothing to do
             copy = _copier(list(have.values()), target)
-            return Job(name, (), have["sim_actor"], then=copy)
+            return CommandJob(name, (), have["sim_actor"], then=copy)
         command = [*self.samrl, "train", task, "--seed", str(seed), "--out", str(folder)]
         command += ["--device", DEVICE, "--workers", WORKERS, "--max-actions", str(recipe.max_actions)]
         command += ["--states", str(recipe.states), "--rounds", str(recipe.rounds)]
@@ -130,7 +130,7 @@ class Reproduction:
             command += ["--actor", str(have["sim_actor"].absolute())]
         makes = [folder / weights_name(task, kind) for kind in KINDS]
         summary, copy = folder / "summary.json", _copier(makes, target)
-        return Job(name, tuple(command), summary, gpu_gb=recipe.gpu_gb, share=recipe.share, then=copy)
+        return CommandJob(name, tuple(command), summary, gpu_gb=recipe.gpu_gb, share=recipe.share, then=copy)
 
     def _experiment(
         self,
@@ -140,7 +140,7 @@ class Reproduction:
         needs: tuple[str, ...],
         share: float,
         label: str = "",
-    ) -> Job:
+    ) -> CommandJob:
         """No tasks are the experiment's own. Its folder is named after the label, or else its one task."""
         label = "-".join([name, *([label] if label else tasks)])
         trains = name == "sample_efficiency"
@@ -150,7 +150,9 @@ class Reproduction:
         if name in ("table1", "fig6", "fig7"):
             command += ["--device", DEVICE]
         then = self._residual_copier(tasks[0]) if trains else None
-        return Job(label, tuple(command), self.out / label / f"{name}.json", needs, share=share, then=then)
+        return CommandJob(
+            label, tuple(command), self.out / label / f"{name}.json", needs, share=share, then=then
+        )
 
     def _residual_copier(self, task: str) -> Callable[[], None]:
         """Beside the task's actor and Q, as `fig8d` wants it: the first run's, as it was at the end."""

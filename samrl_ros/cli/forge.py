@@ -20,7 +20,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, Job, diagnose_world
+from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, DiagnosisJob, diagnose_world
 from samrl_core.blind_test.scores.study import Study, write_atomically
 from samrl_core.common import executor
 from samrl_ros.blind_test.study import (
@@ -146,7 +146,7 @@ def diagnose(
     """Diagnose every world in a process without access to the labels; finished worlds are kept."""
     study = Study(folder.resolve())
     listed: list[str] = study.published()["worlds"]
-    every = Job(
+    every = DiagnosisJob(
         study.root,
         world="",
         threads=max(1, (os.cpu_count() or 1) // workers),

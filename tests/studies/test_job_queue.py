@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError, SolveError
-from samrl_core.studies.job_queue import DEVICE, WORKERS, Job, JobQueue, Machine
+from samrl_core.studies.job_queue import DEVICE, WORKERS, CommandJob, JobQueue, Machine
 
 MAKE = """
 import os, sys, time
@@ -24,9 +24,9 @@ Path(name).write_text(f"{device} {workers} {begin} {time.monotonic()} {hidden}")
 """
 
 
-def job(folder: Path, name: str, wait: float = 0.0, **more) -> Job:
+def job(folder: Path, name: str, wait: float = 0.0, **more) -> CommandJob:
     command = (sys.executable, "-c", MAKE, name, DEVICE, WORKERS, str(wait))
-    return Job(name, command, folder / name, **more)
+    return CommandJob(name, command, folder / name, **more)
 
 
 def found(folder: Path, name: str) -> tuple[str, int, float, float, str]:
@@ -34,7 +34,7 @@ def found(folder: Path, name: str) -> tuple[str, int, float, float, str]:
     return device, int(workers), float(begin), float(end), hidden
 
 
-def run(jobs: list[Job], folder: Path, machine: Machine) -> list[str]:
+def run(jobs: list[CommandJob], folder: Path, machine: Machine) -> list[str]:
     told: list[str] = []
     JobQueue(jobs, machine, folder, told.append).run(0.02)
     return told
@@ -59,7 +59,9 @@ def test_gpus_are_shared_by_their_memory(tmp_path: Path) -> None:
     big = [job(tmp_path, f"big{k}", 0.4, gpu_gb=60.0, share=0.1) for k in range(3)]
     small = job(tmp_path, "small", gpu_gb=30.0, share=0.1)
     loose = job(tmp_path, "loose", share=0.1)
-    blind = Job("blind", (sys.executable, "-c", MAKE, "blind", "-", "1", "0"), tmp_path / "blind", share=0.1)
+    blind = CommandJob(
+        "blind", (sys.executable, "-c", MAKE, "blind", "-", "1", "0"), tmp_path / "blind", share=0.1
+    )
     run([*big, small, loose, blind], tmp_path, Machine(8, (100.0, 100.0)))
     devices = {one.name: found(tmp_path, one.name) for one in (*big, small, loose, blind)}
     assert {devices["big0"][0], devices["big1"][0]} == {"cuda:0", "cuda:1"}
@@ -69,8 +71,10 @@ def test_gpus_are_shared_by_their_memory(tmp_path: Path) -> None:
 
 
 def test_what_needs_a_failed_job_is_left_out(tmp_path: Path) -> None:
-    bad = Job("bad", (sys.executable, "-c", "raise SystemExit(3)"), tmp_path / "bad")
-    lazy = Job("lazy", (sys.executable, "-c", "pass"), tmp_path / "lazy")  # ends well and makes nothing
+    bad = CommandJob("bad", (sys.executable, "-c", "raise SystemExit(3)"), tmp_path / "bad")
+    lazy = CommandJob(
+        "lazy", (sys.executable, "-c", "pass"), tmp_path / "lazy"
+    )  # ends well and makes nothing
     jobs = [bad, lazy, job(tmp_path, "child", needs=("bad",)), job(tmp_path, "grandchild", needs=("child",))]
     with pytest.raises(SolveError, match="start again") as failed:
         run([*jobs, job(tmp_path, "other")], tmp_path, Machine(1))
@@ -81,7 +85,7 @@ def test_what_needs_a_failed_job_is_left_out(tmp_path: Path) -> None:
 def test_commands_end_with_their_queue(tmp_path: Path) -> None:
     """Interrupted once a command runs: it is gone when `run` has been left."""
     code = "import os; from pathlib import Path; Path('pid').write_text(str(os.getpid())); import time; "
-    jobs = [Job("long", (sys.executable, "-c", f"{code} time.sleep(60)"), tmp_path / "never")]
+    jobs = [CommandJob("long", (sys.executable, "-c", f"{code} time.sleep(60)"), tmp_path / "never")]
 
     def interrupt(line: str) -> None:
         end = time.monotonic() + 20.0

@@ -237,7 +237,7 @@ def test_kept_weights_are_judged_long_after_they_were_trained(
     monkeypatch.setattr(sample_efficiency, "cell_named", lambda: SMALL)
     play = FakeCell()
     settings = replace(SETTINGS, points=(6, 12))
-    job = sample_efficiency.Job(PLACE, 3, settings)
+    job = sample_efficiency.TrainingJob(PLACE, 3, settings)
     one = ResidualRun(tmp_path / "run", PLACE, SMALL, toy_cell.ENCODER, 3, settings, play)
     at_once = []
     for point in settings.points:

@@ -26,7 +26,7 @@ KEPT_OUTPUT = 4000  # characters of the process' last words that are stored
 
 
 @dataclass(frozen=True)
-class Job:
+class DiagnosisJob:
     """What to diagnose; picklable, for processes and clusters."""
 
     root: Path
@@ -54,7 +54,7 @@ class Job:
         return Study(self.root).run_folder(self.stage, self.world) / "run.json"
 
 
-def diagnose_world(job: Job) -> dict[str, Any]:
+def diagnose_world(job: DiagnosisJob) -> dict[str, Any]:
     """Copy the bags away, run the command there, and store report, re-simulation, exit code and wall time.
 
     Raises:
@@ -109,7 +109,7 @@ def diagnose_world(job: Job) -> dict[str, Any]:
     return run
 
 
-def _run(command: list[str], place: Path, job: Job) -> tuple[int, str]:
+def _run(command: list[str], place: Path, job: DiagnosisJob) -> tuple[int, str]:
     threads = {
         name: str(job.threads) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     }

@@ -42,7 +42,7 @@ PAIRS = {
 
 
 @dataclass(frozen=True)
-class Job:
+class Fig6Job:
     """One episode of one task."""
 
     task: str
@@ -58,7 +58,7 @@ def keys_of(task: str, seed: int) -> list[str]:
     return [f"{task}/{seed}/{phase}" for phase in PHASES]
 
 
-def run_job(job: Job) -> list[Case]:
+def run_job(job: Fig6Job) -> list[Case]:
     """Maps and figures of one episode's states."""
     bench = view_bench(job.task, job.device, job.weights)
     model = bench.renderer.model
@@ -81,7 +81,7 @@ def run(options: Options, tell: Tell, draws: int = DRAWS, size: tuple[int, int] 
     """All episodes; the summary by task and phase."""
     count = options.count or COUNT
     jobs = [
-        (keys_of(task, seed), Job(task, seed, options.device, options.weights, draws, size))
+        (keys_of(task, seed), Fig6Job(task, seed, options.device, options.weights, draws, size))
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
     ]

@@ -31,7 +31,7 @@ SHOWN = 1  # the phase of the picture
 
 
 @dataclass(frozen=True)
-class Job:
+class Fig7Job:
     """One episode of one task."""
 
     task: str
@@ -42,7 +42,7 @@ class Job:
     settings: SaliencySettings
 
 
-def run_job(job: Job) -> list[Case]:
+def run_job(job: Fig7Job) -> list[Case]:
     """Figures of one episode's states, one value per view and network."""
     cases = []
     for phase, examined in zip(PHASES, _episode(job, PHASES), strict=True):
@@ -67,7 +67,7 @@ def run(
     jobs = [
         (
             [_key(task, seed, phase) for phase in PHASES],
-            Job(task, seed, options.device, options.weights, views, s),
+            Fig7Job(task, seed, options.device, options.weights, views, s),
         )
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
@@ -78,7 +78,7 @@ def run(
     for task in options.tasks:
         of_task = [case for case in cases if case["task"] == task]
         summary["tasks"][task] = {name: _summary(of_task, name, options.seed) for name in NETWORKS}
-        job = Job(task, options.seed, options.device, options.weights, 1, s)
+        job = Fig7Job(task, options.seed, options.device, options.weights, 1, s)
         shown[task] = _episode(job, PHASES[SHOWN : SHOWN + 1])[0]
     write_picture(options.out / "fig7.png", shown, summary["tasks"], s)
     return summary
@@ -88,7 +88,7 @@ def _key(task: str, seed: int, phase: float) -> str:
     return f"{task}/{seed}/{phase}"
 
 
-def _episode(job: Job, phases: tuple[float, ...]) -> list[Examined]:
+def _episode(job: Fig7Job, phases: tuple[float, ...]) -> list[Examined]:
     bench = view_bench(job.task, job.device, job.weights)
     model = bench.renderer.model
     found = []

@@ -65,7 +65,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
         found = gaps(log, calibrated, player, tell, options.processes)
         places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
         jobs = [
-            Job(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
+            TrainingJob(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
             for k in range(SEEDS)
             for place in places
         ]
@@ -83,7 +83,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Job:
+class TrainingJob:
     """One training."""
 
     place: Place
@@ -116,7 +116,7 @@ def _here(orders: Sequence[Order]) -> list[Played]:
         return [play(order) for order in orders]
 
 
-def _run_all(jobs: Sequence[Job], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
+def _run_all(jobs: Sequence[TrainingJob], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
     if not jobs:
         return
     lock, stop = threading.Lock(), threading.Event()
@@ -136,11 +136,11 @@ def _run_all(jobs: Sequence[Job], options: Options, log: CaseLog, player: Play, 
         last.callback(stop.set)  # before the threads are waited for: they end with their round
         judged: list[Future[None]] = []
 
-        def judge(job: Job, point: int) -> None:
+        def judge(job: TrainingJob, point: int) -> None:
             if not stop.is_set():
                 keep(judged_at(job, point, options.out, player))
 
-        def kept(job: Job, point: int) -> None:
+        def kept(job: TrainingJob, point: int) -> None:
             if job.key(point) not in log.cases:
                 judged.append(judges.submit(judge, job, point))
 
@@ -152,7 +152,11 @@ def _run_all(jobs: Sequence[Job], options: Options, log: CaseLog, player: Play, 
 
 
 def _train(
-    job: Job, options: Options, player: Play, kept: Callable[[Job, int], None], stop: threading.Event
+    job: TrainingJob,
+    options: Options,
+    player: Play,
+    kept: Callable[[TrainingJob, int], None],
+    stop: threading.Event,
 ) -> None:
     """One training from where it was left; `kept` hears of each point that its weights lie there."""
     folder = options.out / "runs" / f"{job.place.task}-{job.seed}"
@@ -177,7 +181,7 @@ def weights_at(out: Path, task: str, seed: int, point: int) -> Path:
     return out / "weights" / f"seed_{seed}" / f"steps_{point}" / weights_name(task, "residual_actor")
 
 
-def judged_at(job: Job, point: int, out: Path, player: Play) -> Case:
+def judged_at(job: TrainingJob, point: int, out: Path, player: Play) -> Case:
     """The weights kept at a point, by the truth.
 
     Raises:

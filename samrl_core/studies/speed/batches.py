@@ -15,7 +15,7 @@ from samrl_core.model.rendering.renderer import Renderer
 from samrl_core.studies.speed.physics_scenes import disc_on_plane, free_chain, moving_start
 from samrl_core.studies.speed.renderer_peers import SCENES, batched
 from samrl_core.studies.speed.thread_scene import LENS, SIZE, ThreadScene, thread_scene
-from samrl_core.studies.speed.timing import Job, in_turn
+from samrl_core.studies.speed.timing import TimedCall, in_turn
 
 STEPS = 24  # of a physics rollout: one action of 0.1 s
 SUPERSAMPLE = 2
@@ -38,7 +38,9 @@ def copy_bandwidth(device: str) -> float:
     count = (1 << 28) if torch.device(device).type == "cuda" else (1 << 24)
     source = torch.zeros(count, dtype=torch.float32, device=device)
     target = torch.empty_like(source)
-    timing = in_turn([Job("copy", lambda: target.copy_(source), 2.0 * 4 * count, wait(device))], 5)["copy"]
+    timing = in_turn([TimedCall("copy", lambda: target.copy_(source), 2.0 * 4 * count, wait(device))], 5)[
+        "copy"
+    ]
     return timing.per_second
 
 
@@ -57,7 +59,7 @@ def launch_seconds(device: str, count: int = 240) -> float:
         launches()
     graph = capture.graph
     assert graph is not None  # the capture has ended
-    job = Job("launch", lambda: wp.capture_launch(graph), count, wait(device))
+    job = TimedCall("launch", lambda: wp.capture_launch(graph), count, wait(device))
     return in_turn([job], 9)["launch"].seconds
 
 
@@ -82,7 +84,7 @@ def image_rates(device: str, batches: Sequence[int], rounds: int) -> list[dict[s
     rows = []
     for batch in batches:
         jobs = [
-            Job(name, batched(renderer, scene, batch, name == "both", device), batch, wait(device))
+            TimedCall(name, batched(renderer, scene, batch, name == "both", device), batch, wait(device))
             for name in ("forward", "both")
         ]
         row: dict[str, Any] = {"batch": batch}
@@ -94,7 +96,7 @@ def image_rates(device: str, batches: Sequence[int], rounds: int) -> list[dict[s
     return rows
 
 
-def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[Job]:
+def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[TimedCall]:
     """Rollouts of `STEPS` steps through the public border, forward and with the backward pass."""
     model = PhysicsModel(scene, torch.float32, device)
     state, actions = moving_start(model, batch), model.no_action(batch, STEPS)
@@ -113,7 +115,7 @@ def rollout_jobs(scene: PhysicsScene, batch: int, device: str) -> list[Job]:
         for tensor in inputs:
             tensor.requires_grad_(False)
 
-    return [Job(n, w, batch * STEPS, wait(device)) for n, w in (("forward", forward), ("both", both))]
+    return [TimedCall(n, w, batch * STEPS, wait(device)) for n, w in (("forward", forward), ("both", both))]
 
 
 def step_rates(name: str, device: str, batches: Sequence[int], rounds: int) -> list[dict[str, Any]]:

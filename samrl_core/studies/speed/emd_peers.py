@@ -9,7 +9,7 @@ import torch
 
 from samrl_core.model.real2sim.emd import earth_movers_distance, farthest_points
 from samrl_core.studies.speed.thread_scene import thread_scene
-from samrl_core.studies.speed.timing import Job, in_turn
+from samrl_core.studies.speed.timing import TimedCall, in_turn
 
 SIZES = (64, 128, 256)
 SHIFT = np.array([0.02, -0.01, 0.015])  # of the second cloud [m], beside noise of 2 mm
@@ -39,7 +39,7 @@ def against_transport(size: int, rounds: int) -> dict[str, Any]:
 
     first, second = clouds(size)
     ways = {"samrl": ours, "pot": transport.pot, "geomloss": transport.sinkhorn}
-    jobs = [Job(name, lambda way=way: way(first, second)) for name, way in ways.items()]
+    jobs = [TimedCall(name, lambda way=way: way(first, second)) for name, way in ways.items()]
     timings = in_turn(jobs, rounds)
     found = {name: way(first, second) for name, way in ways.items()}
     value, gradient = found["samrl"]

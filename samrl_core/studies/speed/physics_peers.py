@@ -16,7 +16,7 @@ from samrl_core.model.physics.physics_model import PhysicsModel
 from samrl_core.model.physics.state import PhysicsState
 from samrl_core.studies.speed import physics_scenes as scenes
 from samrl_core.studies.speed.batches import STEPS, rollout_jobs
-from samrl_core.studies.speed.timing import Job, in_turn
+from samrl_core.studies.speed.timing import TimedCall, in_turn
 
 FRAMES = 10  # of 1/240 s of the disc; Newton needs about four steps for one
 ENVIRONMENTS = 64
@@ -28,11 +28,11 @@ def chain_end() -> np.ndarray:
     return _chain_rollout(PhysicsModel(scenes.free_chain(), torch.float64), 1).q[-1, 0].numpy()
 
 
-def graph_job(environments: int) -> Job:
+def graph_job(environments: int) -> TimedCall:
     """Our chain's recorded forward pass alone, without the border to torch."""
     model = PhysicsModel(scenes.free_chain())
     _chain_rollout(model, environments)  # writes start and parameters into the workspace
-    return Job("samrl graph", model.workspace(environments, STEPS).forward, environments * STEPS)
+    return TimedCall("samrl graph", model.workspace(environments, STEPS).forward, environments * STEPS)
 
 
 def _chain_rollout(model: PhysicsModel, environments: int) -> PhysicsState:
@@ -47,8 +47,12 @@ def chain_alone(rounds: int) -> dict[str, Any]:
 
     peer = MujocoChain(STEPS)
     ours = {f"samrl {job.name}": job for job in rollout_jobs(scenes.free_chain(), 1, "cpu")}
-    jobs = [Job(name, job.run, STEPS) for name, job in ours.items()]
-    jobs += [graph_job(1), Job("mujoco forward", peer.forward, STEPS), Job("mujoco both", peer.both, STEPS)]
+    jobs = [TimedCall(name, job.run, STEPS) for name, job in ours.items()]
+    jobs += [
+        graph_job(1),
+        TimedCall("mujoco forward", peer.forward, STEPS),
+        TimedCall("mujoco both", peer.both, STEPS),
+    ]
     timings = in_turn(jobs, 5 * rounds)
     peer.forward()
     return {
@@ -61,12 +65,15 @@ def chain_alone(rounds: int) -> dict[str, Any]:
 
 
 def _beside_newton(
-    ours: list[Job], peer: Any, last: Callable[[Any], Any], amount: float, rounds: int
+    ours: list[TimedCall], peer: Any, last: Callable[[Any], Any], amount: float, rounds: int
 ) -> dict[str, Any]:
     forward, both = peer.recorded(peer.run), peer.recorded(lambda: peer.run_both(last))
-    jobs = [Job(f"samrl {job.name}", job.run, job.amount, job.finish) for job in ours]
+    jobs = [TimedCall(f"samrl {job.name}", job.run, job.amount, job.finish) for job in ours]
     finish = ours[0].finish
-    jobs += [Job("newton forward", forward, amount, finish), Job("newton both", both, amount, finish)]
+    jobs += [
+        TimedCall("newton forward", forward, amount, finish),
+        TimedCall("newton both", both, amount, finish),
+    ]
     timings = in_turn(jobs, rounds)
     return {
         **{f"{name.replace(' ', '_')}_per_second": t.per_second for name, t in timings.items()},

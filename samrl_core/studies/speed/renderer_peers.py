@@ -18,7 +18,7 @@ from samrl_core.studies.speed.thread_scene import (
     rgb_xyz,
     thread_scene,
 )
-from samrl_core.studies.speed.timing import Job, in_turn
+from samrl_core.studies.speed.timing import TimedCall, in_turn
 
 SCENES = {"2k": (14, 4), "20k": (44, 11)}  # segments and rings of each capsule
 TOWARDS_LIGHT = (0.4, -0.5, 1.0)
@@ -97,8 +97,8 @@ def against_mitsuba(size: str, lit: bool, rounds: int) -> dict[str, Any]:
     weights = torch.stack([reference.weights[name] for name in _TIMED]).sum(dim=0)
     renderer = Renderer(scene.topology, LENS, supersample=2)
     jobs = [
-        Job("samrl", both_ways(renderer, scene, weights, light)),
-        Job("mitsuba", lambda: [of_peer(name) for name in _TIMED]),
+        TimedCall("samrl", both_ways(renderer, scene, weights, light)),
+        TimedCall("mitsuba", lambda: [of_peer(name) for name in _TIMED]),
     ]
     ours, theirs = in_turn(jobs, rounds).values()
     errors = reference.errors(pose_gradients(scene, reference, light))
@@ -135,7 +135,7 @@ def against_tiny_renderer(size: str, rounds: int) -> dict[str, Any]:
         scene.translation.numpy(),
         LENS,
     )
-    mine, theirs = in_turn([Job("samrl", ours), Job("tiny", draw)], 3 * rounds).values()
+    mine, theirs = in_turn([TimedCall("samrl", ours), TimedCall("tiny", draw)], 3 * rounds).values()
     return {
         "triangles": len(scene.topology.faces),
         "samrl_ms": 1e3 * mine.seconds,
@@ -150,7 +150,7 @@ def with_threads(size: str, batch: int, rounds: int) -> dict[str, Any]:
     jobs = []
     for threads in (1, 2):
         renderer = Renderer(scene.topology, LENS, supersample=2, threads=threads)
-        jobs.append(Job(f"{threads} threads", batched(renderer, scene, batch, True), batch))
+        jobs.append(TimedCall(f"{threads} threads", batched(renderer, scene, batch, True), batch))
     one, two = in_turn(jobs, rounds).values()
     return {
         "batch": batch,

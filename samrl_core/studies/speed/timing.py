@@ -9,7 +9,7 @@ from statistics import median
 
 
 @dataclass(frozen=True)
-class Job:
+class TimedCall:
     """One alternative: what is run, and how much of it one run is."""
 
     name: str
@@ -31,7 +31,7 @@ class Timing:
         return other.seconds / self.seconds
 
 
-def in_turn(jobs: Sequence[Job], rounds: int) -> dict[str, Timing]:
+def in_turn(jobs: Sequence[TimedCall], rounds: int) -> dict[str, Timing]:
     """Runs every job once to warm up, then all of them one after the other, `rounds` times."""
     taken: dict[str, list[float]] = {job.name: [] for job in jobs}
     for turn in range(rounds + 1):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from samrl_core.blind_test.scores.diagnosis_run import Job, can_hide, diagnose_world
+from samrl_core.blind_test.scores.diagnosis_run import DiagnosisJob, can_hide, diagnose_world
 from samrl_core.blind_test.scores.load import read_report
 from samrl_core.blind_test.scores.study import Study
 from tests.waiting import PATIENCE_S
@@ -26,7 +26,7 @@ sys.exit({code})
 """
 
 
-def study_with(tmp_path: Path, code: int = 0, body: str = SPY) -> tuple[Study, Job]:
+def study_with(tmp_path: Path, code: int = 0, body: str = SPY) -> tuple[Study, DiagnosisJob]:
     study = Study(tmp_path / "study")
     study.observations("w1").mkdir(parents=True)
     for part in "ABC":
@@ -35,7 +35,7 @@ def study_with(tmp_path: Path, code: int = 0, body: str = SPY) -> tuple[Study, J
     study.label("w1").write_text("secret")
     script = tmp_path / "spy.py"
     script.write_text(body.format(secret=str(study.label("w1")), code=code))
-    return study, Job(study.root, "w1", command=(sys.executable, str(script)), timeout_s=PATIENCE_S)
+    return study, DiagnosisJob(study.root, "w1", command=(sys.executable, str(script)), timeout_s=PATIENCE_S)
 
 
 def test_the_process_has_the_recordings_and_not_the_labels(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_the_process_has_the_recordings_and_not_the_labels(tmp_path: Path) -> No
 
 def test_a_withheld_family_reaches_it_as_a_library_file(tmp_path: Path) -> None:
     study, job = study_with(tmp_path)
-    diagnose_world(Job(**{**job.__dict__, "stage": "left_out", "library": ("payload", "cable")}))
+    diagnose_world(DiagnosisJob(**{**job.__dict__, "stage": "left_out", "library": ("payload", "cable")}))
     report = read_report(study.run_folder("left_out", "w1"))
     assert report is not None
     assert yaml.safe_load(report["library"]) == {"families": ["payload", "cable"]}
@@ -80,7 +80,7 @@ def test_an_interrupted_diagnosis_is_not_a_result(tmp_path: Path) -> None:
 
 def test_an_endless_diagnosis_is_stopped_and_counts(tmp_path: Path) -> None:
     study, job = study_with(tmp_path, body="import time; time.sleep(60)  # {secret} {code}")
-    run = diagnose_world(Job(**{**job.__dict__, "timeout_s": 0.5}))
+    run = diagnose_world(DiagnosisJob(**{**job.__dict__, "timeout_s": 0.5}))
     assert run["exit_code"] == 124
     assert (
         "stopped after 0.5 s"

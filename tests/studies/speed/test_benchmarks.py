@@ -17,14 +17,14 @@ from samrl_core.studies.speed.emd_peers import clouds, ours
 from samrl_core.studies.speed.peers.mujoco_chain import MujocoChain
 from samrl_core.studies.speed.renderer_peers import vertex_to_pose
 from samrl_core.studies.speed.thread_scene import LENS, moved, rgb_xyz, thread_scene
-from samrl_core.studies.speed.timing import Job, in_turn
+from samrl_core.studies.speed.timing import TimedCall, in_turn
 from samrl_ros.cell.model_bench import measure
 from samrl_ros.cli.bench import bench_app
 
 
 def test_every_job_runs_in_turn_and_is_timed_per_unit() -> None:
     order: list[str] = []
-    jobs = [Job("a", lambda: order.append("a"), 10.0), Job("b", lambda: order.append("b"))]
+    jobs = [TimedCall("a", lambda: order.append("a"), 10.0), TimedCall("b", lambda: order.append("b"))]
     timings = in_turn(jobs, 3)
     assert order == ["a", "b"] * 4
     assert timings["a"].per_second == pytest.approx(1.0 / timings["a"].seconds)

@@ -23,7 +23,7 @@ from samrl_core.studies.model.mass_from_pushes import (
     FRICTION_RANGE,
     RANGES,
     SCHEMA,
-    Case,
+    PushCase,
     main,
     pushing_scene,
     sample_case,
@@ -131,7 +131,7 @@ def test_a_case_whose_file_could_not_be_written_is_run_again(
     """No room in the middle of a case's file: the next run finds nothing, instead of half of it."""
     made: list[str] = []
 
-    def run(case: Case, seed: int, settings: IdentifySettings) -> dict[str, Any]:
+    def run(case: PushCase, seed: int, settings: IdentifySettings) -> dict[str, Any]:
         if made:
             raise _AskedAgainError
         made.append(case.name)

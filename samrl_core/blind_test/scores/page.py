@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from samrl_core.blind_test.scores import plots
 from samrl_core.blind_test.scores.outcome import Outcome
-from samrl_core.blind_test.scores.table import Row, score_rows
+from samrl_core.blind_test.scores.table import ScoreRow, score_rows
 
 STYLE = """
 :root{color-scheme:light}
@@ -85,7 +85,7 @@ def _fact(value: Any) -> str:
     )
 
 
-def _table(rows: list[Row]) -> str:
+def _table(rows: list[ScoreRow]) -> str:
     body, group = "", ""
     for row in rows:
         mark = "" if row.met is None else ("met" if row.met else "missed")

@@ -7,7 +7,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Row:
+class ScoreRow:
     """One line of the table."""
 
     group: str
@@ -36,7 +36,7 @@ class Aim:
         return (self.least is None or value >= self.least) and (self.most is None or value <= self.most)
 
 
-def score_rows(scores: dict[str, Any]) -> list[Row]:
+def score_rows(scores: dict[str, Any]) -> list[ScoreRow]:
     """All scalar scores in reading order."""
     d, w, p, r = scores["detection"], scores["which"], scores["place"], scores["refusal"]
     h, i, t, a, c = (scores[k] for k in ("how_far", "intervals", "two_effects", "ambiguity", "calibration"))
@@ -107,20 +107,22 @@ def score_rows(scores: dict[str, Any]) -> list[Row]:
     return rows
 
 
-def _share(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) -> Row:
+def _share(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) -> ScoreRow:
     cases = f"{s['successes']}/{s['trials']}"
     if s["value"] is None:
-        return Row(group, name, "–", "", cases, str(aim or ""))
+        return ScoreRow(group, name, "–", "", cases, str(aim or ""))
     interval = f"{s['ci95'][0]:.1%} – {s['ci95'][1]:.1%}"
-    return Row(group, name, f"{s['value']:.1%}", interval, cases, str(aim or ""), aim and aim.met(s["value"]))
+    return ScoreRow(
+        group, name, f"{s['value']:.1%}", interval, cases, str(aim or ""), aim and aim.met(s["value"])
+    )
 
 
-def _spread(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) -> Row:
+def _spread(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) -> ScoreRow:
     if not s["n"]:
-        return Row(group, name, "–", "", "0", str(aim or ""))
+        return ScoreRow(group, name, "–", "", "0", str(aim or ""))
     low, high = s["median_ci95"]
     value = f"{s['median']:.1%} (mean {s['mean']:.1%})"
-    return Row(
+    return ScoreRow(
         group,
         name,
         value,
@@ -131,8 +133,10 @@ def _spread(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) ->
     )
 
 
-def _number(group: str, name: str, value: float | None, aim: Aim | None = None, percent: bool = False) -> Row:
+def _number(
+    group: str, name: str, value: float | None, aim: Aim | None = None, percent: bool = False
+) -> ScoreRow:
     if value is None:
-        return Row(group, name, "–", "", "", str(aim or ""))
+        return ScoreRow(group, name, "–", "", "", str(aim or ""))
     text = f"{value:.1%}" if percent else f"{value:.3g}"
-    return Row(group, name, text, "", "", str(aim or ""), aim and aim.met(value))
+    return ScoreRow(group, name, text, "", "", str(aim or ""), aim and aim.met(value))

@@ -7,7 +7,7 @@ import numpy as np
 from samrl_core.model.physical_parameters.push_scene import LATENCY, PushScene
 
 
-class Comparison:
+class PushComparison:
     """Rows of one push, in units of their noise: M1 of the tip, then M2 of the sightings.
 
     The readings are those of the moment `latency` after the drive's: to first order place + latency x speed.

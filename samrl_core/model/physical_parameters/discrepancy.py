@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.model.physical_parameters.comparison import Comparison
+from samrl_core.model.physical_parameters.comparison import PushComparison
 from samrl_core.model.physical_parameters.push_scene import FORCE_RATIO, TABLE_FRICTION, PushScene
 from samrl_core.model.physical_parameters.sensitivity import Sensitivity
 
@@ -68,7 +68,7 @@ class Responses:
 
 
 def responses(
-    scene: PushScene, found: Sensitivity, rows: Comparison, latency: float, bin_s: float
+    scene: PushScene, found: Sensitivity, rows: PushComparison, latency: float, bin_s: float
 ) -> Responses:
     """To the table's friction, and to the arm's force where the blade touches, bin by bin."""
     steps = torch.arange(scene.steps)

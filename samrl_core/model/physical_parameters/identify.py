@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.model.physical_parameters.comparison import Comparison
+from samrl_core.model.physical_parameters.comparison import PushComparison
 from samrl_core.model.physical_parameters.discrepancy import Wander, WanderSettings, responses, wandering
 from samrl_core.model.physical_parameters.identifiability import (
     Combination,
@@ -30,7 +30,7 @@ from samrl_core.model.physical_parameters.push_scene import (
     MASS,
     NAMES,
     START,
-    ContactSettings,
+    PushContactSettings,
     PushScene,
 )
 from samrl_core.model.physical_parameters.sensitivity import Sensitivity, sensitivity, trajectory
@@ -69,7 +69,7 @@ class IdentifySettings:
     tip_period_s: float = 0.010  # between readings of the tip that are compared [s]
     priors: Priors = field(default_factory=Priors)
     wander: WanderSettings = field(default_factory=WanderSettings)
-    contact: ContactSettings = field(default_factory=ContactSettings)
+    contact: PushContactSettings = field(default_factory=PushContactSettings)
     # A step of 0.3 standard deviations may be left: the step to what the wandering makes of it takes it too.
     solver: LeastSquaresSettings = field(default_factory=lambda: LeastSquaresSettings(small_gain=0.1))
 
@@ -135,7 +135,7 @@ def identify(
         return _unknown(median, spread, np.array([mass_guess]), 1.0, "no_motion")
 
     scenes = [PushScene(disc, push, s.contact) for push in pushes]
-    compared = [Comparison(scene, s.tip_noise, s.seen_noise, s.tip_period_s) for scene in scenes]
+    compared = [PushComparison(scene, s.tip_noise, s.seen_noise, s.tip_period_s) for scene in scenes]
 
     newest: list[Sensitivity] = []
 

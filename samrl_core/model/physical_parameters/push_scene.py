@@ -37,7 +37,7 @@ ARM_MASS_RATIO, FORCE_RATIO, LATENCY, START = range(6, 10)
 
 
 @dataclass(frozen=True)
-class ContactSettings:
+class PushContactSettings:
     """Of the model's contacts, what is not fitted. ASSUMPTION, all of it.
 
     The blade is the box of the tool's leading edge; its flat face is upright and square to the push.
@@ -66,8 +66,8 @@ class PushScene:
         InputError: there is not one substep.
     """
 
-    def __init__(self, disc: Disc, push: PushRecord, contact: ContactSettings | None = None) -> None:
-        contact = contact or ContactSettings()
+    def __init__(self, disc: Disc, push: PushRecord, contact: PushContactSettings | None = None) -> None:
+        contact = contact or PushContactSettings()
         if contact.substeps < 1:
             raise InputError(f"substeps is {contact.substeps}, must be at least 1")
         self.push, self.substeps = push, contact.substeps
@@ -142,7 +142,7 @@ class PushScene:
         )
 
 
-def _scene(disc: Disc, arm_mass: float, step_s: float, contact: ContactSettings) -> PhysicsScene:
+def _scene(disc: Disc, arm_mass: float, step_s: float, contact: PushContactSettings) -> PhysicsScene:
     # The face of an upright blade meets a round rim as it would meet a ball of the disc's radius about the
     # disc's centre: one point, with no corners of a polygon to roll over.
     half_extents = (contact.blade_half_thickness, contact.blade_half_width, contact.blade_half_height)

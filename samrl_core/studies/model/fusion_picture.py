@@ -21,7 +21,7 @@ _TITLES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class PictureRow:
     """One body from one held-out place."""
 
     name: str
@@ -29,7 +29,7 @@ class Row:
     drawn: dict[str, np.ndarray]  # per stage (H, W, 3)
 
 
-def save_picture(rows: list[Row], path: Path) -> None:
+def save_picture(rows: list[PictureRow], path: Path) -> None:
     """A row per body: photo, then each stage with its mean absolute difference below it; a PNG file."""
     columns = 1 + len(_TITLES)
     figure = Figure(figsize=(2.3 * columns, 4.9 * len(rows)), layout="constrained")

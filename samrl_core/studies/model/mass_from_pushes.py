@@ -47,7 +47,7 @@ FRICTION_RANGE = (0.30, 0.45)  # between pancake and table; all of them slide un
 
 
 @dataclass(frozen=True)
-class Case:
+class PushCase:
     """What one case is drawn to be."""
 
     name: str
@@ -58,12 +58,12 @@ class Case:
     guess: float  # [kg]
 
 
-def sample_case(group: str, index: int, seed: int) -> Case:
+def sample_case(group: str, index: int, seed: int) -> PushCase:
     """Mass, friction and side of the guess at random."""
     rng = np.random.default_rng([seed, list(RANGES).index(group), index])
     mass, friction = float(rng.uniform(*RANGES[group])), float(rng.uniform(*FRICTION_RANGE))
     guess = mass * (1.5 if rng.random() < 0.5 else 0.5)
-    return Case(f"{group}_{index:02d}", group, index, mass, friction, guess)
+    return PushCase(f"{group}_{index:02d}", group, index, mass, friction, guess)
 
 
 def pushing_scene(mass: float, friction: float) -> SpatulaFlipping:
@@ -84,7 +84,7 @@ def pushing_scene(mass: float, friction: float) -> SpatulaFlipping:
     )
 
 
-def push_twice(case: Case, seed: int, settings: IdentifySettings) -> list[PushRecord]:
+def push_twice(case: PushCase, seed: int, settings: IdentifySettings) -> list[PushRecord]:
     """Records of both pushes, each from a scene laid anew."""
     cell, task = cell_named(), pushing_scene(case.mass, case.friction)
     world = PyBulletWorld(task, cell)
@@ -98,7 +98,7 @@ def push_twice(case: Case, seed: int, settings: IdentifySettings) -> list[PushRe
     return records
 
 
-def run_case(case: Case, seed: int, settings: IdentifySettings) -> dict[str, Any]:
+def run_case(case: PushCase, seed: int, settings: IdentifySettings) -> dict[str, Any]:
     """Both fits of a case beside its truth."""
     task = pushing_scene(1.0, 1.0)
     disc = Disc(task.pancake_radius, task.pancake_thickness, task.pancake_radius - task.pancake_rounding)
@@ -111,7 +111,7 @@ def run_case(case: Case, seed: int, settings: IdentifySettings) -> dict[str, Any
     return {"schema": SCHEMA, "seed": seed, "case": asdict(case), "fits": fits}
 
 
-def summary(found: Identified, case: Case) -> dict[str, Any]:
+def summary(found: Identified, case: PushCase) -> dict[str, Any]:
     """A fit and how far it is from the truth."""
     mass, friction = found.parameter("mass"), found.parameter("table_friction")
     return {

@@ -38,7 +38,7 @@ from samrl_core.model.fusion.chamfer import Chamfer, Surface, chamfer, surface_s
 from samrl_core.model.fusion.fuse import FusedMesh, FusionSettings, fuse
 from samrl_core.model.fusion.masked_view import MaskedView
 from samrl_core.model.fusion.refine import MeshRenderer, RefineSettings, refine
-from samrl_core.studies.model.fusion_picture import Row, save_picture
+from samrl_core.studies.model.fusion_picture import PictureRow, save_picture
 
 TARGET_M = 0.003  # chamfer distance
 BODIES = {"pancake": "spatula_flipping", "needle": "needle_threading", "hole_board": "peg_insertion"}
@@ -50,7 +50,7 @@ _NEAR_SURFACE = 0.004  # a sample whose depth differs less from the photo's is s
 
 
 @dataclass(frozen=True)
-class Stage:
+class MeshScore:
     """What a mesh is worth."""
 
     chamfer: float  # mean of both directions [m]
@@ -73,7 +73,7 @@ class Result:
     faces: int
     seen_share: float  # of the mesh's vertices
     shown_share: float  # of the CAD surface
-    stages: dict[str, Stage]
+    stages: dict[str, MeshScore]
     why_stopped: dict[str, str]
     process_s: dict[str, float]  # CPU time
 
@@ -89,7 +89,7 @@ def _camera(middle: np.ndarray, turn: float, rise_deg: float, intrinsics: Intrin
     return Camera(intrinsics, look_at(middle + DISTANCE * way, middle))
 
 
-class Judge:
+class MeshEvaluator:
     """The truth about one body, and the mesh's distance to it."""
 
     def __init__(self, body: Body, photos: BodyPhotos, views: list[Camera], intrinsics: Intrinsics) -> None:
@@ -119,7 +119,7 @@ class Judge:
             )
         return image.color.numpy(), image.target.numpy()
 
-    def stage(self, mesh: FusedMesh) -> Stage:
+    def stage(self, mesh: FusedMesh) -> MeshScore:
         """All figures of a mesh."""
         samples, face = surface_samples(mesh.vertices, mesh.faces, SAMPLES, np.random.default_rng(1))
         apart: Chamfer = chamfer((samples, Surface(mesh.vertices, mesh.faces)), self._cad)
@@ -132,7 +132,7 @@ class Judge:
             apart_there = np.abs(drawn - view.color).mean(axis=-1)
             color_error.append(float(np.mean(apart_there, where=view.mask & (share > 0.99))))
             overlap.append((view.mask & (share > 0.5)).sum() / (view.mask | (share > 0.5)).sum())
-        return Stage(
+        return MeshScore(
             apart.mean,
             apart.forward,
             apart.backward,
@@ -162,7 +162,7 @@ def swollen(mesh: FusedMesh, by: float) -> FusedMesh:
 
 def run(
     name: str, seed: int, count: int, fusion: FusionSettings, settings: RefineSettings
-) -> tuple[Result, Row]:
+) -> tuple[Result, PictureRow]:
     """Photographs, fuses, updates and judges one body."""
     cell = cell_named()
     body = next(b for b in task_named(BODIES[name]).scene(cell).bodies if b.name == name)
@@ -183,14 +183,14 @@ def run(
         spent[f"{start}_updated"] = time.process_time() - began
         why[f"{start}_updated"] = updated.why_stopped
         meshes[f"{start}_updated"] = updated.mesh
-    judge = Judge(body, photos, around, cell.intrinsics)
+    judge = MeshEvaluator(body, photos, around, cell.intrinsics)
     photos.close()
     stages = {stage: judge.stage(mesh) for stage, mesh in meshes.items()}
     result = Result(
         name, seed, len(fused.faces), float(fused.seen.mean()), judge.shown_share, stages, why, spent
     )
     shown = {stage: judge.images(mesh)[0][0] for stage, mesh in meshes.items()}
-    return result, Row(name, judge.held_out[0], shown)
+    return result, PictureRow(name, judge.held_out[0], shown)
 
 
 def _say(name: str, start: str, iteration: int, loss: float) -> None:

@@ -35,7 +35,7 @@ from samrl_core.model.model import Model
 from samrl_core.model.real2sim.pose_fit import PoseFitSettings
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
 from samrl_core.studies.episodes.cell_driver import CellDriver
-from samrl_core.studies.model.model_updating_cases import Case, line_of, read_cases, summary
+from samrl_core.studies.model.model_updating_cases import UpdateCase, line_of, read_cases, summary
 from samrl_core.studies.model.model_updating_picture import write_picture
 
 HUES = ((0.85, 0.10, 0.10), (0.15, 0.65, 0.20), (0.15, 0.25, 0.85))  # of links in turn
@@ -79,7 +79,7 @@ class Bench:
         self._loop = Real2Sim(self.model, replace(base, pose=_within(base.pose, study.loop_iterations)))
         self._specs = study.task.parameters()
 
-    def run(self, seed: int) -> tuple[Case, dict[str, np.ndarray]]:
+    def run(self, seed: int) -> tuple[UpdateCase, dict[str, np.ndarray]]:
         """One case, and pictures of it: the model before and after, and the real one (H, W, 3) 0..1."""
         self.world.reset(seed)
         image = self._driver.observe()
@@ -102,7 +102,7 @@ class Bench:
         loop = self._score(looped.values, again, truth)
         error = found.values - true_values(self.study.task, truth)
         surprise = float(error @ np.linalg.solve(found.covariance, error)) / error.size
-        case = Case(
+        case = UpdateCase(
             self.study.name,
             seed,
             [s[0] for s in scores],

@@ -12,7 +12,7 @@ from samrl_core.common.errors import InputError
 
 
 @dataclass(frozen=True)
-class Case:
+class UpdateCase:
     """One fit from far and one as in the loop."""
 
     study: str
@@ -33,7 +33,7 @@ class Case:
     loop_cpu_s: float
 
 
-def summary(cases: list[Case]) -> dict[str, float | int]:
+def summary(cases: list[UpdateCase]) -> dict[str, float | int]:
     """Figures of one study; medians unless named otherwise, distances in mm."""
     end = 1e3 * np.array([c.distance[-1] for c in cases])
     straight = 1e3 * np.array([c.straight for c in cases])
@@ -64,7 +64,7 @@ def summary(cases: list[Case]) -> dict[str, float | int]:
     return result
 
 
-def read_cases(path: Path) -> list[Case]:
+def read_cases(path: Path) -> list[UpdateCase]:
     """The cases that are done.
 
     Raises:
@@ -75,14 +75,14 @@ def read_cases(path: Path) -> list[Case]:
     cases, lines = [], path.read_text().split("\n")
     for number, line in enumerate(lines):
         try:
-            cases.append(Case(**json.loads(line)))
+            cases.append(UpdateCase(**json.loads(line)))
         except (ValueError, TypeError) as problem:
             if number < len(lines) - 1:
                 raise InputError(f"{path}, line {number + 1}: {problem}; use another --out") from problem
     return cases
 
 
-def line_of(case: Case) -> str:
+def line_of(case: UpdateCase) -> str:
     """One case in words."""
     angle = f", {case.angle[0]:.1f} -> {case.angle[-1]:.2f} deg" if case.angle else ""
     return (

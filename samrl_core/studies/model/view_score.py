@@ -30,7 +30,7 @@ from samrl_core.studies.episodes.cell_driver import CellDriver
 
 
 @dataclass(frozen=True)
-class Trial:
+class ViewTrial:
     """One strategy on one seed."""
 
     seed: int
@@ -46,7 +46,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ViewComparison:
     """A paired comparison of "best" with another strategy."""
 
     other: str
@@ -64,7 +64,7 @@ def run_seed(
     real2sim: Real2Sim,
     planner: ViewPlanner,
     model: Model,
-) -> list[Trial]:
+) -> list[ViewTrial]:
     """All strategies on one seed; the world is laid anew for each, with the same noise up to the choice."""
     trials = []
     for k, strategy in enumerate(STRATEGIES):
@@ -83,7 +83,7 @@ def run_seed(
         done = time.perf_counter()
         truth = _true_values(world, model, estimate.names)
         trials.append(
-            Trial(
+            ViewTrial(
                 seed,
                 strategy,
                 float(np.linalg.norm(estimate.values - truth)),
@@ -107,7 +107,7 @@ def _true_values(world: PyBulletWorld, model: Model, names: tuple[str, ...]) -> 
     return world.truth().body_position[body][:2]
 
 
-def compare(trials: list[Trial], other: str) -> Comparison:
+def compare(trials: list[ViewTrial], other: str) -> ViewComparison:
     """Best against another strategy, paired by seed; ties are left out of the sign test."""
     by = {(t.seed, t.strategy): t.error for t in trials}
     seeds = sorted({t.seed for t in trials})
@@ -115,7 +115,7 @@ def compare(trials: list[Trial], other: str) -> Comparison:
     wins, losses = int((difference < 0).sum()), int((difference > 0).sum())
     sign = binomtest(wins, wins + losses, alternative="greater").pvalue if wins + losses else 1.0
     rank = _signed_rank(difference) if wins + losses else 1.0
-    return Comparison(other, wins, losses, float(np.median(difference)), float(sign), float(rank))
+    return ViewComparison(other, wins, losses, float(np.median(difference)), float(sign), float(rank))
 
 
 def _signed_rank(difference: np.ndarray) -> float:
@@ -147,7 +147,7 @@ def main(arguments: list[str] | None = None) -> int:
     planner.prepare()
     world = PyBulletWorld(task, cell)
     driver = CellDriver(world, cell, task.scene(cell).tool)
-    trials: list[Trial] = []
+    trials: list[ViewTrial] = []
     for count in range(1, options.seeds + 1):
         seed = options.first_seed + count - 1
         trials += run_seed(seed, driver, world, real2sim, planner, model)

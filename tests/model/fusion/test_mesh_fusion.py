@@ -15,7 +15,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.model.fusion.fuse import fuse
 from samrl_core.model.fusion.masked_view import MaskedView
 from samrl_core.model.scene.mesh_checks import MeshLimits, require_sound
-from samrl_core.studies.model.mesh_fusion import BODIES, TARGET_M, Judge, cameras, main, swollen
+from samrl_core.studies.model.mesh_fusion import BODIES, TARGET_M, MeshEvaluator, cameras, main, swollen
 
 
 @pytest.mark.parametrize("name", sorted(BODIES))
@@ -27,7 +27,7 @@ def test_twelve_photos_give_the_body(name: str) -> None:
     around = cameras(0.5 * (vertices.min(axis=0) + vertices.max(axis=0)), 12, cell.intrinsics)
     rng = np.random.default_rng(7)
     mesh = fuse([MaskedView.of(photos.read(c, rng), c, body.label) for c in around])
-    judge = Judge(body, photos, around, cell.intrinsics)
+    judge = MeshEvaluator(body, photos, around, cell.intrinsics)
     photos.close()
     stage = judge.stage(mesh)
     assert 0.0 < stage.chamfer < TARGET_M / 3

@@ -9,13 +9,13 @@ import torch
 
 from samrl_core.model.physical_parameters.identify import IdentifySettings
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord
-from samrl_core.model.physical_parameters.push_scene import ContactSettings, PushScene
+from samrl_core.model.physical_parameters.push_scene import PushContactSettings, PushScene
 from samrl_core.model.physical_parameters.sensitivity import trajectory
 
 DISC = Disc(0.05, 0.012, 0.046)
 ARM_MASS = 1.2
 PERIOD = 0.0015
-CONTACT = ContactSettings(substeps=2)
+CONTACT = PushContactSettings(substeps=2)
 SETTINGS = IdentifySettings(contact=CONTACT)
 STIFFNESS = 5.0e4
 

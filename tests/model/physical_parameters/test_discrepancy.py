@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from samrl_core.common.errors import InputError
-from samrl_core.model.physical_parameters.comparison import Comparison
+from samrl_core.model.physical_parameters.comparison import PushComparison
 from samrl_core.model.physical_parameters.discrepancy import Responses, WanderSettings, responses, wandering
 from samrl_core.model.physical_parameters.push_scene import FORCE_RATIO, LATENCY, TABLE_FRICTION, PushScene
 from samrl_core.model.physical_parameters.sensitivity import sensitivity
@@ -81,7 +81,7 @@ def test_responses_are_those_of_a_changed_bin() -> None:
     """All bins together give the parameter's slope; one alone is its own difference."""
     push = pushes.drive(7.0, 0.12, 0.18)
     scene, at = PushScene(pushes.DISC, push, pushes.CONTACT), pushes.theta(0.6, 0.35)
-    rows = Comparison(scene, 1e-4, 1e-3, 0.010)
+    rows = PushComparison(scene, 1e-4, 1e-3, 0.010)
     found = sensitivity(scene, at)
     got = responses(scene, found, rows, 0.0, 0.010)
     whole = rows.slopes(found.states.numpy(), found.slopes.numpy(), 0.0)
@@ -117,7 +117,7 @@ def test_readings_may_be_later_than_the_drive() -> None:
     """The slope by the latency is the speed, and the residual moves with it."""
     push = pushes.made_push(0.6, 0.35, 7.0, total_s=0.3)
     scene, at = PushScene(pushes.DISC, push, pushes.CONTACT), pushes.theta(0.6, 0.35)
-    rows, found = Comparison(scene, 1e-4, 1e-3, 0.010), sensitivity(scene, pushes.theta(0.6, 0.35))
+    rows, found = PushComparison(scene, 1e-4, 1e-3, 0.010), sensitivity(scene, pushes.theta(0.6, 0.35))
     states = found.states.numpy()
     slopes = rows.slopes(states, found.slopes.numpy(), 0.0)[:, LATENCY]
     h = 1e-3

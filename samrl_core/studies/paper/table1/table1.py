@@ -39,7 +39,7 @@ NOISES = {"clean": False, "noisy": True}  # rows
 
 
 @dataclass(frozen=True)
-class Row:
+class Table1Row:
     """One training's networks on one task, under one kind of image."""
 
     task: str
@@ -72,7 +72,7 @@ def run_table(options: Options, tell: Tell, settings: TableSettings = SETTINGS) 
     trainings = _trainings(options.weights)
     for task, weights in itertools.product(options.tasks, trainings):
         trained_networks(task, cell_named(), weights)  # before anything is run
-    rows = [Row(*which) for which in itertools.product(options.tasks, trainings, NOISES)]
+    rows = [Table1Row(*which) for which in itertools.product(options.tasks, trainings, NOISES)]
     table = _Table(options, tell, settings)
     best = table.best_views(rows)
     results = table.episodes(rows, best)
@@ -100,7 +100,7 @@ class _Table:
             for task in options.tasks
         }
 
-    def best_views(self, rows: Sequence[Row]) -> dict[Row, int]:
+    def best_views(self, rows: Sequence[Table1Row]) -> dict[Table1Row, int]:
         """The fixed view of each row, by most successes and then fewest actions on starts of its own."""
         s, share = self.settings, self.count / self.settings.episodes
         first, more = (max(1, round(share * n)) for n in (s.first, s.more))
@@ -118,7 +118,9 @@ class _Table:
             best[row] = max(merits, key=lambda view: (merits[view], -view))
         return best
 
-    def episodes(self, rows: Sequence[Row], best: dict[Row, int]) -> dict[tuple[Row, str], list[Case]]:
+    def episodes(
+        self, rows: Sequence[Table1Row], best: dict[Table1Row, int]
+    ) -> dict[tuple[Table1Row, str], list[Case]]:
         """The table's own."""
         wanted = {}
         for row, condition in itertools.product(rows, CONDITIONS):
@@ -130,7 +132,7 @@ class _Table:
             wanted[row, condition] = self._split(replace(whole, count=count))
         return self._run(wanted)
 
-    def place(self, row: Row, view: int) -> dict[str, float]:
+    def place(self, row: Table1Row, view: int) -> dict[str, float]:
         """Where a fixed view is."""
         region = task_named(row.task).view_region()
         place = place_of(self._views[row.task][view].camera_in_world.position, region)
@@ -142,8 +144,8 @@ class _Table:
         }
 
     def _held(
-        self, views: Iterable[tuple[Row, int]], first: int, count: int
-    ) -> dict[tuple[Row, int], list[Case]]:
+        self, views: Iterable[tuple[Table1Row, int]], first: int, count: int
+    ) -> dict[tuple[Table1Row, int], list[Case]]:
         wanted = {}
         for row, view in views:
             whole = row.group("best_fixed", view, self.options, self.settings)
@@ -180,7 +182,10 @@ def _merit(cases: Sequence[Case]) -> tuple[int, float]:
 
 
 def _summary(
-    rows: Sequence[Row], results: dict[tuple[Row, str], list[Case]], table: _Table, best: dict[Row, int]
+    rows: Sequence[Table1Row],
+    results: dict[tuple[Table1Row, str], list[Case]],
+    table: _Table,
+    best: dict[Table1Row, int],
 ) -> dict[str, Any]:
     """Of all trainings on one task."""
     conditions = {}

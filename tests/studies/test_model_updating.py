@@ -11,10 +11,10 @@ import pytest
 
 from samrl_core.common.errors import InputError
 from samrl_core.studies.model import model_updating
-from samrl_core.studies.model.model_updating import STUDIES, Case, main, read_cases, summary
+from samrl_core.studies.model.model_updating import STUDIES, UpdateCase, main, read_cases, summary
 from samrl_core.studies.model.model_updating_picture import padded
 
-CASE = Case("thread", 0, [0.01, 0.004, 0.001], 0.0008, [], 1.0, 2, "converged", 1, 1, 0.001, 0, 2, 1, 1)
+CASE = UpdateCase("thread", 0, [0.01, 0.004, 0.001], 0.0008, [], 1.0, 2, "converged", 1, 1, 0.001, 0, 2, 1, 1)
 
 
 def test_one_case_is_run_written_and_not_run_again(

@@ -6,7 +6,7 @@ the world, as it would sit in a hardware driver.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,6 +74,9 @@ class BridgeCore:
             for r in ROLES
         }
         self._arms = {r: ArmModel(cell.arm(r), cell.base_in_world(r), None) for r in ROLES}
+        self._dropped_log_s: dict[str, float] = dict.fromkeys(
+            ROLES, -1.0
+        )  # robot time of the last message about it [s]
         self._ticks_done = 0
         self._episode = -1
         self._seed = 0
@@ -110,17 +113,44 @@ class BridgeCore:
         self._outbox.publish("/tf_static", TFMessage(transforms=transforms))
         self._publish_safety()
 
-    def on_command(self, role: str, message: Any) -> None:
-        """A message on `<arm>/command`; one that the guard refuses never reaches the arm."""
+    def on_command(self, role: str, message: Any, commander: str = "") -> None:
+        """A message on `<arm>/command` of a commander; one that the guard refuses never reaches the arm."""
         guard = self._guards[role]
         try:
             command = from_message.arm_command(message, self._cell.arm(role).joint_names)
             self.least_lead_ms = min(self.least_lead_ms, (command.stamp_ns - self._world.time_ns) * 1e-6)
-            guard.accept(command, self._world.read_arm(role), self._steady_s(), self._world.time_ns * 1e-9)
+            reading, robot_s = self._world.read_arm(role), self._world.time_ns * 1e-9
+            if not guard.accept(command, reading, self._steady_s(), robot_s, commander):
+                self._report_dropped(role, guard)
         except SamrlError as error:
             self.refused_commands += 1
             guard.fault(str(error))
             self._outbox.log("error", f"{role}: command refused, arm brakes: {error}")
+
+    def on_rivals(self, role: str, publishers: Sequence[str]) -> None:
+        """More than one publisher has a say on `<arm>/command`: the arm brakes, and all are named."""
+        guard = self._guards[role]
+        self.refused_commands += 1
+        if guard.status.state in (GuardState.FAULT, GuardState.ESTOP):
+            return
+        reason = (
+            f"{len(publishers)} publishers on {arm_topic(role, 'command')} ({', '.join(publishers)}); "
+            "one commander at a time: stop the others"
+        )
+        guard.fault(reason)
+        self._outbox.log("error", f"{role}: arm brakes: {reason}")
+
+    def _report_dropped(self, role: str, guard: CommandGuard) -> None:
+        """Log commands that the guard dropped while it tracks, at most once per second of robot time."""
+        status, now = guard.status, self._world.time_ns * 1e-9
+        if status.state is not GuardState.TRACKING or now < self._dropped_log_s[role] + 1.0:
+            return
+        self._dropped_log_s[role] = now
+        self._outbox.log(
+            "warning",
+            f"{role}: commands dropped so far: {status.ignored} not newer than one already taken, "
+            f"{status.late} after their time of validity",
+        )
 
     def waits_for_commands(self, within_s: float) -> bool:
         """Whether simulated time should stand still: an arm's next commands are due and still under way."""
@@ -152,6 +182,7 @@ class BridgeCore:
         self._world.reset(seed)
         for role in ROLES:
             self._guards[role].restart()
+            self._dropped_log_s[role] = -1.0
         for _ in range(round(_SETTLE_S * 1e9 / self._period_ns)):
             for role in ROLES:
                 self._world.command(

@@ -50,6 +50,32 @@ class SimBridgeSettings:
     evaluation_file: str = setting("", "where evaluation truth is written, empty for nowhere")
 
 
+class _Commanders:
+    """Who publishes on an arm's command topic.
+
+    A message does not say who sent it. The number of matched publishers is known at every message; their
+    identities are asked of the graph when it changes, and every tenth of a second at 250 Hz.
+    """
+
+    _EVERY = 25  # messages
+
+    def __init__(self, node: CellNode, subscription: Any) -> None:
+        self._node = node
+        self._subscription = subscription
+        self._known: dict[str, str] = {}  # node name by publisher id
+        self._matched = self._age = 0
+
+    def find_publishers(self) -> dict[str, str]:
+        """Node name by publisher id; empty while a matched publisher is not in the graph yet."""
+        matched = self._subscription.get_publisher_count()
+        self._age += 1
+        if matched != self._matched or self._age >= self._EVERY or len(self._known) < matched:
+            infos = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+            self._known = {bytes(i.endpoint_gid).hex(): i.node_name for i in infos}
+            self._matched, self._age = matched, 0
+        return self._known if len(self._known) >= matched else {}
+
+
 @final
 class SimBridge(CellNode):
     """Publishes as drivers would, and keeps the command guard next to the arms."""
@@ -63,6 +89,7 @@ class SimBridge(CellNode):
         self._world: Any = None
         self._publishers_by_topic: dict[str, Any] = {}
         self._handles: list[Any] = []
+        self._commanders: dict[str, _Commanders] = {}
         self._published = 0
         self._rate = 0.0
         self._longest_gap_s = 0.0
@@ -76,6 +103,8 @@ class SimBridge(CellNode):
         """The core's outbox."""
         if level == "error":
             self.get_logger().error(text)
+        elif level == "warning":
+            self.get_logger().warning(text)
         else:
             self.get_logger().info(text)
 
@@ -105,7 +134,8 @@ class SimBridge(CellNode):
         )
         self._factor = settings.real_time_factor
         for role in ROLES:
-            self._subscribe(arm_topic(role, "command"), partial(self._on_command, role))
+            subscription = self._subscribe(arm_topic(role, "command"), partial(self._on_command, role))
+            self._commanders[role] = _Commanders(self, subscription)
         self._subscribe(OUTCOME, self._on_outcome)
         handlers = {
             cell_topic("sim_bridge/start_episode"): self._on_start,
@@ -166,11 +196,12 @@ class SimBridge(CellNode):
         lead, self._core.least_lead_ms = self._core.least_lead_ms, float("inf")
         return lead
 
-    def _subscribe(self, name: str, callback: Any) -> None:
+    def _subscribe(self, name: str, callback: Any) -> Any:
         topic = TOPICS[name]
         self._handles.append(
             self.create_subscription(message_class(topic.type), name, callback, qos_named(topic.qos))
         )
+        return self._handles[-1]
 
     def _run(self) -> None:
         """Step until halted, keeping pace with the wall clock but never catching up in a burst."""
@@ -205,9 +236,14 @@ class SimBridge(CellNode):
             return core.waits_for_commands(within_s)
 
     def _on_command(self, role: str, message: Any) -> None:
+        publishers = self._commanders[role].find_publishers()
         with self._lock:
-            if self._core is not None:
-                self._core.on_command(role, message)
+            if self._core is None or not publishers:
+                return
+            if len(publishers) > 1:
+                self._core.on_rivals(role, [f"node {name!r}" for name in publishers.values()])
+            else:
+                self._core.on_command(role, message, next(iter(publishers)))
 
     def _on_outcome(self, message: Any) -> None:
         with self._lock:

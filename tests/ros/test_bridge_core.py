@@ -109,6 +109,53 @@ def test_a_refused_command_is_forgotten_with_its_episode() -> None:
     assert rig.safety()[0] == 0
 
 
+def test_an_arm_obeys_one_commander_at_a_time() -> None:
+    """A smooth command of somebody else, within every limit, brakes the arm and names both."""
+    from samrl_ros.conversions import to_message
+
+    rig = Rig()
+    rig.speed_up(0.1)
+    names, here = rig.cell.tool_arm.joint_names, rig.world.read_arm("tool_arm")
+    assert here.velocity[0] > 0.05
+    stamp = rig.world.time_ns + 100_000_000  # newer than any of the commander's
+    moved = ArmCommand(stamp, here.position + 0.1 * here.velocity, here.velocity, *(np.zeros((2, 7))))
+    rig.bridge.on_command("tool_arm", to_message.command(moved, names), "a stranger")
+    assert rig.bridge.refused_commands == 1
+    assert any("a stranger" in text and "one commander at a time" in text for _, text in rig.logs)
+    rig.tick(0.3)
+    assert rig.safety() == (2, {"tool_arm": "FAULT", "camera_arm": "HOLD"})
+    assert np.abs(rig.world.read_arm("tool_arm").velocity).max() < 1e-3
+    rig.bridge.start_episode(1, 1)
+    rig.speed_up(0.02)
+    assert rig.safety()[0] == 0
+
+
+def test_a_stamp_far_ahead_of_reception_is_refused() -> None:
+    from samrl_ros.conversions import to_message
+
+    rig = Rig()
+    names, here = rig.cell.tool_arm.joint_names, rig.world.read_arm("tool_arm").position
+    far = ArmCommand(rig.world.time_ns + 300_000_000, here, *(np.zeros((3, 7))))
+    rig.bridge.on_command("tool_arm", to_message.command(far, names))
+    rig.tick(0.02)
+    assert rig.safety() == (2, {"tool_arm": "FAULT", "camera_arm": "HOLD"})
+    assert any("0.300 s ahead" in text and "0.15" in text for _, text in rig.logs)
+
+
+def test_dropped_commands_are_logged_once_a_second() -> None:
+    from samrl_ros.conversions import to_message
+
+    rig = Rig()
+    rig.speed_up(0.02)
+    names, here = rig.cell.tool_arm.joint_names, rig.world.read_arm("tool_arm").position
+    old = to_message.command(ArmCommand(rig.world.time_ns - 8_000_000, here, *(np.zeros((3, 7)))), names)
+    for _ in range(5):
+        rig.bridge.on_command("tool_arm", old)
+    warnings = [text for level, text in rig.logs if level == "warning"]
+    assert len(warnings) == 1 and "not newer than one already taken" in warnings[0]
+    assert rig.safety()[0] == 0
+
+
 def test_commanded_efforts_bear_the_stamp_of_the_states_they_were_made_of() -> None:
     rig = Rig()
     rig.said.clear()

@@ -70,6 +70,7 @@ class CommandGuard:
         """Forget everything but the counters: the arm was placed anew, or robot time was set."""
         self._state, self._reason = GuardState.HOLD, ""
         self._curve = CommandCurve()
+        self._commander = ""
         self._join: Join | None = None
         self._received = (0.0, 0.0)  # steady, robot [s]
         self._setpoint: ArmCommand | None = None
@@ -84,18 +85,42 @@ class CommandGuard:
         """
         self._check(command, measured, 1.0)
 
-    def accept(self, command: ArmCommand, measured: ArmReading, steady_s: float, robot_s: float) -> bool:
+    def accept(
+        self,
+        command: ArmCommand,
+        measured: ArmReading,
+        steady_s: float,
+        robot_s: float,
+        commander: str = "",
+    ) -> bool:
         """Take a command that was just received; False when it was ignored.
+
+        Whose command the arm begins to track is its commander until it holds still again.
 
         Ignored without harm, and counted: one not newer than one already taken, one that arrives after its
         time of validity, and any while the arm brakes or is stopped by a fault or e-stop.
 
+        Args:
+            command: stamped with its time of validity.
+            measured: where the arm is.
+            steady_s: steady clock at reception [s].
+            robot_s: robot time at reception [s].
+            commander: identity of the sender, such as its publisher's; empty where the caller has only one.
+
         Raises:
             InputError: wrong size or a value that is not finite. The guard is then in FAULT.
-            LimitError: beyond a limit, or a jump. The guard is then in FAULT.
+            LimitError: beyond a limit, a jump, or another commander. The guard is then in FAULT.
         """
         now_ns = round(robot_s * 1e9)
         tracking = self._state is GuardState.TRACKING
+        if tracking and commander != self._commander:
+            self._refused += 1
+            reason = (
+                f"command of {commander or 'an unknown sender'} while {self._commander or 'another'} commands"
+                " the arm; one commander at a time: stop the other one"
+            )
+            self.fault(reason)
+            raise LimitError(reason)
         newest_ns = self._curve.last.stamp_ns if tracking else -1
         if not (tracking or self._state is GuardState.HOLD) or command.stamp_ns <= newest_ns:
             self._ignored += 1
@@ -111,6 +136,7 @@ class CommandGuard:
             raise
         if not tracking:
             self._enter(GuardState.TRACKING, "")
+            self._commander = commander
         self._received = (steady_s, robot_s)
         self._accepted += 1
         return True

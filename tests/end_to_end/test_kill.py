@@ -19,13 +19,11 @@ from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import repair
 from samrl_ros.contract.topics import arm_topic, cell_topic
+from tests.waiting import PATIENCE_S, wait_for
 
 pytest.importorskip("rclpy")
 pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.live, pytest.mark.timeout(3600)]
 
-START_S = 240.0  # two cores, perhaps shared, and kernels to compile
-END_S = 45.0  # from the kill to the end of the process; summary and picture included
-ORPHANS_S = 20.0
 JOINTS = {role: arm_topic(role, "joint_states") for role in ("tool_arm", "camera_arm")}
 AT_REST = 0.02  # [rad/s], above the noise of a measured velocity
 
@@ -65,13 +63,13 @@ class Cell:
                 return False
             return phases.count("act") >= 2
 
-        assert _wait(acts, START_S, 1.0), self.text
+        wait_for(acts, "the first actions", 1.0)
 
-    def end(self, within_s: float) -> int:
+    def end(self) -> int:
         try:
-            return self.process.wait(within_s)
+            return self.process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
-            pytest.fail(f"the cell still runs after {within_s:.0f} s:\n{self.text}")
+            pytest.fail(f"the cell still runs:\n{self.text}")
 
     def summary(self) -> dict[str, Any]:
         return json.loads((self.out / "summary.json").read_text())
@@ -86,15 +84,6 @@ def _command_lines() -> list[tuple[int, list[str]]]:
             except (FileNotFoundError, ProcessLookupError):
                 continue
     return lines
-
-
-def _wait(condition: Callable[[], bool], within_s: float, period_s: float = 0.2) -> bool:
-    deadline = time.monotonic() + within_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(period_s)
-    return False
 
 
 @pytest.fixture
@@ -136,7 +125,7 @@ def test_a_killed_node_ends_the_cell_with_its_name(
     cell.wait_until_it_acts()
     os.kill(cell.children()[node], signal.SIGKILL)
     killed = time.monotonic()
-    assert cell.end(END_S) == 1
+    assert cell.end() == 1
     print(f"{layout}, {node}: ended {time.monotonic() - killed:.1f} s after the kill\n{cell.text}")
     assert f"{node} killed by SIGKILL" in cell.text and "Traceback" not in cell.text
     assert f"{node} killed by SIGKILL" in cell.summary()["error"]
@@ -171,7 +160,7 @@ def test_ctrl_c_closes_the_bag(start: Any, times: int) -> None:
     for _ in range(times):
         cell.process.send_signal(signal.SIGINT)
         time.sleep(0.3)
-    assert cell.end(END_S) == 130, cell.text
+    assert cell.end() == 130, cell.text
     assert "Traceback" not in cell.text
     assert cell.summary()["error"] == "interrupted"
     assert not open_bag(cell.out / "bag").truncated and (cell.out / "bag" / "metadata.yaml").exists()
@@ -183,5 +172,5 @@ def test_nodes_go_when_their_cell_is_killed(start: Any) -> None:
     cell.wait_until_it_acts()
     assert len(cell.children()) == 8
     cell.process.kill()
-    assert _wait(lambda: not cell.children(), ORPHANS_S), cell.children()
+    wait_for(lambda: not cell.children(), "the end of all children", 0.2)
     assert not open_bag(cell.out / "bag").truncated  # the recorder was asked, not killed

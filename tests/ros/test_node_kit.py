@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from samrl_core.common.errors import InputError
+from tests.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.live]
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,7 +67,7 @@ class Probe:
     def _take_statuses(self, message: Any) -> None:
         self.statuses.extend(message.status)
 
-    def wait(self, condition: Callable[[], Any], seconds: float = 10.0) -> bool:
+    def wait(self, condition: Callable[[], Any], seconds: float = PATIENCE_S) -> bool:
         end = time.monotonic() + seconds
         while not condition() and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
@@ -76,7 +77,7 @@ class Probe:
         assert self.wait(lambda: self.phase.get_subscription_count() > 0), "nobody listens"
         self.phase.publish(self._string(data=text))
 
-    def heard(self, part: str, seconds: float = 10.0) -> bool:
+    def heard(self, part: str, seconds: float = PATIENCE_S) -> bool:
         return self.wait(lambda: any(part in answer for answer in self.answers), seconds)
 
     def close(self) -> None:
@@ -328,7 +329,7 @@ def test_a_process_stops_cleanly_on_two_signals(spawn: Any, probe: Probe, number
     assert probe.heard("started")
     process.send_signal(number)
     process.send_signal(number)
-    _, errors = process.communicate(timeout=10)
+    _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, errors
     assert "Traceback" not in errors
 
@@ -337,7 +338,7 @@ def test_a_failed_process_ends_with_one_and_says_why(spawn: Any, probe: Probe) -
     process = spawn()
     assert probe.heard("started")
     probe.say("boom")
-    _, errors = process.communicate(timeout=10)
+    _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1 and "error: echo: handling /cell/phase: ValueError: boom" in errors
     assert "echo_node.py" in errors  # the trace is in the log
 
@@ -353,7 +354,7 @@ def test_a_process_reads_its_parameter_file(spawn: Any, probe: Probe, tmp_path: 
 
 def test_a_process_refuses_bad_parameters_with_three(spawn: Any) -> None:
     process = spawn("--ros-args", "-p", "gain:=99.0")
-    _, errors = process.communicate(timeout=10)
+    _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 3 and "gain" in errors and "Traceback" not in errors
 
 

@@ -23,6 +23,7 @@ from samrl_core.learning.residual.training import Announcement, replay_of
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.weights import sha256_of
 from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
+from tests.waiting import PATIENCE_S
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
@@ -311,7 +312,7 @@ def test_a_file_that_is_given_is_in_force_and_stays(tmp_path: Path) -> None:
 def test_a_process_trains_publishes_and_saves(tmp_path: Path) -> None:
     """The real thing: steps go in, a version comes out; killed, it says so; started anew, it goes on."""
     cell = FakeCell(tmp_path, None, updates_per_step=2.0)
-    deadline, step = time.monotonic() + 500, 0
+    deadline, step = time.monotonic() + PATIENCE_S, 0
     while len(cell.ears.weights) < 2 and time.monotonic() < deadline:
         cell.act(0, step)
         step += 1

@@ -20,6 +20,7 @@ from samrl_ros.bags.play import clock_bytes, publish_from
 from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.writer import BagWriter
+from tests.waiting import PATIENCE_S, wait_for
 
 pytestmark = [pytest.mark.ros, pytest.mark.live]
 STRING = "std_msgs/msg/String"
@@ -81,17 +82,20 @@ class Speaker:
         }
 
     def ready(self) -> None:
-        wait(lambda: all(p.get_subscription_count() > 0 for p in self._publishers.values()))
+        wait_for(
+            lambda: all(p.get_subscription_count() > 0 for p in self._publishers.values()), "the other side"
+        )
 
     def say(self, topic: str, data: bytes) -> None:
         self._publishers[topic].publish(data)
 
 
-def wait(condition: Callable[[], Any], seconds: float = 10.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.01)
+def _phases(folder: Path) -> list[str]:
+    """Phases that are on disk so far."""
+    try:
+        return [m.data for _, m in open_bag(folder).decoded([PHASE])]
+    except InputError:  # not there yet, or its first chunk is not
+        return []
 
 
 def count(thread: Any, topic: str, number: int) -> Callable[[], bool]:
@@ -103,12 +107,12 @@ def test_record_with_simulated_time(record, node, tmp_path: Path, string_cdr, jo
     speaker.say(TOOL, string_cdr("{}"))  # before the recorder exists: latched
     thread = record(tmp_path / "bag")
     speaker.ready()
-    wait(count(thread, TOOL, 1))
+    wait_for(count(thread, TOOL, 1), "messages at the recorder")
     for i in range(1, 21):
         speaker.say("/clock", clock_bytes(i * 4_000_000))
-        wait(count(thread, "/clock", i))
+        wait_for(count(thread, "/clock", i), "messages at the recorder")
         speaker.say(STATES, joints_cdr(i * 4_000_000 + 1, 0.1 * i))
-        wait(count(thread, STATES, i))
+        wait_for(count(thread, STATES, i), "messages at the recorder")
     thread.stop()
     assert not thread.failure
     bag = open_bag(tmp_path / "bag")
@@ -132,24 +136,24 @@ def test_services_start_stop_split(record, node, tmp_path: Path, string_cdr) -> 
     executor.add_node(node)
 
     def call(name: str) -> Any:
-        assert clients[name].wait_for_service(10.0)
+        assert clients[name].wait_for_service(PATIENCE_S)
         future = clients[name].call_async(Trigger.Request())
-        executor.spin_until_future_complete(future, timeout_sec=10.0)
+        executor.spin_until_future_complete(future, timeout_sec=PATIENCE_S)
         return future.result()
 
     assert not call("stop").success and not call("split").success
     speaker.ready()
     speaker.say("/clock", clock_bytes(5))
     speaker.say(TOOL, string_cdr("{}"))
-    wait(count(thread, TOOL, 1))
-    wait(count(thread, "/clock", 1))
+    wait_for(count(thread, TOOL, 1), "messages at the recorder")
+    wait_for(count(thread, "/clock", 1), "messages at the recorder")
     assert call("start").success
     assert not call("start").success
     speaker.say(PHASE, string_cdr("a"))
-    wait(count(thread, PHASE, 1))
+    wait_for(count(thread, PHASE, 1), "messages at the recorder")
     assert call("split").message.endswith("bag_1.mcap")
     speaker.say(PHASE, string_cdr("b"))
-    wait(count(thread, PHASE, 2))
+    wait_for(count(thread, PHASE, 2), "messages at the recorder")
     assert "bag: 3 messages" in call("stop").message  # the latched one is in it too
     assert call("start").message == str(tmp_path / "bag_1")
     assert call("stop").success
@@ -160,7 +164,7 @@ def test_services_start_stop_split(record, node, tmp_path: Path, string_cdr) -> 
 def test_folder_in_use_fails_the_node_and_keeps_the_folder(record, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / "bag").mkdir()
     thread = record(tmp_path / "bag")
-    wait(lambda: thread.failure)
+    wait_for(lambda: thread.failure, "the other side")
     assert "exists already" in thread.failure
     assert list((tmp_path / "bag").iterdir()) == []
 
@@ -178,16 +182,16 @@ def test_recorder_process_ended_by_a_signal(  # type: ignore[no-untyped-def]
     try:
         speaker = Speaker(node)
         speaker.ready()
-        wait((tmp_path / "bag").exists)
+        wait_for((tmp_path / "bag").exists, "the other side")
         for i in range(1, 60):
             speaker.say("/clock", clock_bytes(i * 4_000_000))
             speaker.say(PHASE, string_cdr(str(i)))
             time.sleep(0.012)
-        if number == signal.SIGKILL:
-            time.sleep(0.8)  # silence: what arrived before it must not wait for the next message
+        if number == signal.SIGKILL:  # what arrived must not wait for the next message to reach the disk
+            wait_for(lambda: "59" in _phases(tmp_path / "bag"), "the last phase on disk", 0.1)
     finally:
         child.send_signal(number)
-        code = child.wait(15)
+        code = child.wait(PATIENCE_S)
     assert code == (0 if number == signal.SIGTERM else -number)
     bag = open_bag(tmp_path / "bag")
     assert bag.truncated == (number == signal.SIGKILL)
@@ -235,7 +239,7 @@ def test_play_over_dds(node, tmp_path: Path, string_cdr, joints_cdr) -> None:  #
         began = time.monotonic()
         report = publish_from(node, bag, 4.0, discovery_s=1.0, on_progress=lambda *p: progress.append(p))
         took = time.monotonic() - began - 1.0
-        wait(lambda: sum(name == STATES for name, _ in heard) == 50)
+        wait_for(lambda: sum(name == STATES for name, _ in heard) == 50, "the other side")
         ended = threading.Event()
         ended.set()
         assert publish_from(node, bag, stop=ended, discovery_s=0.0).stopped
@@ -244,7 +248,7 @@ def test_play_over_dds(node, tmp_path: Path, string_cdr, joints_cdr) -> None:  #
         thread.join()
         listener.destroy_node()
     assert report.published == {TOOL: 1, STATES: 50} and not report.stopped
-    assert took == pytest.approx(0.98 / 4, abs=0.2)
+    assert took > 0.98 / 4 - 0.05  # never faster than the rate asks; a busy machine may be slower
     assert progress[-1] == (51, 51)
     assert heard[0] == (TOOL, string_cdr("{}"))  # the description comes first
     states = [data for name, data in heard if name == STATES]
@@ -289,4 +293,4 @@ def test_ctrl_c_ends_the_player(small_bag, child_environment) -> None:  # type: 
     time.sleep(1.0)
     child.send_signal(signal.SIGINT)
     child.stdout.close()
-    assert child.wait(10) == 130
+    assert child.wait(PATIENCE_S) == 130

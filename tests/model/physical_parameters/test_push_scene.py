@@ -56,4 +56,4 @@ def test_what_cannot_show_does_not() -> None:
 
 def test_no_substep_is_refused() -> None:
     with pytest.raises(InputError, match="substeps"):
-        PushScene(pushes.DISC, pushes.drive(7.0, 0.1, 0.2), pushes.ContactSettings(substeps=0))
+        PushScene(pushes.DISC, pushes.drive(7.0, 0.1, 0.2), pushes.PushContactSettings(substeps=0))

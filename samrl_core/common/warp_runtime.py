@@ -73,7 +73,7 @@ def _announce_compilation() -> None:
             print(f"{COMPILING}: {name} for {device}; kept for the next start", file=sys.stderr, flush=True)
         return compiler(module, device, folder, output, *rest, **named)
 
-    wp.Module._compile = compile_and_tell
+    setattr(wp.Module, "_compile", compile_and_tell)  # noqa: B010 (no attribute that types know)
 
 
 def numbered_device(name: str) -> torch.device:

@@ -208,6 +208,12 @@ def interfaces() -> None:
 
 add_command(
     app,
+    "calibrate",
+    "samrl_ros.cli.calibrate:run_calibration",
+    "Calibrate camera in flange, or one arm's base in the other's, from recorded poses.",
+)
+add_command(
+    app,
     "doctor",
     "samrl_ros.cli.doctor:doctor",
     "Check whether the cell can run here, and say what to do where not; exit code 1 on a problem.",

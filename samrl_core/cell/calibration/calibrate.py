@@ -1,0 +1,165 @@
+"""Calibration of a cell from recorded poses: what was found, how sure it is, as JSON and as a picture."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.calibration.chain_of_poses import ChainSolution, resample, solve_chain
+from samrl_core.cell.calibration.recorded_poses import (
+    MAX_BYTES,
+    HandEyeFile,
+    Kind,
+    base_pairs,
+    hand_eye_pairs,
+    read_recorded,
+)
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole, write_whole
+
+SCHEMA = 1
+FOUND = {"hand_eye": "camera_in_flange", "base_to_base": "tool_base_in_camera_base"}
+ALSO = {"hand_eye": "board_in_base", "base_to_base": "board_in_flange"}
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibrated pose.
+
+    `draws` (R, 6) are its displacements over resamples: position in the parent's axes [m], rotation in the
+    child's axes [rad].
+    """
+
+    kind: Kind
+    pose: Pose  # camera in flange, or tool arm's base in the camera arm's
+    board: Pose  # board in base, or board in the tool arm's flange
+    residual_m: np.ndarray  # (N,) [m]
+    residual_rad: np.ndarray  # (N,) [rad]
+    draws: np.ndarray
+    camera_in_flange: Pose  # found, or taken from the hand-eye file
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(6, 6) of position [m] and rotation [rad]."""
+        return np.cov(self.draws.T)
+
+
+def calibrate(pairs_file: Path, hand_eye: Path | None, draws: int, seed: int) -> Calibration:
+    """Calibrate from a file of pairs.
+
+    Args:
+        pairs_file: as `read_recorded` reads it.
+        hand_eye: result of a hand-eye calibration; base-to-base calibration needs it, hand-eye takes none.
+        draws: resamples for the covariance.
+        seed: of the resamples.
+
+    Raises:
+        InputError: a file that does not fit, too few pairs, or too little rotation.
+        SolveError: the pairs contradict each other.
+    """
+    recorded = read_recorded(pairs_file)
+    if isinstance(recorded, HandEyeFile):
+        if hand_eye is not None:
+            raise InputError(f"{pairs_file} is for hand-eye calibration, which takes no --hand-eye")
+        pairs = hand_eye_pairs(recorded)
+        solution = solve_chain(pairs)
+        _, moved = resample(pairs, solution, draws, seed)
+        board = solution.outer.inverse()
+        return _calibration("hand_eye", solution, solution.inner, board, moved, solution.inner)
+    if hand_eye is None:
+        raise InputError(
+            f"{pairs_file} is for base-to-base calibration: give --hand-eye FILE, the result of a "
+            "hand-eye calibration"
+        )
+    camera_in_flange = read_hand_eye(hand_eye)
+    pairs = base_pairs(recorded, camera_in_flange)
+    solution = solve_chain(pairs)
+    moved, _ = resample(pairs, solution, draws, seed)
+    return _calibration("base_to_base", solution, solution.outer, solution.inner, moved, camera_in_flange)
+
+
+def _calibration(
+    kind: Kind, solution: ChainSolution, pose: Pose, board: Pose, draws: np.ndarray, camera: Pose
+) -> Calibration:
+    return Calibration(kind, pose, board, solution.residual_m, solution.residual_rad, draws, camera)
+
+
+def read_hand_eye(path: Path) -> Pose:
+    """Camera in flange of a result of `write_calibration`. Raises InputError."""
+    try:
+        data = json.loads(read_whole(path, MAX_BYTES).decode())
+        entry = data["camera_in_flange"]
+        return Pose(np.array(entry["position"]), np.array(entry["quat_xyzw"]))
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(
+            f"{path} is no hand-eye calibration ({error!r}); make one with samrl calibrate"
+        ) from error
+
+
+def as_json(found: Calibration, pairs_file: Path, seed: int) -> dict[str, Any]:
+    """Contents of `calibration.json`; lengths in metres, angles in radians."""
+    deviation = np.sqrt(np.diag(found.covariance))
+    data: dict[str, Any] = {
+        "schema": SCHEMA,
+        "kind": found.kind,
+        FOUND[found.kind]: _entry(found.pose),
+        ALSO[found.kind]: _entry(found.board),
+        "standard_deviation": {"position": deviation[:3].tolist(), "rotation": deviation[3:].tolist()},
+        "covariance": found.covariance.tolist(),
+        "residual_rms": {"position": _rms(found.residual_m), "rotation": _rms(found.residual_rad)},
+        "residuals": {"position": found.residual_m.tolist(), "rotation": found.residual_rad.tolist()},
+        "pairs": len(found.residual_m),
+        "resamples": len(found.draws),
+        "seed": seed,
+        "source": {
+            "file": pairs_file.name,
+            "sha256": hashlib.sha256(read_whole(pairs_file, MAX_BYTES)).hexdigest(),
+        },
+    }
+    if found.kind == "base_to_base":
+        data["camera_in_flange"] = _entry(found.camera_in_flange)
+    return data
+
+
+def write_calibration(found: Calibration, pairs_file: Path, out: Path, seed: int) -> None:
+    """`calibration.json` and `calibration.png` into a folder. Raises InputError if it cannot be written."""
+    try:
+        _draw(found, out)
+        text = json.dumps(as_json(found, pairs_file, seed), indent=1) + "\n"
+        write_whole(out / "calibration.json", text)
+    except OSError as error:
+        raise InputError(f"cannot write to {out} ({error.strerror}); give another --out") from error
+
+
+def _draw(found: Calibration, out: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.2), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    index = np.arange(len(found.residual_m))
+    for axes, values, unit in (
+        (left, 1e3 * found.residual_m, "mm"),
+        (middle, np.rad2deg(found.residual_rad), "deg"),
+    ):
+        axes.bar(index, values)
+        axes.axhline(_rms(values), color="black", linewidth=1, label=f"rms {_rms(values):.2f} {unit}")
+        axes.set(xlabel="pair", ylabel=f"residual [{unit}]")
+        axes.legend()
+    right.boxplot(1e3 * found.draws[:, :3], tick_labels=["x", "y", "z"])
+    right.set(ylabel="position over resamples [mm]", title=FOUND[found.kind])
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "calibration.png", dpi=120)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _entry(pose: Pose) -> dict[str, list[float]]:
+    return {"position": pose.position.tolist(), "quat_xyzw": pose.quat_xyzw.tolist()}

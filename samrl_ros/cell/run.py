@@ -73,6 +73,7 @@ def run_cell(
             screen.print("interrupted; the bag is closed", highlight=False)
         # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
         _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, screen)
+        _write_page(options, screen)
     return code
 
 
@@ -214,6 +215,18 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         console.print(f"[yellow]no picture:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return
     console.print(f"picture: {picture}", highlight=False)
+
+
+def _write_page(options: CellOptions, console: Console) -> None:
+    """The page that shows the run; a run without one is still a run."""
+    from samrl_ros.cell.report.page import write_run_page
+
+    try:
+        written = write_run_page(options.out)
+    except (InputError, OSError) as error:
+        console.print(f"[yellow]no page:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return
+    console.print(f"page:    {written[0]}", highlight=False, soft_wrap=True)
 
 
 def _keep_visited(options: CellOptions, task: Task, console: Console) -> None:

@@ -36,6 +36,12 @@ add_command(
     "samrl_ros.cli.replay:replay_bag",
     "Run the nodes' handlers over a bag in recorded order, or play it over DDS.",
 )
+add_command(
+    app,
+    "run-report",
+    "samrl_ros.cli.run_report:report_run",
+    "Make the page and the video of a run anew, also of an interrupted one.",
+)
 
 
 @app.command()

@@ -39,7 +39,7 @@ def cell_tone(value: float, threshold: float) -> int:
 
 def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:
     """Whitened residual energy of one recording; named places thick, others thin."""
-    fig = go.Figure(layout=_layout(250))
+    fig = go.Figure(layout=plot_layout(250))
     for i, (name, energy) in enumerate(t.energy.items()):
         strong = name in highlighted
         color = ROW_COLORS[i % len(ROW_COLORS)]
@@ -64,8 +64,8 @@ def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:
     if t.onset is not None:
         note = {"text": f"onset {t.onset:.2f} s", "font": {"size": 12}, "bgcolor": "#ffffff"}
         fig.add_vline(x=t.onset, line={"color": INK, "width": 2}, annotation=note)
-    fig.update_xaxes(title="time [s]", zeroline=False, **_AXIS)
-    fig.update_yaxes(title="standard deviations", rangemode="tozero", **_AXIS)
+    fig.update_xaxes(title="time [s]", zeroline=False, **AXIS)
+    fig.update_yaxes(title="standard deviations", rangemode="tozero", **AXIS)
     return fig.update_layout(hovermode="x unified")
 
 
@@ -75,7 +75,7 @@ def curve_figure(c: Curve) -> go.Figure:
     if len(finite) > CURVE_POINTS:
         # A fixed seed: the picture of a diagnosis is the same each time it is drawn.
         finite = np.sort(np.random.default_rng(0).choice(finite, CURVE_POINTS, replace=False))
-    fig = go.Figure(layout=_layout(380))
+    fig = go.Figure(layout=plot_layout(380))
     fig.add_scatter(
         x=_small(c.x[finite]),
         y=_small(c.y[finite]),
@@ -91,8 +91,8 @@ def curve_figure(c: Curve) -> go.Figure:
         line={"color": NAMED, "width": 3.2},
         hovertemplate="%{x:.4g}, %{y:.4g}<extra></extra>",
     )
-    fig.update_xaxes(title=_text(c.x_label), zeroline=True, zerolinecolor="#9aa5b1", **_AXIS)
-    fig.update_yaxes(title=_text(c.y_label), zeroline=True, zerolinecolor="#9aa5b1", **_AXIS)
+    fig.update_xaxes(title=_text(c.x_label), zeroline=True, zerolinecolor="#9aa5b1", **AXIS)
+    fig.update_yaxes(title=_text(c.y_label), zeroline=True, zerolinecolor="#9aa5b1", **AXIS)
     return fig
 
 
@@ -113,20 +113,20 @@ def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
             )
             traces.append(error | {"yaxis": "y2", "showlegend": False})
     # One figure from plain values: plotly's subplots and updates take ten times as long, for every signal.
-    layout = _layout(470) | {
+    layout = plot_layout(470) | {
         "hovermode": "x unified",
-        "xaxis": {"title": {"text": "time [s]"}, "zeroline": False, "anchor": "y2", **_AXIS},
+        "xaxis": {"title": {"text": "time [s]"}, "zeroline": False, "anchor": "y2", **AXIS},
         "yaxis": {
             "title": {"text": f"{_text(words.quantity(o.quantity))} [{_text(o.unit)}]", "standoff": 6},
             "domain": [0.45, 1],
             "zeroline": False,
-            **_AXIS,
+            **AXIS,
         },
         "yaxis2": {
             "title": {"text": "minus measured", "standoff": 6},
             "domain": [0, 0.4],
             "zerolinecolor": "#9aa5b1",
-            **_AXIS,
+            **AXIS,
         },
     }
     return go.Figure({"data": traces, "layout": layout})
@@ -185,10 +185,11 @@ def script_json(value: object) -> str:
     return json.dumps(value, allow_nan=False, ensure_ascii=False).replace("<", "\\u003c")
 
 
-_AXIS = {"gridcolor": GRID, "linecolor": "#9aa5b1", "automargin": True}
+AXIS = {"gridcolor": GRID, "linecolor": "#9aa5b1", "automargin": True}
 
 
-def _layout(height: int) -> dict:
+def plot_layout(height: int) -> dict:
+    """Layout of a report's figure of that height [px]."""
     return {
         "template": "none",
         "height": height,

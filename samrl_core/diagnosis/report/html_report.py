@@ -106,7 +106,7 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
             timeline_json=lambda timeline: _timeline(timeline, named),
             untested=_by_reason(d),
             settings=json.dumps(d.settings, indent=1, ensure_ascii=False, default=str),
-            library=_library(),
+            library=packed_plotly(),
             **_overlays(d),
         )
     )
@@ -131,7 +131,7 @@ def _environment() -> Environment:
 
 
 @cache
-def _library() -> str:
+def packed_plotly() -> str:
     """plotly.js, packed: 2 MB in place of 5; the browser unpacks it by itself (DecompressionStream)."""
     return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
 

@@ -2,7 +2,7 @@
   const text = id => document.getElementById(id).textContent;
   const plots = [...document.querySelectorAll('.plot')];
   const fail = why => plots.forEach(p => { p.classList.add('failed');
-    p.textContent = 'This plot needs a newer browser (' + why + '). summary.png shows the main one.'; });
+    p.textContent = 'This plot needs a newer browser (' + why + '). A picture beside this file shows the main one.'; });
   try {
     const packed = Uint8Array.from(atob(text('library').trim()), c => c.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'));

@@ -1,0 +1,283 @@
+"""What a run's page shows, read from its bag: one pass for the loop, one for the joints."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.common.errors import InputError
+from samrl_ros.bags.decode import Decoder, Decoders, decode
+from samrl_ros.bags.reader import Bag, RawMessage, open_bag
+from samrl_ros.bags.recorder import header_stamp_ns
+from samrl_ros.contract.topics import FORMER_NAMES, arm_topic, cell_topic
+from samrl_ros.conversions.from_message import stamp_ns
+
+STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
+NOMINAL, PHASE = cell_topic("policy/nominal_action"), cell_topic("phase")
+SAFETY, READY = cell_topic("safety_state"), cell_topic("sim_bridge/ready")
+OUTCOME, ROSOUT = cell_topic("supervisor/outcome"), "/rosout"
+STATUS = tuple(arm_topic(role, "motion_status") for role in ROLES)
+
+GRID_NS = 4_000_000  # period of joint states; long bags are read on a multiple of it
+JOINT_SAMPLES = 12_000  # per arm, at most
+EVENTS = 200  # kinds of event, at most
+GUARD = "command guard"
+WARN = 30  # level of rcl_interfaces/msg/Log
+NUMBER = re.compile(r"\d+(\.\d+)?")
+LEVELS = {0: "ok", 1: "warning", 2: "error", 3: "stale", 30: "warning", 40: "error", 50: "fatal"}
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stage of the loop."""
+
+    name: str
+    start: float  # [s] of the bag's clock
+    end: float  # [s]
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that a person would want to know of; said again with other numbers, it is the same event."""
+
+    time: float  # [s], the first time
+    level: str  # ok, warning, error, ...
+    source: str
+    text: str  # as it was said first
+    safety: bool  # of the arms' safety; else a node's warning
+    last: float  # [s]
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class View:
+    """A view that was considered."""
+
+    time: float  # [s]
+    episode: int
+    step: int
+    position: np.ndarray  # (3,) camera in world [m]
+    moved: bool
+    score: float
+    present_score: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Action:
+    """An action as the policy chose it."""
+
+    time: float  # [s]
+    nominal: float  # length [m]
+    residual: float  # length [m]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model update."""
+
+    time: float  # [s], of the image
+    episode: int
+    step: int
+    before: float  # eq. 6
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """Commanded minus measured position of one arm."""
+
+    role: str
+    joints: tuple[str, ...]
+    time: np.ndarray  # (N,) [s]
+    error: np.ndarray  # (N, J) [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecord:
+    """Contents of a run's bag."""
+
+    duration: float = 0.0  # [s]
+    start: float = 0.0  # [s]
+    messages: int = 0
+    damage: tuple[str, ...] = ()
+    task: str = ""
+    phases: list[Phase] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    views: list[View] = field(default_factory=list)
+    actions: list[Action] = field(default_factory=list)
+    fits: list[Fit] = field(default_factory=list)
+    outcomes: dict[int, str] = field(default_factory=dict)
+    episodes: list[int] = field(default_factory=list)  # laid out
+    tracking: list[Tracking] = field(default_factory=list)
+
+
+def read_run(bag_path: Path) -> RunRecord:
+    """Read what the page shows.
+
+    Raises:
+        InputError: no bag, or one that cannot be read.
+    """
+    bag = open_bag(bag_path)
+    run = RunRecord(
+        duration=(bag.end_ns - bag.start_ns) * 1e-9,
+        start=bag.start_ns * 1e-9,
+        messages=bag.message_count,
+        damage=bag.damage,
+        task=bag.custom_data.get("task", ""),
+    )
+    marks: list[tuple[float, str]] = []
+    events: list[Event] = []
+    former = tuple(old for old, new in FORMER_NAMES.items() if new == NOMINAL)
+    topics = (STATE, TARGET, NOMINAL, *former, PHASE, SAFETY, READY, OUTCOME, ROSOUT, *STATUS)
+    for raw, message in bag.decoded(topics):
+        _take(run, marks, events, raw, message)
+    ends = [time for time, _ in marks[1:]] + [bag.end_ns * 1e-9]
+    run.phases.extend(Phase(name, time, end) for (time, name), end in zip(marks, ends, strict=True))
+    # The first ones tell the cause.
+    run.events.extend(_grouped(events)[:EVENTS])
+    run.tracking.extend(filter(None, (_tracking(bag, role) for role in ROLES)))
+    return run
+
+
+def _take(
+    run: RunRecord, marks: list[tuple[float, str]], events: list[Event], raw: RawMessage, m: Any
+) -> None:
+    now = raw.log_time_ns * 1e-9
+    topic = FORMER_NAMES.get(raw.topic, raw.topic)
+    if topic == PHASE:
+        marks.append((now, m.data))
+    elif topic == STATE:
+        when = stamp_ns(m) * 1e-9
+        run.fits.append(Fit(when, int(m.episode), int(m.step), float(m.loss_before), float(m.loss_after)))
+    elif topic == TARGET:
+        p = m.camera_in_world.position
+        position = np.array([p.x, p.y, p.z])
+        if np.isfinite(position).all():
+            run.views.append(
+                View(
+                    now,
+                    int(m.episode),
+                    int(m.step),
+                    position,
+                    bool(m.move),
+                    float(m.score),
+                    float(m.present_score),
+                    m.reason,
+                )
+            )
+    elif topic == NOMINAL:
+        run.actions.append(Action(now, _length(m.nominal), _length(m.residual)))
+    elif topic == READY:
+        run.episodes.append(int(m.episode))
+    elif topic == OUTCOME:
+        run.outcomes[int(m.episode)] = m.reason
+    elif topic == SAFETY:
+        _safety(events, now, m)
+    elif topic == ROSOUT:
+        if int(m.level) >= WARN:
+            level = LEVELS.get(int(m.level), str(m.level))
+            events.append(Event(now, level, m.name.removeprefix("cell."), m.msg, False, now))
+    elif int(m.status) != int(m.REACHED):
+        text = f"{m.message or 'motion not finished'} (episode {m.episode}, action {m.step})"
+        events.append(Event(now, "warning", f"motion of {m.arm}", text, True, now))
+
+
+def _safety(events: list[Event], now: float, m: Any) -> None:
+    """Changes of the command guard. That arms begin or cease to follow commands is no event."""
+    level = m.level[0] if isinstance(m.level, bytes) else int(m.level)
+    last = next((e for e in reversed(events) if e.source == GUARD), None)
+    if level == 0 and (last is None or last.level == "ok"):
+        return
+    modes = ", ".join(f"{v.key} {v.value}" for v in m.values)
+    text = f"{m.message} ({modes})" if modes else m.message
+    if last is None or last.text != text:
+        events.append(Event(now, LEVELS.get(level, str(level)), GUARD, text, True, now))
+
+
+def _grouped(events: list[Event]) -> list[Event]:
+    """Warnings that differ by numbers alone become one. Safety events stay apart: their order matters."""
+    found: dict[Any, Event] = {}
+    for at, event in enumerate(events):
+        same = at if event.safety else (event.level, event.source, NUMBER.sub("#", event.text))
+        first = found.get(same, event)
+        found[same] = replace(first, last=event.time, count=first.count + (same in found))
+    return list(found.values())
+
+
+def _length(v: Any) -> float:
+    return math.sqrt(v.x**2 + v.y**2 + v.z**2)
+
+
+def _tracking(bag: Bag, role: str) -> Tracking | None:
+    """Errors at the stamps of the joint states; the command is interpolated between its stamps."""
+    states = _joint_samples(bag, arm_topic(role, "joint_states"))
+    commands = _joint_samples(bag, arm_topic(role, "command"))
+    if states is None or commands is None:
+        return None
+    names, time, position = states
+    commanded_names, valid, target = commands
+    if sorted(names) != sorted(commanded_names):
+        return None
+    target = target[:, [commanded_names.index(name) for name in names]]
+    inside = (time >= valid[0]) & (time <= valid[-1])
+    if inside.sum() < 2:
+        return None
+    time, position = time[inside], position[inside]
+    wanted = np.column_stack([np.interp(time, valid, column) for column in target.T])
+    return Tracking(role, names, time * 1e-9, wanted - position)
+
+
+def _joint_samples(bag: Bag, topic: str) -> tuple[tuple[str, ...], np.ndarray, np.ndarray] | None:
+    """Names, stamps (N,) [ns] and positions (N, J) [rad]; None without usable messages."""
+    found = next((t for t in bag.topics if t.name == topic), None)
+    if found is None or not found.count:
+        return None
+    stride = -(-found.count // JOINT_SAMPLES)
+    decoder = _decoder(bag, topic)
+    names: tuple[str, ...] = ()
+    rows: dict[int, np.ndarray] = {}
+    for raw in bag.messages((topic,)):
+        stamp = header_stamp_ns(raw.type, raw.data)
+        # By the stamp, not by counting: measured and commanded samples of one instant stay together.
+        if stamp is None or (stamp // GRID_NS) % stride:
+            continue
+        message = decode(decoder, topic, raw.log_time_ns, raw.data)
+        trajectory = hasattr(message, "points")
+        if trajectory and len(message.points) != 1:
+            continue
+        here = tuple(message.joint_names if trajectory else message.name)
+        row = np.asarray(message.points[0].positions if trajectory else message.position, dtype=float)
+        names = names or here
+        if here == names and row.shape == (len(names),):
+            rows[stamp] = row
+    if not rows:
+        return None
+    stamps = np.array(sorted(rows), dtype=np.int64)
+    return names, stamps, np.array([rows[s] for s in stamps.tolist()])
+
+
+def _decoder(bag: Bag, topic: str) -> Decoder:
+    from mcap.records import Schema
+
+    about = bag.topic(topic)
+    text = about.definition
+    schema = Schema(id=1, name=about.type, encoding=text.encoding, data=text.text.encode())
+    return Decoders().get(topic, about.serialization, schema)
+
+
+def task_of(run: RunRecord, summary: dict[str, Any]) -> str:
+    """Name of the run's task, empty when neither bag nor summary tells it."""
+    name = summary.get("task") or run.task
+    return name if isinstance(name, str) else ""
+
+
+def empty_run(error: InputError) -> RunRecord:
+    """What is known of a run whose bag cannot be read: why."""
+    return RunRecord(damage=(str(error),))

@@ -1,0 +1,167 @@
+"""The page of a run: from whole, interrupted, cut and unreadable runs; no network; what it says is true."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from samrl_core.common.errors import InputError
+from samrl_ros.cell.report.figures import extremes, view_figure
+from samrl_ros.cell.report.page import write_run_page
+from samrl_ros.cell.report.run_record import read_run
+from tests.ros.small_run import ERROR_RAD, small_run
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.ros
+
+
+SUMMARY: dict[str, Any] = {
+    "schema": 1,
+    "task": "peg_insertion",
+    "version": "0.1.0",
+    "settings": {"policy": "learned", "strategy": "q"},
+    "error": "",
+    "successes": 1,
+    "success_rate_wilson95": [0.2, 1.0],
+    "timing": {"real_time_factor_median": 0.98, "longest_wall_gap_s": None},
+    "episodes": [
+        {"episode": 0, "seed": 3, "success": True, "reason": "done", "actions": 2, "sim_time_s": 1.85,
+         "wall_time_s": None, "final_error_m": 0.0005}
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    small_run(tmp_path / "run")
+    return tmp_path / "run"
+
+
+def summarised(folder: Path, **changes: Any) -> str:
+    (folder / "summary.json").write_text(json.dumps(SUMMARY | changes))
+    return write_run_page(folder)[0].read_text()
+
+
+def test_a_run_is_read_as_it_was(folder: Path) -> None:
+    run = read_run(folder / "bag")
+    assert [p.name for p in run.phases] == ["episode 0", "update", "view", "look", "act"]
+    assert run.phases[2].end == pytest.approx(0.7)
+    assert [(f.before, f.after) for f in run.fits] == [(0.5, 0.125)] * 2
+    assert [a.residual for a in run.actions] == pytest.approx([0.001, 0.001])
+    assert [v.moved for v in run.views] == [True, False]
+
+
+def test_tracking_is_told_per_joint_whatever_the_order_of_names(folder: Path) -> None:
+    tool, camera = read_run(folder / "bag").tracking
+    assert np.abs(tool.error).max() == pytest.approx(ERROR_RAD)
+    assert tool.joints[int(np.abs(tool.error).max(axis=0).argmax())] == "panda_joint2"
+    assert np.abs(camera.error).max() < 1e-9
+
+
+def test_safety_events_stay_apart_and_repeated_warnings_become_one(folder: Path) -> None:
+    events = read_run(folder / "bag").events
+    safety = [e for e in events if e.safety]
+    assert [(e.level, e.source) for e in safety] == [
+        ("error", "command guard"), ("warning", "motion of tool_arm"), ("ok", "command guard")
+    ]  # fmt: skip
+    (warning,) = [e for e in events if not e.safety]
+    assert (warning.count, warning.text) == (3, "an image is 0.5 s old")
+    assert warning.last > warning.time
+
+
+def test_the_page_fetches_nothing_and_escapes_what_the_bag_says(folder: Path) -> None:
+    page = summarised(folder)
+    assert "1 of 1 episode succeeded" in page
+    assert "estop &lt;by hand&gt;" in page and "<by hand>" not in page
+    assert not re.search(r"""(?:src|href)=["'](?!data:)""", page)
+    for anchor in ("timeline-figure", "loss-figure", "action-figure", "view-figure", "tracking-2"):
+        (text,) = re.findall(rf'id="{anchor}">(.*?)</script>', page, re.DOTALL)
+        assert json.loads(text)["data"]
+    assert page.count("data:image/jpeg;base64,") == 6
+
+
+def test_the_video_plays_and_shows_camera_and_model(folder: Path) -> None:
+    _, video = write_run_page(folder)
+    assert video.stat().st_size < 1_000_000
+    capture, frames = cv2.VideoCapture(str(video)), []
+    while (read := capture.read())[0]:
+        frames.append(read[1])
+    assert len(frames) == 19  # camera images from the episode's begin on
+    height, width = frames[-1].shape[:2]
+    middle = [frames[-1][height // 2 + 16, width * k // 6].mean() for k in (1, 3, 5)]
+    assert middle == pytest.approx([100, 60, 80], abs=12)  # camera, model, twice their difference
+
+
+@pytest.mark.parametrize(
+    ("error", "words"), [("interrupted", "Interrupted: "), ("sim_bridge ended with -9", "The cell stopped: ")]
+)
+def test_a_run_that_ended_early_says_why(folder: Path, error: str, words: str) -> None:
+    page = summarised(folder, error=error)
+    assert words in page and error in page
+
+
+def test_without_a_summary_the_bag_alone_makes_a_page(tmp_path: Path) -> None:
+    small_run(tmp_path, outcome="")
+    page = write_run_page(tmp_path)[0].read_text()
+    assert "Unfinished run: 0 episodes ended" in page
+    assert "no summary.json" in page and "not ended" in page and "tracking-1" in page
+
+
+def test_a_bag_cut_by_a_kill_is_shown_up_to_the_cut(folder: Path) -> None:
+    file = next((folder / "bag").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 2 // 3])
+    page = write_run_page(folder)[0].read_text()
+    assert "What is missing" in page and "bag_0.mcap" in page
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no bag at all"])
+def test_a_run_that_never_recorded_still_has_its_page(tmp_path: Path, content: bytes | None) -> None:
+    if content is not None:
+        (tmp_path / "bag").mkdir()
+        (tmp_path / "bag" / "bag_0.mcap").write_bytes(content)
+    page = summarised(tmp_path, error="no nodes", episodes=[], successes=0)
+    assert "no nodes" in page and "What is missing" in page
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"episodes": 3}', "[" * 100_000])
+def test_a_broken_summary_is_refused_and_nothing_is_written(folder: Path, text: str) -> None:
+    (folder / "summary.json").write_text(text)
+    with pytest.raises(InputError, match=r"summary\.json.*remove it"):
+        write_run_page(folder)
+    assert not (folder / "run.html").exists()
+
+
+def test_a_folder_of_something_else_is_refused_by_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from samrl_ros.cli.main import run
+
+    assert run(["run-report", str(tmp_path)]) == 3
+    assert "give its --out folder" in capsys.readouterr().err
+    small_run(tmp_path)
+    assert run(["run-report", str(tmp_path)]) == 0
+    assert (tmp_path / "run.html").exists()
+
+
+def test_long_curves_keep_their_extremes() -> None:
+    signal = np.zeros(100_000)
+    signal[77_777], signal[5] = 3.0, -2.0
+    keep = extremes(signal, 500)
+    assert len(keep) <= 502 and signal[keep].max() == 3.0 and signal[keep].min() == -2.0
+
+
+def test_views_lie_on_the_sphere_as_the_camera_did(folder: Path) -> None:
+    from samrl_core.cell.tasks import task_named
+
+    region = task_named("peg_insertion").view_region()
+    figure = view_figure(read_run(folder / "bag").views, region)
+    traces: list[Any] = list(figure.data)
+    marks = [trace for trace in traces if trace.mode == "markers+text"]
+    assert {trace.name for trace in marks} == {"taken", "not worth its time"}
+    assert all(np.hypot(trace.x, trace.y).max() < 1.3 for trace in marks)

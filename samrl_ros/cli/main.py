@@ -220,6 +220,12 @@ add_command(
 )
 add_command(
     app,
+    "preflight",
+    "samrl_ros.cli.preflight:preflight",
+    "Judge the drivers of a real cell before anything moves: names, limits, clocks, frames, rates.",
+)
+add_command(
+    app,
     "doctor",
     "samrl_ros.cli.doctor:doctor",
     "Check whether the cell can run here, and say what to do where not; exit code 1 on a problem.",

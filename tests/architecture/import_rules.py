@@ -83,10 +83,12 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
         "nodes": frozenset({"bags", "contract", "conversions", "hosting"}),
         "cell": frozenset({"nodes", "bags", "contract", "conversions", "hosting"}),
         "doctor": frozenset({"hosting", "contract"}),
+        "hardware": frozenset({"contract", "conversions"}),
         "cli": frozenset(
             {
                 "cell",
                 "doctor",
+                "hardware",
                 "blind_test",
                 "log_import",
                 "recordings",

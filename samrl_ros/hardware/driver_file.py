@@ -1,0 +1,74 @@
+"""What a driver package publishes: topics, types, rates, frames, encodings and joint names, from a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, Self
+
+import yaml
+
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole
+from samrl_core.common.validation import Checked
+
+FOLDER = Path(__file__).resolve().parents[1] / "config" / "drivers"
+MAX_BYTES = 2**20
+
+
+class Stream(Checked):
+    """One topic of a driver."""
+
+    driver_topic: str
+    type: str
+    reliability: Literal["reliable", "best_effort"]
+    rate_hz: float  # as the package publishes it
+    least_rate_hz: float  # that the cell can do with
+    frame: str | None = None
+    encodings: list[str] | None = None
+
+
+class DriverFile(Checked):
+    """A driver: an arm with `joint_states`, or a camera with `color`, `depth` and `info`."""
+
+    package: str
+    sources: list[str]
+    kind: Literal["arm", "camera"]
+    streams: dict[str, Stream]
+    joints: dict[str, int] | None = None  # the driver's name: number of our joint, from 1
+
+    @classmethod
+    def from_file(cls, path: Path) -> Self:
+        """Read one. Raises InputError for what cannot be read or does not fit."""
+        try:
+            data = yaml.safe_load(read_whole(path, MAX_BYTES).decode())
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
+            raise InputError(f"{path} is no YAML in UTF-8 ({error}); see samrl_ros/config/drivers") from error
+        found = cls.read(data, f"{path}:")
+        wanted = {"arm": {"joint_states"}, "camera": {"color", "depth", "info"}}[found.kind]
+        if set(found.streams) != wanted:
+            raise InputError(f"{path}: streams are {sorted(found.streams)}, must be {sorted(wanted)}")
+        joints = sorted((found.joints or {}).values())
+        if found.kind == "arm" and (not joints or joints != list(range(1, len(joints) + 1))):
+            raise InputError(f"{path}: joints are numbered {joints}, must be 1, 2, ... without a gap")
+        for name, stream in found.streams.items():
+            if not 0.0 < stream.least_rate_hz <= stream.rate_hz:
+                raise InputError(
+                    f"{path}: streams.{name}.least_rate_hz is {stream.least_rate_hz}, must be above 0 and "
+                    f"at most rate_hz, {stream.rate_hz}"
+                )
+        return found
+
+
+def driver_named(name: str) -> DriverFile:
+    """A driver of the package's own files, or a file by its path.
+
+    Raises:
+        InputError: neither.
+    """
+    own = FOLDER / f"{name}.yaml"
+    known = sorted(path.stem for path in FOLDER.glob("*.yaml"))
+    if name in known:
+        return DriverFile.from_file(own)
+    if not name.endswith((".yaml", ".yml")):
+        raise InputError(f"no driver is named {name!r}; there are {', '.join(known)}, or give a YAML file")
+    return DriverFile.from_file(Path(name))

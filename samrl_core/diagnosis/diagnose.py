@@ -13,6 +13,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
 from samrl_core.diagnosis.recordings import split
+from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import Curve, Diagnosis, InputFile, NamedEffect
@@ -88,6 +89,8 @@ def diagnose(
     if not fit:
         raise InputError("no recording to fit; give at least one that is not held out")
     _check_same_arm([*fit, *held_out])
+    alike, dropped = in_common([*fit, *held_out])
+    fit, held_out, notes = alike[: len(fit)], alike[len(fit) :], [*notes, *dropped]
     effects = library(settings.library)
     clock, timings = time.monotonic(), {}
 
@@ -98,8 +101,6 @@ def diagnose(
 
     progress("residuals")
     trials, held_trials = _trials(fit, held_out)
-    likelihood, held = Likelihood(trials), Likelihood(held_trials)
-    done("residuals")
     first = trials[0]
     untestable = {e.family: reason for e in effects if (reason := e.why_unobservable(first))}
     untestable |= NOT_BY_JOINTS
@@ -115,6 +116,8 @@ def diagnose(
     )  # fmt: skip
     if not first.channels:
         return empty, HowFar(None, ())
+    likelihood, held = Likelihood(trials), Likelihood(held_trials)
+    done("residuals")
     selection = select(likelihood, held, effects, settings.selection, progress)
     done("which")
     if settings.share_held_out and rules.only_held_out(selection, settings.verdict):

@@ -8,6 +8,7 @@ from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError
 from samrl_ros.recordings.joint_messages import JointMessages
 
+_MOST_REPEATED = 0.1  # of a topic's messages; more are no slips, but two sources
 _ORDER = ("position", "velocity", "acceleration", "effort")
 
 
@@ -77,7 +78,8 @@ def signal_of(
         else:
             values[quantity] = block
     stamps = stamps[index[order]]
-    check_stamps(where, stamps, start_ns)
+    keep = first_of_each(where, stamps, start_ns, notes)
+    stamps, values = stamps[keep], {quantity: block[keep] for quantity, block in values.items()}
     needed = "effort" if channel == "commanded_effort" else "position"
     if needed not in values:
         raise InputError(f"{where} carries no {needed}; it has {', '.join(values) or 'nothing'}")
@@ -115,12 +117,18 @@ def _order(
     return [names.index(joint) for joint in joints]
 
 
-def check_stamps(where: str, stamps_ns: np.ndarray, start_ns: int) -> None:
-    """Raises `InputError` where stamps repeat or jump back: first place, size, how often, remedy."""
+def first_of_each(where: str, stamps_ns: np.ndarray, start_ns: int, notes: list[str]) -> np.ndarray:
+    """Which messages to keep (N,): of those with the same stamp the first, which a note says.
+
+    Raises:
+        InputError: stamps jump back, or so many repeat that two publishers write to the topic: first place,
+            size, how often, remedy.
+    """
     steps = np.diff(stamps_ns)
     bad = np.flatnonzero(steps <= 0)
+    keep = np.concatenate([[True], steps > 0])
     if not len(bad):
-        return
+        return keep
     first = int(bad[0])
     at = f"at message {first + 1}, {(stamps_ns[first] - start_ns) * 1e-9:.6f} s into the recording"
     back = steps[bad[steps[bad] < 0]]
@@ -132,7 +140,11 @@ def check_stamps(where: str, stamps_ns: np.ndarray, start_ns: int) -> None:
             f" ({len(back)} such jumps, {len(bad) - len(back)} repeated stamps in all); cut the bag there, or"
             " record again with one source of time (no restart of the simulation within a recording)"
         )
-    raise InputError(
-        f"{where}: stamps repeat, first {at} ({len(bad)} of {len(stamps_ns)} messages); stamp each sample"
-        " with its own measurement time, and let one publisher only write to the topic"
-    )
+    said = f"{where}: stamps repeat, first {at} ({len(bad)} of {len(stamps_ns)} messages)"
+    if len(bad) > _MOST_REPEATED * len(stamps_ns):
+        raise InputError(
+            f"{said}, at most {_MOST_REPEATED:.0%} can be left out; stamp each sample with its own"
+            " measurement time, and let one publisher only write to the topic"
+        )
+    notes.append(f"{said}; those after the first of a stamp are left out")
+    return keep

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis, Estimate
@@ -169,6 +170,51 @@ def test_without_held_out_recordings_nothing_is_said_of_shrink() -> None:
 def test_without_recordings_nothing_is_diagnosed() -> None:
     with pytest.raises(InputError, match="no recording to fit"):
         diagnose([], [])
+
+
+@pytest.mark.parametrize("lacking", ["command", "commanded_effort", "effort"])
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_what_one_recording_lacks_is_used_in_none(lacking: str, which: int) -> None:
+    recordings = worlds.record(worlds.plant(), "ABC", np.random.default_rng(0), 4.0)
+    recordings[which] = without(recordings[which], lacking)
+    a, b, c = recordings
+    library = {"torque_saturation", "command_delay", "actuator_gain"}
+    diagnosis, _ = diagnose([a, b], [c], DiagnosisSettings(library=library))
+    assert diagnosis.verdict in ("no_gap", "not_testable"), diagnosis.reasons
+    assert any(recordings[which].name in n and "is not used" in n for n in diagnosis.notes), diagnosis.notes
+
+
+def without(recording: ArmRecording, lacking: str) -> ArmRecording:
+    if lacking == "effort":
+        return replace(recording, states=replace(recording.states, effort=None))
+    return replace(recording, **{lacking: None})
+
+
+@pytest.mark.parametrize("urdf", [worlds.URDF, None])
+def test_positions_alone_are_not_testable(urdf: str | None) -> None:
+    recordings = worlds.record(worlds.plant(), "ABC", duration_s=3.0)
+    bare = [
+        replace(
+            r,
+            arm=replace(r.arm, urdf=urdf, controller=None),
+            states=replace(r.states, velocity=None, effort=None),
+            command=None,
+            commanded_effort=None,
+        )
+        for r in recordings
+    ]
+    for held_out in (bare[2:], []):
+        diagnosis, far = diagnose(bare[:2], held_out)
+        assert diagnosis.verdict == "not_testable" and diagnosis.reasons
+        assert far.gap is None and not diagnosis.effects
+
+
+def test_a_description_that_only_some_have_is_asked_for() -> None:
+    a, b = worlds.record(worlds.plant(), "AB", duration_s=3.0)
+    with pytest.raises(InputError, match="B carries no URDF.*--urdf"):
+        diagnose([a, replace(b, arm=replace(b.arm, urdf=None))], [])
+    with pytest.raises(InputError, match="B carries no description of the controller"):
+        diagnose([a], [replace(b, arm=replace(b.arm, controller=None))])
 
 
 def test_two_arms_are_not_mixed() -> None:

@@ -11,6 +11,7 @@ import pytest
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.recordings import check_recording, no_motion, still_joints
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 DEGREES = 180 / np.pi
 Change = Callable[..., ArmRecording]
@@ -121,6 +122,31 @@ def test_velocity_of_something_else_is_suspected(motion: ArmRecording, with_stat
     assert motion.states.velocity is not None
     notes = check_recording(with_states(motion, velocity=motion.states.velocity[:, ::-1].copy()))
     assert any("is not the derivative of its position" in note for note in notes)
+
+
+def test_stamps_that_nearly_repeat_are_no_other_velocity(motion: ArmRecording) -> None:
+    """Noise of a reading over nearly no time would be any velocity."""
+    s = motion.states
+    assert s.position is not None and s.velocity is not None
+    time = s.time.copy()
+    time[1::2] = time[0::2] + 1e-7  # two readings in a row each 10 ms
+    position = s.position + np.random.default_rng(0).normal(size=s.position.shape) * 2e-5
+    notes = check_recording(replace(motion, states=replace(s, time=time, position=position)))
+    assert not any("is not the derivative" in note for note in notes), notes
+
+
+def test_an_arm_that_swings_is_not_suspected(motion: ArmRecording) -> None:
+    """Where it is slowest it turns back, so that its effort is not gravity's."""
+    time = np.arange(2000) * 0.002
+    rate = 2 * np.pi * (2.0 + 0.1 * np.arange(7))
+    start = motion.states.position
+    assert start is not None
+    q = start[0] + 0.3 * np.sin(rate * time[:, None])
+    dq = 0.3 * rate * np.cos(rate * time[:, None])
+    ddq = -0.3 * rate**2 * np.sin(rate * time[:, None])
+    tau = RigidArm(motion.arm).inverse_dynamics(q, dq, ddq)
+    swing = replace(motion, states=JointSignal(time, q, dq, None, tau), command=None, commanded_effort=None)
+    assert not [note for note in check_recording(swing) if "gravity" in note]
 
 
 def test_command_in_degrees(motion: ArmRecording) -> None:

@@ -6,12 +6,13 @@ import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.recordings.motion_check import smooth
+from samrl_core.diagnosis.recordings.motion_check import derivative
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 _SAMPLES = 300
 _SLOW_SHARE = 0.4  # of the samples, those with the least speed
 _LEAST_TORQUE = 0.05  # [N m or N] rms; an arm without gravity (a slide, a vertical axis) says nothing
+_MOST_INERTIAL = 0.4  # torque of accelerations against gravity's, rms; above, slow motion is not still
 _CERTAIN = 0.9  # correlation
 _UNRELATED = 0.3
 _THOUSAND = (300.0, 3000.0)  # a factor of 1000 with any gain that a drive may have
@@ -34,14 +35,22 @@ def gravity_notes(where: str, recording: ArmRecording) -> list[str]:
         effort = np.column_stack([np.interp(time, channel.time, e) for e in channel.effort.T])
     if effort is None:
         return []
-    speed = np.abs(smooth(time, np.gradient(q, time, axis=0))).max(axis=1)
+    velocity = derivative(time, q)
+    speed = np.abs(velocity).max(axis=1)
     slow = np.sort(np.argsort(speed, kind="stable")[: max(1, int(_SLOW_SHARE * len(q)))])
     slow = slow[:: max(1, len(slow) // _SAMPLES)]
-    gravity = RigidArm(recording.arm).gravity(q[slow])
+    rigid = RigidArm(recording.arm)
+    gravity = rigid.gravity(q[slow])
     measured = effort[slow]
     size = np.sqrt((gravity**2).mean())
     if size < _LEAST_TORQUE or not measured.any():
         return []
+    acceleration = derivative(time, velocity)
+    moving = rigid.inverse_dynamics(q[slow], velocity[slow], acceleration[slow]) - gravity
+    if recording.arm.controller is not None and recording.arm.controller.armature is not None:
+        moving = moving + recording.arm.controller.armature * acceleration[slow]
+    if np.sqrt((moving**2).mean()) > _MOST_INERTIAL * size:
+        return []  # where an arm that swings is slow, it turns back: its accelerations hide gravity
     product = float((measured * gravity).sum())
     likeness = product / np.sqrt(float((measured**2).sum()) * float((gravity**2).sum()))
     ratio = product / float((gravity**2).sum())

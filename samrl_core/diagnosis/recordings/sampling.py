@@ -8,6 +8,7 @@ import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.recordings.motion_check import typical_step
 
 QUANTITIES = ("position", "velocity", "acceleration", "effort")
 LEAST_SAMPLES = 200  # of a channel; ASSUMPTION: about ten samples per parameter and joint
@@ -71,13 +72,13 @@ def check_increasing(where: str, channel: str, signal: JointSignal) -> None:
 
 def longest_step(signal: JointSignal) -> float:
     """Time between samples [s] from which on something is missing."""
-    return max(LONGEST_GAP_S, 5.0 * float(np.median(np.diff(signal.time))))
+    return max(LONGEST_GAP_S, 5.0 * typical_step(signal.time))
 
 
 def rate_notes(channel: str, signal: JointSignal) -> list[str]:
     """Rates out of the ordinary, gaps, and a rate that changes within the recording."""
     steps = np.diff(signal.time)
-    typical = float(np.median(steps))
+    typical = typical_step(signal.time)
     notes = []
     if not RATE_RANGE_HZ[0] <= 1.0 / typical <= RATE_RANGE_HZ[1]:
         notes.append(
@@ -94,7 +95,7 @@ def rate_notes(channel: str, signal: JointSignal) -> list[str]:
         )
     size = max(20, len(steps) // 20)
     starts = np.arange(0, len(steps) - size + 1, size)
-    local = np.array([np.median(steps[k : k + size]) for k in starts])
+    local = np.array([typical_step(signal.time[k : k + size + 1]) for k in starts])
     if local.max() > RATE_CHANGE * local.min():
         slow, fast = int(starts[local.argmax()]), int(starts[local.argmin()])
         notes.append(

@@ -5,14 +5,14 @@ What cannot be otherwise is refused; the rest is said. Nothing is converted in s
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
 import numpy as np
 
+from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.recordings.motion_check import LEAST_RANGE, smooth
+from samrl_core.diagnosis.recordings.motion_check import LEAST_RANGE, derivative, smooth
 
 DEGREES = 180.0 / np.pi
 _BEYOND = 0.2  # [rad or m] over a limit before units are suspected: offsets and soft limits are smaller
@@ -47,10 +47,7 @@ class JointKind:
 
 def joint_kinds(urdf: str) -> dict[str, JointKind]:
     """Of the moving joints by name. Raises `InputError` if the text is no XML."""
-    try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise InputError(f"the URDF is not well-formed XML ({error}); expand xacro files first") from error
+    root = parse_urdf(urdf, "the URDF")
     kinds = {}
     for joint in root.findall("joint"):
         limit = joint.find("limit")
@@ -110,7 +107,7 @@ def velocity_notes(where: str, recording: ArmRecording) -> list[str]:
     states = recording.states
     if states.position is None or states.velocity is None:
         return []
-    derived = smooth(states.time, np.gradient(states.position, states.time, axis=0))
+    derived = derivative(states.time, states.position)
     recorded = smooth(states.time, states.velocity)
     moving = np.ptp(states.position, axis=0) > LEAST_RANGE
     notes = []
@@ -178,7 +175,7 @@ def effort_notes(recording: ArmRecording) -> list[str]:
 def effort_limits(urdf: str) -> dict[str, float]:
     """By joint; infinite where the URDF states none."""
     out = {}
-    for joint in ElementTree.fromstring(urdf).findall("joint"):
+    for joint in parse_urdf(urdf, "the URDF").findall("joint"):
         limit = joint.find("limit")
         value = float(limit.get("effort", "0")) if limit is not None else 0.0
         out[str(joint.get("name"))] = value if value > 0 else np.inf

@@ -57,6 +57,28 @@ def read_whole(path: Path, most: int) -> bytes:
     raise InputError(f"{path} has {found.st_size} bytes, such a file at most {most}; check the path")
 
 
+def is_file(path: Path) -> bool:
+    """Whether a plain file lies there: no folder, no pipe, and not a path that no file can have."""
+    return _kind_of(path) == stat.S_IFREG
+
+
+def is_folder(path: Path) -> bool:
+    """Whether a folder lies there."""
+    return _kind_of(path) == stat.S_IFDIR
+
+
+def is_there(path: Path) -> bool:
+    """Whether anything lies there; nothing does at a path that the system refuses (too long)."""
+    return _kind_of(path) != 0
+
+
+def _kind_of(path: Path) -> int:
+    try:
+        return stat.S_IFMT(path.stat().st_mode)
+    except (OSError, ValueError):
+        return 0
+
+
 def keep_to(path: Path, wanted: dict[str, Any], what: str, note: dict[str, str]) -> dict[str, str]:
     """Write settings into a folder that has none, or hold them against those that are there.
 

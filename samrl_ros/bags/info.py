@@ -24,6 +24,7 @@ def describe(bag: Bag) -> dict[str, Any]:
         "messages": bag.message_count,
         "truncated": bag.truncated,
         "damage": list(bag.damage),
+        "notes": list(bag.notes),
         "metadata": bag.has_metadata,
         "custom_data": dict(bag.custom_data),
         "topics": [
@@ -67,7 +68,7 @@ def render(described: dict[str, Any]) -> Group:
             qos,
             topic["type_hash"][7:15] if topic["type_hash"] else "-",
         )
-    notes = []
+    notes = [Text(note, style="yellow") for note in described["notes"]]
     if described["truncated"]:
         notes.append(Text("truncated: " + "; ".join(described["damage"]), style="yellow"))
     elif not described["metadata"]:

@@ -10,12 +10,22 @@ from typing import Any
 import yaml
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_there
+from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.bags.schemas import Definition
 
 VERSION = 9
 FILE_NAME = "metadata.yaml"
 _ROOT = "rosbag2_bagfile_information"
+_KINDS = {  # of entries that are read
+    "storage_identifier": str,
+    "compression_mode": str,
+    "compression_format": str,
+    "relative_file_paths": list,
+    "topics_with_message_count": list,
+    "custom_data": dict,
+}
 
 
 @dataclass
@@ -110,13 +120,33 @@ def save(folder: Path, content: dict[str, Any]) -> None:
 def load(folder: Path) -> dict[str, Any] | None:
     """The content of metadata.yaml, or None where there is none. Raises `InputError` if it is broken."""
     file = folder / FILE_NAME
-    if not file.exists():
+    if not is_there(file):
         return None
     remedy = f"`samrl bag repair {folder}` makes a new bag from the recorded files alone"
     try:
-        content = yaml.safe_load(file.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = parse_yaml(read_text(file, "the bag's metadata"), str(file))
+    except InputError as error:
         raise InputError(f"cannot read {file}: {error}; {remedy}") from error
     if not isinstance(content, dict) or not isinstance(content.get(_ROOT), dict):
         raise InputError(f"{file} has no {_ROOT}; {remedy}")
-    return content[_ROOT]
+    about = content[_ROOT]
+    for key, kinds in _KINDS.items():
+        if about.get(key) is not None and not isinstance(about[key], kinds):
+            shown = repr(about[key])[:80]
+            raise InputError(f"{file}: {key} is {shown}, must be a {kinds.__name__}; {remedy}")
+    if about.get("relative_file_paths") is not None:
+        _check_names(about["relative_file_paths"], file, remedy)
+    return about
+
+
+def _check_names(names: list[Any], file: Path, remedy: str) -> None:
+    """A bag is its folder: files elsewhere are somebody else's."""
+    for name in names:
+        if not isinstance(name, str) or not name or "\0" in name:
+            raise InputError(f"{file} names the file {str(name)[:80]!r}, must be a file name; {remedy}")
+        path = Path(name)
+        if path.is_absolute() or ".." in path.parts:
+            raise InputError(
+                f"{file} names {name[:200]!r}, which lies outside of {file.parent}; a bag's files lie in its"
+                f" folder: {remedy}"
+            )

@@ -16,7 +16,7 @@ from typing import Any
 
 from samrl_core.common.errors import InputError, LimitError
 from samrl_ros.bags.qos_metadata import QoS
-from samrl_ros.bags.reader import Bag, RawMessage
+from samrl_ros.bags.reader import Bag, RawMessage, is_service_event
 
 CLOCK = "/clock"
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
@@ -97,7 +97,11 @@ def publish_from(
         raise LimitError(f"play rate {rate} must be positive and finite, for example 1.0 for real time")
     stop = stop or threading.Event()
     chosen = {t.name: t for t in bag.topics} if topics is None else {n: bag.topic(n) for n in topics}
-    chosen = {name: topic for name, topic in chosen.items() if name != CLOCK and topic.count > 0}
+    chosen = {
+        name: topic
+        for name, topic in chosen.items()
+        if name != CLOCK and topic.count > 0 and not is_service_event(topic)
+    }
     publishers = {t.name: _publisher(node, t.name, t.type, _offered(t.qos)) for t in chosen.values()}
     clock = _publisher(node, CLOCK, _CLOCK_TYPE, QoS(reliability="best_effort", depth=1))
     stop.wait(discovery_s)

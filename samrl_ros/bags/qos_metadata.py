@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import parse_yaml
 from samrl_ros.contract import topics
 
 # rmw's "infinite" duration, as rosbag2 writes it: 2^63 - 1 ns.
@@ -90,14 +91,14 @@ def load_profiles(text: str | list[Any] | None) -> tuple[QoS, ...]:
     """
     if isinstance(text, str):
         try:
-            text = yaml.safe_load(text)
-        except yaml.YAMLError:
+            text = parse_yaml(text, "offered_qos_profiles")
+        except InputError:
             return ()
     if not isinstance(text, list):
         return ()
     try:
         return tuple(_from_profile(entry) for entry in text)
-    except (InputError, KeyError, TypeError, ValueError, IndexError):
+    except (InputError, KeyError, TypeError, ValueError, IndexError, OverflowError):
         return ()
 
 

@@ -10,11 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_folder, is_there
 from samrl_ros.bags import metadata, scan
 from samrl_ros.bags.decode import Decoder, Decoders, decode
 from samrl_ros.bags.qos_metadata import QoS, load_profiles
 from samrl_ros.bags.schemas import Definition
 from samrl_ros.bags.writer import CUSTOM_DATA
+
+LONGEST_PAUSE_S = 600.0  # [s] of log time without a message; more is a clock that jumped
+_ROS2 = {("cdr", "ros2msg")}
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,33 @@ class Bag:
         """One topic. Raises `InputError` listing those present."""
         require_topics(self, (name,))
         return next(topic for topic in self.topics if topic.name == name)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd: service events, formats that are not ROS 2's, and log times that jump."""
+        found = []
+        if events := [t.name for t in self.topics if is_service_event(t)]:
+            found.append(
+                f"service events on {', '.join(events)}: calls that introspection recorded, no messages of a"
+                " topic; they are kept and copied, never played or decoded as messages"
+            )
+        for wrong in sorted({(t.serialization, t.definition.encoding) for t in self.topics} - _ROS2):
+            names = [t.name for t in self.topics if (t.serialization, t.definition.encoding) == wrong]
+            found.append(
+                f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} in {wrong[0] or 'no encoding'} with"
+                f" schema {wrong[1] or 'none'}, not ROS 2's cdr with ros2msg; samrl copies, but does not read"
+                " it: convert the bag to ROS 2 messages"
+            )
+        pauses = [p for p in scan.pauses(self._indexes) if p[1] - p[0] > LONGEST_PAUSE_S * 1e9]
+        if pauses:
+            begin, end = max(pauses, key=lambda p: p[1] - p[0])
+            hours = (self.end_ns - self.start_ns) / 3.6e12
+            found.append(
+                f"log time jumps by {(end - begin) * 1e-9:.0f} s, from {begin * 1e-9:.3f} to"
+                f" {end * 1e-9:.3f} s ({len(pauses)} such jumps), so the bag seems {hours:.1f} h long: was"
+                " there a second publisher of /clock? `ros2 topic info -v /clock` names them"
+            )
+        return tuple(found)
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
         """Raw messages in log-time order; equal times in recorded order.
@@ -148,10 +179,10 @@ def open_bag(path: Path | str, verify: bool = False, ignore_metadata: bool = Fal
             a file that metadata.yaml names is missing.
     """
     path = Path(path)
-    if not path.exists():
+    if not is_there(path):
         raise InputError(f"no bag at {path}: there is nothing of that name")
     about = None
-    if path.is_dir():
+    if is_folder(path):
         about = None if ignore_metadata else metadata.load(path)
         files = _files_of(path, about)
     else:
@@ -174,6 +205,11 @@ def open_bag(path: Path | str, verify: bool = False, ignore_metadata: bool = Fal
     )
 
 
+def is_service_event(topic: BagTopic) -> bool:
+    """Whether a topic is service introspection's (REP 2012), not one that nodes publish messages on."""
+    return topic.name.endswith("/_service_event") or ("/srv/" in topic.type and topic.type.endswith("_Event"))
+
+
 def require_topics(bag: Bag, names: Iterable[str]) -> tuple[str, ...]:
     """The names, if the bag has them all. Raises `InputError` listing what is missing and what is there."""
     names = (names,) if isinstance(names, str) else tuple(names)
@@ -187,9 +223,12 @@ def require_topics(bag: Bag, names: Iterable[str]) -> tuple[str, ...]:
 
 def _files_of(folder: Path, about: dict[str, Any] | None) -> tuple[Path, ...]:
     if about is None:
-        files = tuple(sorted(folder.glob("*.mcap"), key=scan.natural_key))
-        if not files:
+        try:
+            files = tuple(sorted(folder.glob("*.mcap"), key=scan.natural_key))
             other = sorted(p.name for p in folder.iterdir() if p.suffix in (".db3", ".zstd", ".bag"))
+        except OSError as error:
+            raise InputError(f"cannot read {folder}: {error.strerror}; check its permissions") from error
+        if not files:
             hint = f" (it has {', '.join(other)}: convert it with `ros2 bag convert`)" if other else ""
             raise InputError(f"{folder} is no bag: it holds no .mcap file{hint}")
         return files
@@ -207,8 +246,8 @@ def _files_of(folder: Path, about: dict[str, Any] | None) -> tuple[Path, ...]:
             f"{folder / metadata.FILE_NAME} names no files; `samrl bag repair {folder}` makes a new bag"
         )
     # Some old bags repeat the folder's name in front.
-    files = tuple(folder / name if (folder / name).exists() else folder / Path(name).name for name in names)
-    missing = [file.name for file in files if not file.exists()]
+    files = tuple(folder / name if is_there(folder / name) else folder / Path(name).name for name in names)
+    missing = [file.name for file in files if not is_there(file)]
     if missing:
         raise InputError(f"bag {folder} lacks {', '.join(missing)}, which its metadata.yaml names")
     return files
@@ -231,6 +270,7 @@ def _topics_of(
             listed = recorded.get(channel.topic, {})
             profiles = channel.metadata.get("offered_qos_profiles") or listed.get("offered_qos_profiles")
             type_hash = channel.metadata.get("topic_type_hash") or listed.get("type_description_hash") or ""
+            type_hash = type_hash if isinstance(type_hash, str) else ""  # older bags hold a mapping there
             text = schema.data.decode(errors="replace") if schema is not None else ""
             topics[channel.topic] = BagTopic(
                 name=channel.topic,
@@ -252,7 +292,11 @@ def _recorded_topics(about: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
     if not isinstance(entries, list):
         return {}
     found = [entry.get("topic_metadata") for entry in entries if isinstance(entry, dict)]
-    return {entry["name"]: entry for entry in found if isinstance(entry, dict) and "name" in entry}
+    return {
+        entry["name"]: entry
+        for entry in found
+        if isinstance(entry, dict) and isinstance(entry.get("name"), str)
+    }
 
 
 def _custom_data_of(indexes: tuple[scan.FileIndex, ...], about: dict[str, Any] | None) -> dict[str, str]:

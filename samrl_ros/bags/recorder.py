@@ -8,6 +8,7 @@ clock value, in order of arrival, so that nothing is lost and no message lies at
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from functools import cache
 
 from samrl_core.common.errors import LimitError
@@ -20,6 +21,8 @@ HELD_LIMIT = (
     10_000  # [messages] ASSUMPTION: far more than descriptions; a graph without clock must not fill memory
 )
 
+LONGEST_STEP_S = 10.0  # [s] of the clock between two messages; more is another clock, or a machine that slept
+
 _NS = 1_000_000_000
 _CDR_STAMP = {1: struct.Struct("<iI"), 0: struct.Struct(">iI")}  # by the endianness byte of the CDR header
 
@@ -27,8 +30,10 @@ _CDR_STAMP = {1: struct.Struct("<iI"), 0: struct.Struct(">iI")}  # by the endian
 class Recorder:
     """Writes what it is given to a bag."""
 
-    def __init__(self, writer: BagWriter) -> None:
-        self._writer = writer
+    def __init__(self, writer: BagWriter, tell: Callable[[str], None] = lambda text: None) -> None:
+        """`tell` hears of a clock that jumps, the first time and at every tenfold."""
+        self._writer, self._tell = writer, tell
+        self._jumps = 0
         self._held: list[tuple[str, bytes, int | None]] = []
         self._last_ns = 0
         self._backwards = 0
@@ -66,6 +71,7 @@ class Recorder:
             self._held.append((topic, data, source_ns))
             return
         self._release(receive_ns)
+        self._check_step(receive_ns)
         self._backwards += receive_ns < self._last_ns
         self._last_ns = receive_ns
         self._writer.write(topic, receive_ns, data, _publish_ns(source_ns, receive_ns))
@@ -92,7 +98,20 @@ class Recorder:
             "topics": str(len(self._writer.topics)),
             "held before clock": str(len(self._held)),
             "clock went back": str(self._backwards),
+            "clock jumped": str(self._jumps),
         }
+
+    def _check_step(self, receive_ns: int) -> None:
+        step = receive_ns - self._last_ns
+        if not self._last_ns or abs(step) <= LONGEST_STEP_S * _NS:
+            return
+        self._jumps += 1
+        if str(self._jumps).rstrip("0") == "1":
+            self._tell(
+                f"the clock of the bag {self._writer.folder} jumped by {step / _NS:+.1f} s to"
+                f" {receive_ns / _NS:.3f} s ({self._jumps} times so far): one node only may publish /clock;"
+                " `ros2 topic info -v /clock` names them. The bag's duration is not to be trusted"
+            )
 
     def _release(self, receive_ns: int) -> None:
         held, self._held = self._held, []

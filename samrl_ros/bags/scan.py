@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -23,13 +23,20 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema, Statistics
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file
 from samrl_ros.bags.metadata import Span
 
+_OTHERS = {  # first bytes of what is taken for a bag of ours
+    b"SQLite format 3": "is a rosbag2 SQLite file: convert it with `ros2 bag convert` to mcap",
+    b"#ROSBAG V": "is a ROS 1 bag: convert it with `rosbags-convert` to mcap",
+    b"\x28\xb5\x2f\xfd": "is compressed as a whole (zstd): unpack it with `zstd -d`",
+    b"\x1f\x8b": "is compressed as a whole (gzip): unpack it with `gunzip`",
+}
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the compression's name
-_CHUNK_LIMIT = 4 << 30  # [B] a larger chunk is damage, as in the mcap library
+_CHUNK_LIMIT = 1 << 30  # [B] a larger chunk is damage: rosbag2's have less than one MB
 _RUN_BYTES = 1 << 20  # [B] messages outside chunks are grouped in runs of about this size
 
 _R = TypeVar("_R")
@@ -56,6 +63,7 @@ class Block:
     begin: int
     end: int
     start_ns: int
+    end_ns: int = 0  # last log time inside
 
 
 @dataclass
@@ -82,12 +90,17 @@ def index_file(path: Path, verify: bool = False) -> FileIndex:
     Raises `InputError` if it cannot be opened or is no MCAP file.
     """
     try:
+        if not is_file(path):
+            raise InputError(f"{path} is a folder, pipe or device; give a bag folder or an .mcap file")
         size = path.stat().st_size
         with path.open("rb") as stream:
             magic = stream.read(len(MAGIC))
             if magic != MAGIC:
                 what = "is empty" if size == 0 else "is no MCAP file (wrong first bytes)"
-                raise InputError(f"{path} {what}; give a bag folder or an .mcap file")
+                stream.seek(0)
+                begins = stream.read(16)
+                known = next((hint for start, hint in _OTHERS.items() if begins.startswith(start)), "")
+                raise InputError(f"{path} {known or what}; give a bag folder or an .mcap file")
             if not verify:
                 index = _Walk(path, stream, size, unpack=False).run()
                 if index is not None:
@@ -188,7 +201,7 @@ class _Walk:
             head = self._stream.read(_CHUNK.size)
             if length < _CHUNK.size:
                 raise Damage(f"chunk at byte {position} is too short")
-            self._index.blocks.append(Block(position, end, _CHUNK.unpack(head)[0]))
+            self._index.blocks.append(Block(position, end, *_CHUNK.unpack(head)[:2]))
             return
         channels, schemas = dict(self._index.channels), dict(self._index.schemas)
         entries = list(_chunk_entries(self._stream.read(length), position, channels, schemas))
@@ -196,7 +209,8 @@ class _Walk:
         for entry in entries:
             self._count(entry.channel, entry.log_time_ns)
         if entries:
-            self._index.blocks.append(Block(position, end, min(e.log_time_ns for e in entries)))
+            times = [entry.log_time_ns for entry in entries]
+            self._index.blocks.append(Block(position, end, min(times), max(times)))
 
     def _loose(self, begin: int, end: int, log_time: int) -> None:
         blocks = self._index.blocks
@@ -204,8 +218,9 @@ class _Walk:
         if last is not None and last.end == begin and last.end - last.begin < _RUN_BYTES:
             last.end = end
             last.start_ns = min(last.start_ns, log_time)
+            last.end_ns = max(last.end_ns, log_time)
         else:
-            blocks.append(Block(begin, end, log_time))
+            blocks.append(Block(begin, end, log_time, log_time))
 
     def _count(self, channel: int, log_time: int) -> None:
         self._index.counts[channel] = self._index.counts.get(channel, 0) + 1
@@ -264,14 +279,15 @@ def _chunk_entries(
     packed = body[start:]
     try:
         if name == b"zstd":
-            data = zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+            # No more than is stated: a few bytes can unpack to all of the memory.
+            data = zstandard.ZstdDecompressor().stream_reader(packed).read(size + 1)
         elif name == b"lz4":
-            data = lz4.frame.decompress(packed)
+            data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
         elif name == b"":
             data = packed
         else:
             raise Damage(f"chunk at byte {origin} has unknown compression {name.decode(errors='replace')!r}")
-    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError, OverflowError) as error:
         raise Damage(f"chunk at byte {origin} cannot be unpacked: {error}") from error
     if len(data) != size or (crc != 0 and zlib.crc32(data) != crc):
         raise Damage(f"chunk at byte {origin} is damaged (checksum or size differs)")
@@ -281,8 +297,24 @@ def _chunk_entries(
 def _parse(kind: type[_R], body: bytes, position: int) -> _R:
     try:
         return kind.read(ReadDataStream(BytesIO(body)))  # type: ignore[attr-defined]
-    except (struct.error, UnicodeDecodeError, McapError) as error:
+    except (struct.error, ValueError, McapError, MemoryError, OverflowError) as error:
         raise Damage(f"{kind.__name__} record at byte {position} is damaged") from error
+
+
+def pauses(indexes: Iterable[FileIndex]) -> list[tuple[int, int]]:
+    """Spans of log time [ns] that may be without a message, as far as block headers tell.
+
+    Between blocks, and within one: a block is about a second of messages, so one that spans far more holds
+    messages of two clocks.
+    """
+    spans = sorted((b.start_ns, b.end_ns) for index in indexes for b in index.blocks if b.end_ns)
+    found = list(spans)
+    reached = spans[0][1] if spans else 0
+    for start, end in spans:
+        if start > reached:
+            found.append((reached, start))
+        reached = max(reached, end)
+    return found
 
 
 def natural_key(path: Path) -> tuple[str, int, str]:

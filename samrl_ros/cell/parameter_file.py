@@ -11,9 +11,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file
+from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_ros.contract.settings import why_refused
 from samrl_ros.nodes.registry import all_settings
 
@@ -31,14 +31,12 @@ def load_parameters(path: Path, nodes: tuple[str, ...]) -> dict[str, dict[str, A
         InputError: no such file, not YAML, not a parameter file, or a node, parameter or value that no node
             of the cell would take.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"no parameter file at {path}; give the path of an existing file")
     try:
-        data = yaml.safe_load(path.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
+        data = parse_yaml(read_text(path, "the parameters"), str(path))
+    except InputError as error:
+        raise InputError(f"{path} is not YAML: {error}") from error
     if not isinstance(data, dict):
         raise InputError(f"{path} is not a ROS parameter file: the top level must name nodes")
     found: dict[str, dict[str, Any]] = {}

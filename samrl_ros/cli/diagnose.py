@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 from rich.console import Console
 from rich.markup import escape
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_there
+from samrl_core.common.text_files import parse_json, parse_yaml, read_text
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
@@ -84,7 +84,7 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
     from samrl_ros.recordings import load_recordings, read_tolerances
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
-    urdf = _text("URDF", options.urdf) if options.urdf else None
+    urdf = read_text(options.urdf, "the URDF") if options.urdf else None
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []
     groups: list[list[tuple[ArmRecording, ...]]] = []
@@ -128,8 +128,8 @@ def read_library(path: Path) -> tuple[str, ...]:
         InputError: the file cannot be read, or holds no list of names.
     """
     try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
+        content = parse_yaml(read_text(path, "the library"), str(path))
+    except InputError as error:
         raise InputError(f"library {path} cannot be read: {error}") from error
     names = content.get("families") if isinstance(content, dict) else content
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
@@ -143,11 +143,17 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "samrl"
 
 
-def _text(what: str, path: Path) -> str:
-    try:
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{what} {path} cannot be read: {error}") from error
+def _role_table(index: Path) -> dict[str, list[str]]:
+    """File names by role, of an import's recordings.json."""
+    table = parse_json(read_text(index, "the recordings' roles"), str(index))
+    found = {role: table.get(role, []) for role in ("fit", "held_out")} if isinstance(table, dict) else {}
+    names = [name for listed in found.values() if isinstance(listed, list) for name in listed]
+    plain = all(isinstance(n, str) and n == Path(n).name and "\0" not in n for n in names)
+    if not found or not all(isinstance(listed, list) for listed in found.values()) or not plain:
+        raise InputError(
+            f"{index} must hold lists of file names under fit and held_out; import again, or name the bags"
+        )
+    return found
 
 
 def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
@@ -155,17 +161,14 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
     fit: list[Path] = []
     held = list(held_out)
     for path in bags:
-        if not path.exists():
+        if not is_there(path):
             raise InputError(f"{path} does not exist; give bags (.mcap), bag folders, or a folder of bags")
         index = path / "recordings.json"
         if path.is_dir() and index.exists():
-            try:
-                table = json.loads(_text("roles", index))
-            except json.JSONDecodeError as error:
-                raise InputError(f"{index} is no JSON ({error}); import again, or name the bags") from error
-            fit += [path / name for name in table.get("fit", [])]
+            table = _role_table(index)
+            fit += [path / name for name in table["fit"]]
             if not held_out:
-                held += [path / name for name in table.get("held_out", [])]
+                held += [path / name for name in table["held_out"]]
         elif path.is_dir() and not (path / "metadata.yaml").exists():
             inside = sorted(path.glob("*.mcap"))
             if not inside:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -240,6 +241,13 @@ add_group(
 )
 
 
+# Of paths that the system refuses, wherever a command touches them first.
+_OF_PATHS = (
+    *(errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS),
+    *(errno.ENOENT, errno.ENXIO),
+)
+
+
 def run(arguments: list[str]) -> int:
     """Run a command line; every refusal becomes one clear line and an exit code.
 
@@ -252,6 +260,12 @@ def run(arguments: list[str]) -> int:
         return end.code if isinstance(end.code, int) else int(bool(end.code))
     except InputError as error:
         errors.print(f"[bold red]refused:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return INPUT_REFUSED
+    except OSError as error:
+        if error.errno not in _OF_PATHS or not error.filename:
+            raise
+        shown = f"{str(error.filename)[:200]}: {error.strerror}; check the path"
+        errors.print(f"[bold red]refused:[/] {escape(shown)}", highlight=False, soft_wrap=True)
         return INPUT_REFUSED
     except SamrlError as error:
         errors.print(f"[bold red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)

@@ -13,6 +13,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.contract.exit_codes import OK
 from samrl_ros.contract.topics import cell_topic
@@ -90,17 +91,23 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
     """The settings that the nodes ran with, from `params.yaml` beside the bag; defaults without one."""
     import dataclasses
 
-    import yaml
-
+    from samrl_core.common.text_files import parse_yaml, read_text
     from samrl_ros.cell.parameter_file import with_present_names
     from samrl_ros.nodes.registry import behaviour_nodes
 
     folder = bag if bag.is_dir() else bag.parent
     file = folder.parent / "params.yaml"
-    if not file.is_file():
+    if not is_file(file):
         return {}
-    data = yaml.safe_load(file.read_text()) or {}
-    given = {node.removeprefix("/cell/"): body["ros__parameters"] for node, body in data.items()}
+    data = parse_yaml(read_text(file, "the run's parameters"), str(file)) or {}
+    given: dict[str, dict[str, object]] = {}
+    for node, body in data.items() if isinstance(data, dict) else [("", data)]:
+        values = body.get("ros__parameters") if isinstance(body, dict) else None
+        if not isinstance(node, str) or not isinstance(values, dict):
+            raise InputError(
+                f"{file} is no ROS parameter file: {node!r} holds no ros__parameters; move it away"
+            )
+        given[node.removeprefix("/cell/")] = values
     # Runs from before `policy` was a node have its settings where the view planner's are.
     given.setdefault("policy", given.get("view_planner", {}))
     given, _ = with_present_names(given)

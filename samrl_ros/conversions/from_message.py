@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.observation import ArmCommand, ArmReading
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import parse_json
 
 # Names in sensor_msgs/distortion_models.hpp whose coefficients count from a pinhole; drivers may say nothing.
 UNDISTORTED = ("", "plumb_bob", "rational_polynomial")
@@ -166,14 +166,14 @@ def calibration(text: str) -> dict[str, Pose]:
     Raises:
         InputError: not JSON, a key missing, or no pose under it.
     """
+    data = parse_json(text, "the calibration")
     try:
-        data = json.loads(text)
         return {
             "camera_in_flange": _pose(data["camera_in_flange"]),
             "tool_arm": _pose(data["base_in_world"]["tool_arm"]),
             "camera_arm": _pose(data["base_in_world"]["camera_arm"]),
         }
-    except (ValueError, KeyError, TypeError) as error:  # JSONDecodeError is a ValueError
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(
             f"cannot read the calibration ({error!r}); see msgs_docs/reference/topics.md"
         ) from error
@@ -196,8 +196,8 @@ def announced_weights(text: str) -> AnnouncedWeights:
     Raises:
         InputError: not JSON, a key missing or of another type, or a version without a file.
     """
+    data = parse_json(text, "the weights' announcement")
     try:
-        data = json.loads(text)
         found = AnnouncedWeights(
             data["task"], data["version"], Path(data["file"]), data["sha256"], data.get("steps", 0)
         )

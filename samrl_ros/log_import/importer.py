@@ -11,9 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file, is_there
+from samrl_core.common.text_files import read_text
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.mapping import Mapping
@@ -95,7 +98,7 @@ def import_logs(mapping: Mapping, data: Path, out: Path | None) -> list[Imported
     if out is None:
         return made
     index = out / INDEX
-    existing = [p for p in (*(out / f"{each.recording.name}.mcap" for each in made), index) if p.exists()]
+    existing = [p for p in (*(out / f"{each.recording.name}.mcap" for each in made), index) if is_there(p)]
     if existing:
         raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
     for each in made:
@@ -254,12 +257,11 @@ def _urdf(spec: RecordingSpec, mapping: Path, data: Path) -> str:
     text = spec.urdf or ""
     if not text.lstrip().startswith("<"):
         places = [folder / text for folder in (data, mapping.parent)]
-        found = next((place for place in places if place.is_file()), None)
+        found = next((place for place in places if is_file(place)), None)
         if found is None:
             raise InputError(f"{spec.path}.urdf: no file {' or '.join(map(str, places))}")
-        text = found.read_text()
-    moving_joints(text)  # refuses what is no URDF
-    root = ElementTree.fromstring(text)
+        text = read_text(found, f"{spec.path}.urdf")
+    root = parse_urdf(text, f"{spec.path}.urdf")
     for link in root.findall("link"):
         for part in [child for child in link if child.tag in spec.strip]:
             link.remove(part)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_ros.log_import.specs import RecordingSpec
 
 
@@ -22,12 +21,7 @@ class Mapping:
 def read_mapping(path: Path | str) -> Mapping:
     """Read and check a mapping. Raises `InputError` with the exact key path of what is wrong."""
     path = Path(path)
-    try:
-        content = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise InputError(f"cannot read the mapping {path}: {error.strerror or error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    content = parse_yaml(read_text(path, "the mapping"), str(path))
     if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
         raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
     general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}

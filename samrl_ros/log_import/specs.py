@@ -28,8 +28,8 @@ def _name(value: str) -> str:
 
 
 def _file_name(value: str) -> str:
-    if not value or "/" in value or value.startswith("."):
-        raise fault(f" is {value!r}, must be usable as a file name")
+    if not 0 < len(value) <= 200 or "/" in value or value.startswith(".") or not value.isprintable():
+        raise fault(f" is {value[:80]!r}, must be usable as a file name of at most 200 letters")
     return value
 
 
@@ -183,7 +183,7 @@ class RecordingSpec(Checked):
 
     name: Annotated[str, AfterValidator(_file_name)]
     role: Literal["fit", "held_out"] = "fit"
-    arm: str = "tool_arm"
+    arm: Literal["tool_arm", "camera_arm"] = "tool_arm"
     joints: Annotated[list[str], AfterValidator(_joints)]
     urdf: str | None = None  # path, or XML text
     strip: list[str] = Field(["visual", "collision"])

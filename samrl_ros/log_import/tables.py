@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 import warnings
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from samrl_core.common.array_file import UNREADABLE
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file
 from samrl_ros.log_import.specs import CsvOptions
 
 _TEXT = (".csv", ".tsv", ".txt")
@@ -89,7 +90,7 @@ def read_table(path: Path, options: CsvOptions, where: str) -> Table:
     Raises:
         InputError: no such file, another suffix, or a file that is not what its suffix says.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"{where}: no file {path}; --data names the folder that paths count from")
     suffix = path.suffix.lower()
     try:
@@ -99,7 +100,7 @@ def read_table(path: Path, options: CsvOptions, where: str) -> Table:
             return _read_numpy(path)
         if suffix == ".mat":
             return _read_mat(path, where)
-    except (OSError, ValueError, pd.errors.ParserWarning, zipfile.BadZipFile, EOFError) as error:
+    except (*UNREADABLE, pd.errors.ParserWarning, pd.errors.ParserError, NotImplementedError) as error:
         raise InputError(f"{where}: {path} cannot be read as {suffix}: {error}") from error
     raise InputError(
         f"{where}: {path.name} is of unknown kind; use {', '.join((*_TEXT, '.npz', '.npy', '.mat'))}"

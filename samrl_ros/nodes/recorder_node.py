@@ -154,7 +154,7 @@ class RecorderNode(CellNode):
         about = {"schema": "1", "task": self._settings.task, "cell": self._settings.cell}
         about["samrl_version"] = _version()
         writer = BagWriter(folder, compression=self._settings.compression, custom_data=about)
-        self._recorder = Recorder(writer)
+        self._recorder = Recorder(writer, self.get_logger().warning)
         self._bags += 1
         for topic, data in list(self._latched.values()):  # a bag holds the descriptions, whenever it starts
             self._record(topic, data)

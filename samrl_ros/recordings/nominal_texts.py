@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from samrl_core.cell.robots.urdf_text import MOST_KG
 from samrl_core.cell.types.arm_description import (
     STANDARD_GRAVITY,
     ArmController,
@@ -21,7 +21,9 @@ from samrl_core.cell.types.arm_description import (
     Tool,
 )
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import parse_json, parse_yaml, read_text
 
+_LARGEST = 1e12  # of any figure, in its SI unit: beyond, it is no arm's, and products overflow
 LAW = "joint_impedance"
 UNDESCRIBED = "unknown"  # `type` of a text that only carries joints and tolerances, of a log without a law
 _CONTROLLER_KEYS = (
@@ -151,6 +153,8 @@ def parse_tool(text: str, where: str) -> tuple[Tool | None, tuple[str, ...]]:
         raise InputError(f"{where} lacks {', '.join(missing)}; it has {sorted(about)}")
     notes = _unknown(about, ("mass", "inertia", *_CENTER), where)
     mass = float(_not_negative(about["mass"], None, f"{where}: mass"))
+    if mass > MOST_KG:
+        raise InputError(f"{where}: mass is {mass:g} kg, must be at most {MOST_KG:g}; is it in kg?")
     position = _numbers(about[center or _CENTER[0]], (3,), f"{where}: {center}")
     inertia = _inertia(about.get("inertia", [0.0] * 9), f"{where}: inertia")
     if np.linalg.eigvalsh(inertia).min() < -1e-9 * max(1.0, np.abs(inertia).max()):
@@ -178,12 +182,7 @@ def read_tolerances(path: Path | str) -> Tolerances:
             or a value that is no number.
     """
     path = Path(path)
-    try:
-        values = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise InputError(f"cannot read the tolerances {path}: {error.strerror or error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    values = parse_yaml(read_text(path, "the tolerances"), str(path))
     if values is None:
         values = {}
     if not isinstance(values, dict):
@@ -195,10 +194,7 @@ def read_tolerances(path: Path | str) -> Tolerances:
 
 
 def _object(text: str, where: str) -> dict[str, Any]:
-    try:
-        about = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{where} is no JSON: {error}") from error
+    about = parse_json(text, where)
     if not isinstance(about, dict):
         raise InputError(f"{where} is a JSON {type(about).__name__}, must be an object")
     return about
@@ -220,18 +216,18 @@ def _unknown(about: dict[str, Any], known: Any, where: str) -> tuple[str, ...]:
 def _numbers(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{where} is {value!r}, must be numbers") from error
-    if array.shape != shape or not np.isfinite(array).all():
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{where} is {_shown(value)}, must be numbers") from error
+    if array.shape != shape or not (np.abs(array) <= _LARGEST).all():  # not NaN either
         what = f"{shape[0]} finite numbers" if shape else "one finite number"
-        raise InputError(f"{where} is {value!r}, must be {what}")
+        raise InputError(f"{where} is {_shown(value)}, must be {what} up to {_LARGEST:g}")
     return array
 
 
 def _not_negative(value: Any, count: int | None, where: str) -> np.ndarray:
     array = _numbers(value, () if count is None else (count,), where)
     if (array < 0).any():
-        raise InputError(f"{where} is {value!r}, must not be negative")
+        raise InputError(f"{where} is {_shown(value)}, must not be negative")
     return array
 
 
@@ -248,8 +244,13 @@ def _inertia(value: Any, where: str) -> np.ndarray:
     return matrix
 
 
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 200 else text[:197] + "..."
+
+
 def _ragged(value: Any, where: str) -> np.ndarray:
     try:
         return np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{where} is {value!r}, must be 3x3, nine or six numbers") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{where} is {_shown(value)}, must be 3x3, nine or six numbers") from error

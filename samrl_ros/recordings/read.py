@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
@@ -78,7 +78,7 @@ def load_recordings(
             " `samrl bag import`"
         )
     bag, messages = _messages(bag, roles)
-    damage = _damage_notes(bag)
+    damage = [*_damage_notes(bag), *bag.notes]
     if RAW in bag.custom_data:
         damage.append(f"the effort of {bag.custom_data[RAW]} is in raw units of the drive, not in N m")
     digest = _sha256(bag)
@@ -205,18 +205,9 @@ def _text(messages: dict[str, list[RawMessage]], topic: str, notes: list[str]) -
 
 def moving_joints(urdf: str) -> tuple[str, ...]:
     """Joints of a URDF text that move by themselves. Raises `InputError` if it is no URDF."""
-    try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise InputError(
-            f"the URDF is not well-formed XML ({error}); it starts with {urdf.strip()[:60]!r}. Expand xacro"
-            " files first; a path is not a description"
-        ) from error
-    if root.tag != "robot":
-        raise InputError(f"the URDF has root <{root.tag}>, must be <robot>")
     return tuple(
         str(joint.get("name"))
-        for joint in root.findall("joint")
+        for joint in parse_urdf(urdf, "the URDF").findall("joint")
         if joint.get("type") in _MOVING and joint.find("mimic") is None
     )
 

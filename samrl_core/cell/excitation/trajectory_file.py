@@ -13,6 +13,7 @@ import yaml
 from samrl_core.cell.excitation.catalogue import KINDS, Kind, Parameter
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import parse_yaml, read_text
 
 SCHEMA = 1
 _KEYS = ("schema", "arm", "kind", "joints", "parameters", "why")
@@ -97,8 +98,8 @@ class TrajectoryFile:
             InputError: naming file, key, value, limit and remedy.
         """
         try:
-            data = yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            data = parse_yaml(read_text(path, "the trajectory"), str(path), _StrictLoader)
+        except InputError as error:
             raise InputError(f"{path} cannot be read as YAML: {error}") from error
         try:
             return cls._from_mapping(data)

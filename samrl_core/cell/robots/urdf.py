@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.cell.robots.robot import RobotSpec
+from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import read_text
 
 _MOVING = ("revolute", "continuous", "prismatic", "floating", "planar")
 
@@ -21,16 +23,7 @@ def read_urdf(path: Path) -> ElementTree.Element:
     Raises:
         InputError: no such file, or not a URDF.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"no URDF at {path}; give the path of an existing file")
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise InputError(f"{path} is not well-formed XML ({error}); xacro files must be expanded") from error
-    if root.tag != "robot":
-        raise InputError(f"{path} has root <{root.tag}>, a URDF has <robot>; give the arm's URDF")
-    return root
+    return parse_urdf(read_text(Path(path), "the URDF"), str(path))
 
 
 def numbers(element: ElementTree.Element, attribute: str, default: str, count: int) -> np.ndarray:
@@ -97,8 +90,8 @@ def description_of(spec: RobotSpec) -> str:
 
     Massless links that branch off the way to the flange are left out.
     """
-    text = spec.urdf.read_text(encoding="utf-8")
-    root, kept = ElementTree.fromstring(text), links_to_flange(spec)
+    text = read_text(spec.urdf, "the URDF")
+    root, kept = parse_urdf(text, str(spec.urdf)), links_to_flange(spec)
     for link in root.findall("link"):
         name = str(link.get("name"))
         if name in kept or _mass(link) or root.find(f"joint/parent[@link='{name}']") is not None:

@@ -46,14 +46,14 @@ class Tolerances:
             InputError: an unknown name (all known ones are listed) or a value that is no number.
         """
         known = {f.name for f in fields(cls)}
-        if unknown := sorted(set(values) - known):
+        if unknown := sorted(str(name) for name in set(values) - known):
             raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
         try:
             read: dict[str, Any] = {
                 k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in values.items()
             }
             return cls(**read)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"tolerances must be numbers or lists of numbers: {error}") from error
 
 

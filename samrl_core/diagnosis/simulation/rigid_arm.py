@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, ArmDescription, Tool
 from samrl_core.common.errors import InputError
 
@@ -25,9 +26,10 @@ class RigidArm:
         """Read the URDF, lock what is not listed, add the tool to the flange."""
         if arm.urdf is None:
             raise InputError(f"{arm.role} has no URDF; inverse dynamics needs one")
+        parse_urdf(arm.urdf, f"the URDF of {arm.role}")
         try:
             whole = pin.buildModelFromXML(arm.urdf)
-        except ValueError as error:
+        except (ValueError, RuntimeError, IndexError) as error:
             raise InputError(f"the URDF of {arm.role} cannot be read: {error}") from error
         moving = [name for name in whole.names if name != "universe"]
         if missing := [name for name in arm.joints if name not in moving]:

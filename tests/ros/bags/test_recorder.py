@@ -98,3 +98,16 @@ def test_bags_are_read_without_ros() -> None:
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             assert not any(name.split(".")[0] in ("rclpy", "rosbags", "foxglove") for name in names), file
+
+
+def test_a_second_clock_is_told_and_counted(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+    told: list[str] = []
+    with BagWriter(tmp_path / "bag") as writer:
+        rec = Recorder(writer, told.append)
+        for k in range(10):
+            clock_s = 100_000 if k % 2 else k + 1  # another node publishes /clock, too
+            rec.on_raw("/cell/phase", STRING, QoS(), string_cdr("x"), clock_s * 10**9)
+        status = rec.status()
+        rec.close()
+    assert status["clock jumped"] == "9"
+    assert len(told) == 1 and "jumped by +99999.0 s" in told[0] and "/clock" in told[0]

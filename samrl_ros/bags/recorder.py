@@ -30,7 +30,7 @@ _CDR_STAMP = {1: struct.Struct("<iI"), 0: struct.Struct(">iI")}  # by the endian
 class Recorder:
     """Writes what it is given to a bag."""
 
-    def __init__(self, writer: BagWriter, tell: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(self, writer: BagWriter, tell: Callable[[str], object] = lambda text: None) -> None:
         """`tell` hears of a clock that jumps, the first time and at every tenfold."""
         self._writer, self._tell = writer, tell
         self._jumps = 0

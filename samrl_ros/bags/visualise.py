@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from types import TracebackType
 from typing import Any
 
@@ -12,6 +13,9 @@ from samrl_ros.bags.schemas import Definition, definition
 class LiveView:
     """A server at ws://host:port, to which Foxglove connects.
 
+    Messages that are sent once (robot descriptions, calibration, static frames) are kept, and sent again
+    whenever a client subscribes to their topic.
+
     Raises:
         InputError: the extra `viz` is not installed, or the port is taken.
     """
@@ -20,8 +24,12 @@ class LiveView:
         self._foxglove = _foxglove()
         self._context = self._foxglove.Context()
         self._channels: dict[str, Any] = {}
+        self._kept: dict[str, tuple[bytes, int]] = {}  # topic: newest message of a latched topic, its time
+        self._lock = threading.Lock()  # clients subscribe in the server's thread
         try:
-            self._server = self._foxglove.start_server(name=name, host=host, port=port, context=self._context)
+            self._server = self._foxglove.start_server(
+                name=name, host=host, port=port, context=self._context, server_listener=_Listener(self)
+            )
         except (RuntimeError, OSError) as error:
             raise InputError(f"cannot serve at {host}:{port}: {error}; choose another port") from error
 
@@ -31,9 +39,34 @@ class LiveView:
         return self._server.port
 
     def show(
-        self, topic: str, type_name: str, data: bytes, time_ns: int, described: Definition | None = None
+        self,
+        topic: str,
+        type_name: str,
+        data: bytes,
+        time_ns: int,
+        described: Definition | None = None,
+        latched: bool = False,
     ) -> None:
-        """Forward one message. Raises `InputError` for a type without definition."""
+        """Forward one message; a latched one goes to later clients as well.
+
+        Raises:
+            InputError: a type without definition.
+        """
+        with self._lock:
+            self._log(topic, type_name, data, time_ns, described)
+            if latched:
+                self._kept[topic] = (data, time_ns)
+
+    def resend(self, topic: str) -> None:
+        """Send the kept message of a latched topic again, if there is one."""
+        with self._lock:
+            if topic in self._kept:
+                data, time_ns = self._kept[topic]
+                self._channels[topic].log(data, log_time=time_ns)
+
+    def _log(
+        self, topic: str, type_name: str, data: bytes, time_ns: int, described: Definition | None
+    ) -> None:
         channel = self._channels.get(topic)
         if channel is None:
             found = described or definition(type_name)
@@ -55,6 +88,21 @@ class LiveView:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class _Listener:
+    """What the server calls in its thread; the other calls of Foxglove's protocol are not answered."""
+
+    def __init__(self, view: LiveView) -> None:
+        self._view = view
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        self._view.resend(channel.topic)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("on_"):
+            return lambda *ignored: None
+        raise AttributeError(name)
 
 
 def _foxglove() -> Any:

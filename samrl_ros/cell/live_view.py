@@ -12,7 +12,7 @@ from rclpy.node import Node
 from samrl_ros.bags.visualise import LiveView
 from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
-from samrl_ros.contract.topics import NAMESPACE, TOPICS
+from samrl_ros.contract.topics import LATCHED, NAMESPACE, STATIC_TF, TOPICS
 
 
 class LiveViewNode:
@@ -23,7 +23,7 @@ class LiveViewNode:
         self._node = Node("live_view", namespace=NAMESPACE)
         for topic in TOPICS.values():
             if topic.recorded:
-                forward = partial(self._forward, topic.name, topic.type)
+                forward = partial(self._forward, topic.name, topic.type, topic.qos in (LATCHED, STATIC_TF))
                 self._node.create_subscription(
                     message_class(topic.type), topic.name, forward, qos_named(topic.qos), raw=True
                 )
@@ -31,8 +31,8 @@ class LiveViewNode:
         self._thread = threading.Thread(target=self._run, name="live_view", daemon=True)
         self._thread.start()
 
-    def _forward(self, topic: str, type_name: str, data: bytes) -> None:
-        self._view.show(topic, type_name, data, time.time_ns())
+    def _forward(self, topic: str, type_name: str, latched: bool, data: bytes) -> None:
+        self._view.show(topic, type_name, data, time.time_ns(), latched=latched)
 
     def _run(self) -> None:
         executor = EventsExecutor()

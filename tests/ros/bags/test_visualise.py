@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import importlib.util
+import json
+import os
 import socket
+import struct
 
 import pytest
 
@@ -11,6 +15,64 @@ from samrl_core.common.errors import InputError
 from samrl_ros.bags.visualise import LiveView
 
 INSTALLED = importlib.util.find_spec("foxglove") is not None
+
+
+class FoxgloveClient:
+    """As much of a WebSocket client of Foxglove's protocol as these tests need (RFC 6455)."""
+
+    def __init__(self, port: int) -> None:
+        self._socket = socket.create_connection(("127.0.0.1", port), timeout=60)
+        self._file = self._socket.makefile("rb")
+        key = base64.b64encode(os.urandom(16)).decode()
+        self._socket.sendall(
+            f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
+            "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n".encode()
+        )
+        assert b" 101 " in self._file.readline()
+        while self._file.readline().strip():
+            pass
+        self._topics: dict[int, str] = {}  # by subscription
+
+    def __enter__(self) -> FoxgloveClient:
+        return self
+
+    def __exit__(self, *ignored: object) -> None:
+        self._file.close()
+        self._socket.close()
+
+    def subscribe_to_all(self, count: int) -> list[str]:
+        """Wait for as many topics, and subscribe to each."""
+        channels: dict[int, str] = {}
+        while len(channels) < count:
+            code, data = self._frame()
+            if code == 1 and json.loads(data)["op"] == "advertise":
+                channels.update({c["id"]: c["topic"] for c in json.loads(data)["channels"]})
+        self._topics = channels
+        wanted = [{"id": channel, "channelId": channel} for channel in channels]
+        self._send(json.dumps({"op": "subscribe", "subscriptions": wanted}).encode())
+        return list(channels.values())
+
+    def next_message(self) -> tuple[str, bytes]:
+        """Topic and content of the next message."""
+        while True:
+            code, data = self._frame()
+            if code == 2 and data[0] == 1:  # message data: subscription, time, content
+                return self._topics[struct.unpack_from("<I", data, 1)[0]], data[13:]
+
+    def _frame(self) -> tuple[int, bytes]:
+        first, second = self._file.read(2)
+        size = second & 127
+        if size > 125:
+            size = int.from_bytes(self._file.read(2 if size == 126 else 8), "big")
+        return first & 15, self._file.read(size)
+
+    def _send(self, text: bytes) -> None:
+        mask = os.urandom(4)
+        head = bytes([0x81]) + (
+            bytes([0x80 | len(text)]) if len(text) < 126 else bytes([0xFE]) + struct.pack(">H", len(text))
+        )
+        self._socket.sendall(head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(text)))
 
 
 @pytest.mark.skipif(INSTALLED, reason="Foxglove's SDK is installed")
@@ -27,3 +89,21 @@ def test_it_serves_and_refuses_a_taken_port(string_cdr) -> None:  # type: ignore
             pass
         with pytest.raises(InputError, match="choose another port"):
             LiveView(port=view.port)
+
+
+@pytest.mark.skipif(not INSTALLED, reason="needs Foxglove's SDK")
+def test_a_latched_message_reaches_every_client_however_late(string_cdr) -> None:  # type: ignore[no-untyped-def]
+    with LiveView(port=0) as view:
+        robot, phase = string_cdr("<robot/>"), string_cdr("approach")
+        view.show(
+            "/cell/tool_arm/robot_description", "std_msgs/msg/String", string_cdr("old"), 1, latched=True
+        )
+        view.show("/cell/tool_arm/robot_description", "std_msgs/msg/String", robot, 1_000, latched=True)
+        view.show("/cell/phase", "std_msgs/msg/String", phase, 1_000)
+        for _ in range(2):
+            with FoxgloveClient(view.port) as client:
+                topics = client.subscribe_to_all(2)
+                assert client.next_message() == ("/cell/tool_arm/robot_description", robot)
+                view.show("/cell/phase", "std_msgs/msg/String", phase, 2_000)  # not kept: sent now alone
+                assert client.next_message() == ("/cell/phase", phase)
+                assert set(topics) == {"/cell/phase", "/cell/tool_arm/robot_description"}

@@ -39,7 +39,8 @@ def panels(node: Any) -> Iterator[str]:
         yield from panels(node["second"])
 
 
-PATHS = sorted({text for text in texts(LAYOUT["configById"]) if text.startswith("/")})
+LIVE = {"/cell/live_view/difference"}  # made for clients of --view alone
+PATHS = sorted({text for text in texts(LAYOUT["configById"]) if text.startswith("/")} - LIVE)
 
 
 def test_every_panel_is_defined_and_laid_out_once() -> None:
@@ -55,6 +56,15 @@ def test_what_a_panel_shows_exists(path: str) -> None:
     for field in fields:
         (kind,) = [kind for name, kind in described[type_name][1] if name == field]
         type_name = kind[1]
+
+
+def test_what_is_made_for_clients_is_shown_to_them() -> None:
+    pytest.importorskip("rclpy")
+    from samrl_ros.cell.live_view import DIFFERENCE
+
+    assert (
+        LIVE == {DIFFERENCE} and DIFFERENCE in set(texts(LAYOUT["configById"])) and DIFFERENCE not in TOPICS
+    )
 
 
 def test_both_arms_are_shown() -> None:

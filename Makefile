@@ -1,6 +1,7 @@
 # One command each; every target sets up .venv first when it is missing or its inputs changed.
 #   make cell    one recorded episode of the cell      make test   fast tests, then check
 #   make slow    the slow tests                        make check  ruff, pyright
+#   make fuzz    100,000 damaged inputs to every reader (FUZZ: their number, SEED)
 #   make bench   the cell's benchmark                  make docs   documents generated from code
 #   make bench-model   the model beside its peers, which it installs (Mitsuba needs Debian's libllvm19)
 #   make clean   remove .venv and caches (recordings in out/ stay)
@@ -10,6 +11,7 @@ PYTHON   ?= $(shell command -v python3.11 || command -v python3)
 TASK     ?= peg_insertion
 SEED     ?= 0
 EPISODES ?= 1
+FUZZ     ?= 100000
 WORKERS  ?= $(shell n=$$(nproc); echo $$((n < 8 ? n : 8)))
 
 VENV  := .venv
@@ -27,7 +29,7 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: setup cell test check slow bench bench-model docs clean
+.PHONY: setup cell test check slow fuzz bench bench-model docs clean
 .DELETE_ON_ERROR:
 
 setup: $(BUILT)
@@ -61,6 +63,9 @@ check: $(BUILT)
 
 slow: $(BUILT)
 	$(BIN)/python -m pytest -q -m slow
+
+fuzz: $(BUILT)
+	$(BIN)/python -m tests.fuzz.attack --count $(FUZZ) --seed $(SEED)
 
 bench: $(BUILT)
 	@mkdir -p out

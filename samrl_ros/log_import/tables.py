@@ -158,9 +158,14 @@ def _read_mat(path: Path, where: str) -> Table:
     if b"MATLAB 7.3" in head or head.startswith(b"\x89HDF"):
         return _read_hdf5(path, where)
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     table = Table(path)
-    for name, value in loadmat(path, squeeze_me=False, struct_as_record=True).items():
+    try:
+        found = loadmat(path, squeeze_me=False, struct_as_record=True)
+    except MatReadError as error:
+        raise InputError(f"{where}: {path} cannot be read as .mat: {error}") from error
+    for name, value in found.items():
         if not name.startswith("__"):
             _add_mat(table.columns, name, value)
     return table

@@ -11,6 +11,7 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
+from samrl_core.common.text_files import parse_json, read_text
 from samrl_core.diagnosis.report.report_schema import SCHEMA, check_report
 from samrl_core.diagnosis.result import Diagnosis, HeldOutGap, NamedEffect
 
@@ -112,8 +113,8 @@ def read_report(path: Path) -> dict:
         InputError: no such file, no JSON, or it breaks the schema.
     """
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        report = parse_json(read_text(path, "the report"), str(path))
+    except InputError as error:
         raise InputError(f"cannot read the report {path}: {error}") from error
     check_report(report)
     return report

@@ -11,7 +11,7 @@ PHASES = ("rest", "reversal", "slow", "fast")
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ParameterEstimate:
     """A parameter with its 95 % interval."""
 
     value: float
@@ -26,7 +26,7 @@ class NamedEffect:
     family: str
     place: str  # contract: joint:<name>, link:<name>, arm:<role>
     probability: float  # that this family at this place is the cause, among all that were tried
-    parameters: dict[str, Estimate]
+    parameters: dict[str, ParameterEstimate]
     gain: float = 0.0  # drop of chi2 against nominal [nat], uncertainty of the nominal model counted
     form: str = ""  # which form of the effect fitted, where it has several
     role: str = "primary"  # primary, secondary, or runner_up

@@ -25,7 +25,7 @@ from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
-from samrl_core.cell.types.arm_description import ArmDescription, Tool
+from samrl_core.cell.types.arm_description import ArmDescription, NominalTool
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.observation import ArmCommand
 from samrl_core.cell.world import make_world
@@ -85,7 +85,7 @@ class CellPlayer:
         finally:
             world.close()
         gravity = self._cell.base_in_world(self._role).rotation.T @ np.array([0.0, 0.0, -9.81])
-        tool = None if loaded is None else Tool(loaded.mass, loaded.center_of_mass, loaded.inertia)
+        tool = None if loaded is None else NominalTool(loaded.mass, loaded.center_of_mass, loaded.inertia)
         description = ArmDescription(
             role=self._role,
             joints=spec.joint_names,

@@ -17,8 +17,8 @@ from samrl_core.cell.types.arm_description import (
     STANDARD_GRAVITY,
     ArmController,
     ArmDescription,
+    NominalTool,
     Tolerances,
-    Tool,
 )
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
@@ -81,7 +81,7 @@ def controller_text(arm: ArmDescription) -> str:
     return json.dumps(about)
 
 
-def tool_text(tool: Tool) -> str:
+def tool_text(tool: NominalTool) -> str:
     """The contract's JSON."""
     return json.dumps(
         {
@@ -137,7 +137,7 @@ def parse_controller(text: str, where: str) -> ControllerText:
     return ControllerText(joints, controller, tolerances, notes)
 
 
-def parse_tool(text: str, where: str) -> tuple[Tool | None, tuple[str, ...]]:
+def parse_tool(text: str, where: str) -> tuple[NominalTool | None, tuple[str, ...]]:
     """Tool, None for an empty text or object, and notes.
 
     The inertia may be 3x3, nine or six numbers (ixx ixy ixz iyy iyz izz), or an object with these names.
@@ -159,7 +159,7 @@ def parse_tool(text: str, where: str) -> tuple[Tool | None, tuple[str, ...]]:
     inertia = _inertia(about.get("inertia", [0.0] * 9), f"{where}: inertia")
     if np.linalg.eigvalsh(inertia).min() < -1e-9 * max(1.0, np.abs(inertia).max()):
         raise InputError(f"{where}: inertia {inertia.tolist()} has a negative principal moment")
-    return Tool(mass, position, inertia), notes
+    return NominalTool(mass, position, inertia), notes
 
 
 def lenient_tolerances(values: Any, where: str) -> tuple[Tolerances, tuple[str, ...]]:

@@ -11,7 +11,7 @@ import pytest
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.result import Diagnosis, Estimate
+from samrl_core.diagnosis.result import Diagnosis, ParameterEstimate
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
 from tests.diagnosis.worlds import BEND, LIFT, TURN
@@ -33,7 +33,7 @@ def diagnosed(seed: int, library: set[str] | None = None, **fields: Any) -> Diag
     return diagnosis
 
 
-def assert_covers(estimate: Estimate, truth: float, share: float = 0.1) -> None:
+def assert_covers(estimate: ParameterEstimate, truth: float, share: float = 0.1) -> None:
     """The interval holds the truth, and the value is near it, so that a wide interval is no excuse."""
     low, high = estimate.ci95
     assert low <= truth <= high, f"{truth} outside of {estimate.ci95}"

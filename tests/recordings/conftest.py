@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from samrl_core.cell.robots.panda.spec import PANDA
-from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 JOINTS = PANDA.joint_names
-TOOL = Tool(0.78, np.array([0.0, 0.0, 0.06]), np.diag([1e-3, 1e-3, 5e-4]))
+TOOL = NominalTool(0.78, np.array([0.0, 0.0, 0.06]), np.diag([1e-3, 1e-3, 5e-4]))
 
 
 @pytest.fixture(scope="session")

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.studies.episodes.residual_episodes import Place, Play
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Play
 from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated_file
 from samrl_core.studies.paper.residual_run import ResidualRun
 from tests.learning import toy_cell
 from tests.learning.small_cell import SMALL
 from tests.studies import far_correction, kinematic_peg
 
-PLACE = Place("toy", "optimised", None, (0.0, 0.0, 0.0))
+PLACE = EpisodeSite("toy", "optimised", None, (0.0, 0.0, 0.0))
 POINTS = (0, 500, 1000, 2000, 3000)  # real steps
 SEEDS = 6
 

@@ -17,14 +17,14 @@ from samrl_core.learning.data.fit import STOPPED
 from samrl_core.learning.residual.replay import End
 from samrl_core.learning.residual.td3 import TD3, TD3Settings
 from samrl_core.policy.agent.exploration import shortened
-from samrl_core.studies.episodes.residual_episodes import Order, Place, Played
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Order, Played
 from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated, evaluated_file, weights_of
 from samrl_core.studies.paper.residual_run import KIND, ResidualRun
 from tests.learning import toy_cell
 from tests.learning.small_cell import SMALL
 from tests.studies import kinematic_peg
 
-PLACE = Place("toy", "optimised", None, (0.001, 0.0, -0.002))
+PLACE = EpisodeSite("toy", "optimised", None, (0.001, 0.0, -0.002))
 LEARNER = TD3Settings(batch_size=4, n_step=2, warm_up=1, policy_delay=1)
 SETTINGS = RunSettings(
     (0, 12, 20), LEARNER, episodes=2, first_steps=5, updates_per_step=0.3, evaluated=3, max_actions=3
@@ -264,7 +264,7 @@ def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
     from samrl_core.studies.experiment import CaseLog
     from samrl_core.studies.paper.calibration_gap import EPISODES, LADDER, gaps, offset_of
 
-    place = Place("peg_insertion", "optimised", None, (0.0, 0.0, 0.0))
+    place = EpisodeSite("peg_insertion", "optimised", None, (0.0, 0.0, 0.0))
     orders: list[Order] = []
 
     def play(some: Sequence[Order]) -> list[Played]:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.blind_test.baselines.samples import RegressionSamples
+from samrl_core.blind_test.baselines.samples import EquationSamples
 
 DELAYS = (0.002, 0.005, 0.010, 0.020)  # [s], variants of delay and low-pass, each fitted alone
 MIDDLE_DELAY = (0.010,)  # [s], the one variant of fits of everything at once
 SIGN_VELOCITY = 0.02  # [rad/s], smoothing of the sign
 STRIBECK_VELOCITY = 0.1  # [rad/s], middle of the catalogue's range
-CONTROLLER, DRIVE, LINK = 0, 1, 2  # residuals of `RegressionSamples`
+CONTROLLER, DRIVE, LINK = 0, 1, 2  # residuals of `EquationSamples`
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Candidate:
     ranges: np.ndarray
 
 
-def candidates(s: RegressionSamples, delays: Sequence[float]) -> Iterator[Candidate]:
+def candidates(s: EquationSamples, delays: Sequence[float]) -> Iterator[Candidate]:
     """Drive effects act between commanded effort and motion, body effects on both efforts."""
     for j, joint in enumerate(s.joints):
         yield from _joint(s, j, f"joint:{joint}", delays)
@@ -44,7 +44,7 @@ def candidates(s: RegressionSamples, delays: Sequence[float]) -> Iterator[Candid
     yield Candidate("base_tilt", f"arm:{s.role}", both, _twice(s.tilt), np.full(2, np.deg2rad(2.0)))
 
 
-def _joint(s: RegressionSamples, j: int, place: str, delays: Sequence[float]) -> Iterator[Candidate]:
+def _joint(s: EquationSamples, j: int, place: str, delays: Sequence[float]) -> Iterator[Candidate]:
     q, dq, u = s.q[:, j], s.dq[:, j], s.commanded[:, j]
     sign, one = np.tanh(dq / SIGN_VELOCITY), np.ones_like(q)
     drive = ((DRIVE, j),)
@@ -87,12 +87,12 @@ def _twice(columns: np.ndarray) -> np.ndarray:
     return np.concatenate([columns, columns], axis=1)
 
 
-def whitened(s: RegressionSamples) -> np.ndarray:
+def whitened(s: EquationSamples) -> np.ndarray:
     """(N, 3, J): residuals as fractions of the joints' effort limits."""
     return np.stack(s.residuals, axis=1) / s.limits
 
 
-def whitened_columns(s: RegressionSamples, c: Candidate) -> np.ndarray:
+def whitened_columns(s: EquationSamples, c: Candidate) -> np.ndarray:
     """(N, B, K): columns in the same unit as `whitened`."""
     return c.columns / s.limits[[j for _, j in c.rows]][None, :, None]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.blind_test.baselines.candidates import Candidate, picked, whitened_columns
-from samrl_core.blind_test.baselines.samples import RegressionSamples
+from samrl_core.blind_test.baselines.samples import EquationSamples
 
 NOISE = 0.004  # of the effort limit: residual that counts as nominal (default tolerance of a torque offset)
 CORRELATED = 50  # samples (1 s) that count as one; ASSUMPTION, measured on a real Panda: up to .8 at 0.2 s
@@ -41,7 +41,7 @@ class NormalEquations:
 
 
 def normal_equations(
-    s: RegressionSamples, library: Sequence[Candidate], residual: np.ndarray, rows: np.ndarray
+    s: EquationSamples, library: Sequence[Candidate], residual: np.ndarray, rows: np.ndarray
 ) -> NormalEquations:
     """Of the samples where `rows` (N,) is true; `residual` (N, 3, J) as from `whitened`."""
     blocks = [whitened_columns(s, c)[rows] * c.ranges for c in library]

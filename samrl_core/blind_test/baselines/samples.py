@@ -18,7 +18,7 @@ TILT_STEP = 1e-4  # [rad], for the derivative with respect to the direction of g
 
 
 @dataclass(frozen=True, eq=False)
-class RegressionSamples:
+class EquationSamples:
     """Rows of several recordings one after the other; arrays (N, J) unless said otherwise."""
 
     joints: tuple[str, ...]
@@ -42,7 +42,7 @@ class RegressionSamples:
     recording: np.ndarray  # (N,) which recording a row is of
 
 
-def make_samples(recordings: Sequence[ArmRecording], delays: Sequence[float]) -> RegressionSamples:
+def make_samples(recordings: Sequence[ArmRecording], delays: Sequence[float]) -> EquationSamples:
     """Filter, thin and evaluate the nominal model.
 
     Raises:
@@ -51,10 +51,10 @@ def make_samples(recordings: Sequence[ArmRecording], delays: Sequence[float]) ->
     parts = [_one(recording, delays, k) for k, recording in enumerate(recordings)]
     first = parts[0]
 
-    def joined(pick: Callable[[RegressionSamples], np.ndarray]) -> np.ndarray:
+    def joined(pick: Callable[[EquationSamples], np.ndarray]) -> np.ndarray:
         return np.concatenate([pick(p) for p in parts])
 
-    return RegressionSamples(
+    return EquationSamples(
         joints=first.joints,
         links=first.links,
         role=first.role,
@@ -77,7 +77,7 @@ def make_samples(recordings: Sequence[ArmRecording], delays: Sequence[float]) ->
     )
 
 
-def _one(recording: ArmRecording, delays: Sequence[float], number: int) -> RegressionSamples:
+def _one(recording: ArmRecording, delays: Sequence[float], number: int) -> EquationSamples:
     arm, states, command = recording.arm, recording.states, recording.command
     if arm.controller is None or command is None or recording.commanded_effort is None:
         raise InputError(
@@ -128,7 +128,7 @@ def _one(recording: ArmRecording, delays: Sequence[float], number: int) -> Regre
         pole = float(np.exp(-1 / (rate * d)))
         start = pole * commanded[:1]  # as if the first value had been there for ever
         lagged[d] = lfilter([1 - pole], [1, -pole], commanded, axis=0, zi=start)[0][keep]
-    return RegressionSamples(
+    return EquationSamples(
         joints=arm.joints,
         links=model.links,
         role=arm.role,

@@ -8,7 +8,7 @@ import numpy as np
 
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.robots.urdf import numbers, origin_of, read_urdf
-from samrl_core.cell.types.arm_description import Tool
+from samrl_core.cell.types.arm_description import NominalTool
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 
@@ -125,7 +125,7 @@ def join_mass(
     return replace(link, mass=total, center_of_mass=centre, inertia=joined)
 
 
-def with_tool(body: ArmBody, tool: Tool) -> ArmBody:
+def with_tool(body: ArmBody, tool: NominalTool) -> ArmBody:
     """The arm with a tool fixed to its flange."""
     last = join_mass(body.links[-1], tool.mass, tool.center_of_mass, tool.inertia, body.flange_in_last)
     return replace(body, links=(*body.links[:-1], last))

@@ -22,7 +22,7 @@ from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.robots.urdf import description_of
-from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -37,7 +37,7 @@ from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 KINDS = ("slow", "multisine")
 NOISE = {"position": 3e-5, "velocity": 1e-3, "effort": 0.04}  # [rad, rad/s, N m] as forged and real sensors
-TOOL = Tool(0.78, np.array([0.0, 0.0, 0.06]), np.diag([0.003, 0.003, 0.001]))
+TOOL = NominalTool(0.78, np.array([0.0, 0.0, 0.06]), np.diag([0.003, 0.003, 0.001]))
 ARMATURE = 0.1  # [kg m2]
 WIDE = 1.0 / 3.0  # of the worlds have backgrounds of up to twice the stated tolerances
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.blind_test.scores.outcome import Outcome, Shrinks, Truth
+from samrl_core.blind_test.scores.outcome import Outcome, SealedTruth, Shrinks
 from samrl_core.blind_test.scores.shrink_scores import shrinks_of
 from samrl_core.blind_test.scores.study import Sealed, Study
 from samrl_core.common.errors import InputError
@@ -39,7 +39,10 @@ def load_outcomes(
         )
     return [
         _outcome(
-            study.run_folder(stage, world), Truth.from_label(labels[world]), sealed.oracle(world), withheld
+            study.run_folder(stage, world),
+            SealedTruth.from_label(labels[world]),
+            sealed.oracle(world),
+            withheld,
         )
         for world in worlds
     ]
@@ -57,7 +60,9 @@ def read_report(folder: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) and "verdict" in content else None
 
 
-def _outcome(folder: Path, truth: Truth, oracle: dict[str, np.ndarray] | None, withheld: bool) -> Outcome:
+def _outcome(
+    folder: Path, truth: SealedTruth, oracle: dict[str, np.ndarray] | None, withheld: bool
+) -> Outcome:
     run = json.loads((folder / "run.json").read_text()) if (folder / "run.json").exists() else {}
     report, shrinks, detail = read_report(folder), None, {"output": run.get("output", "")}
     for key in ("oracle_shrink", "oracle_nominal", "oracle_effect"):

@@ -11,7 +11,7 @@ ALARMS = ("effect", "ambiguous", "none_of_mine")  # verdicts that say there is a
 
 
 @dataclass(frozen=True)
-class Truth:
+class SealedTruth:
     """A sealed label, read-only."""
 
     id: str
@@ -22,7 +22,7 @@ class Truth:
     background_scale: float
 
     @classmethod
-    def from_label(cls, label: Mapping[str, Any]) -> Truth:
+    def from_label(cls, label: Mapping[str, Any]) -> SealedTruth:
         """From sealed/<id>.json."""
         return cls(
             id=label["id"],
@@ -69,7 +69,7 @@ class Shrinks:
 class Outcome:
     """One world with what was said of it. `report` is None where the diagnosis crashed or was refused."""
 
-    truth: Truth
+    truth: SealedTruth
     report: Mapping[str, Any] | None
     seconds: float | None = None
     shrinks: Shrinks | None = None

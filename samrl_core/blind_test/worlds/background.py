@@ -10,7 +10,7 @@ from samrl_core.blind_test.disturbances.load.base_tilt import tilted
 from samrl_core.blind_test.engines.arm_body import ArmBody, scaled_inertia, with_tool
 from samrl_core.blind_test.engines.simulate import Reality
 from samrl_core.cell.robots.robot import RobotSpec
-from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, Tolerances, Tool
+from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, NominalTool, Tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ def _spread(value: float | tuple[float, ...], base: np.ndarray) -> np.ndarray:
 def draw_background(
     spec: RobotSpec,
     nominal_body: ArmBody,
-    tool: Tool,
+    tool: NominalTool,
     armature: np.ndarray,
     tolerances: Tolerances,
     scale: float,
@@ -61,7 +61,9 @@ def draw_background(
         mass_errors.append(error)
         shifts.append(shift.tolist())
     tool_error = scale * tolerances.tool_mass * rng.uniform(-1, 1)
-    real_tool = Tool(tool.mass * (1 + tool_error), tool.center_of_mass, tool.inertia * (1 + tool_error))
+    real_tool = NominalTool(
+        tool.mass * (1 + tool_error), tool.center_of_mass, tool.inertia * (1 + tool_error)
+    )
     body = with_tool(ArmBody(tuple(links), nominal_body.flange_in_last), real_tool)
 
     drive, sensor = (

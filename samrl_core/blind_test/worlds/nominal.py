@@ -15,7 +15,7 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
 from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks import task_named
-from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances, Tool
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool, Tolerances
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.cell.types.pose import Pose
 
@@ -38,7 +38,7 @@ class NominalArm:
 
     role: str
     spec: RobotSpec  # with `ARMATURE`
-    tool: Tool
+    tool: NominalTool
     bare: ArmBody
     body: ArmBody  # with tool
     model: ArmModel  # with tool; base axes
@@ -55,8 +55,8 @@ def nominal_arm(role: str) -> NominalArm:
     cell = cell_named()
     held = task_named("peg_insertion").scene(cell).tool
     tool = {
-        "tool_arm": Tool(held.mass, held.center_of_mass, held.inertia),
-        "camera_arm": Tool(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
+        "tool_arm": NominalTool(held.mass, held.center_of_mass, held.inertia),
+        "camera_arm": NominalTool(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
     }[role]
     spec = replace(cell.arm(role), armature=ARMATURE[role])
     bare = read_arm_body(spec)
@@ -64,7 +64,7 @@ def nominal_arm(role: str) -> NominalArm:
     return NominalArm(role, spec, tool, bare, with_tool(bare, tool), model, description_of(spec))
 
 
-def payload_of(tool: Tool) -> Payload:
+def payload_of(tool: NominalTool) -> Payload:
     """A tool as the arm model takes it."""
     return Payload(tool.mass, tool.center_of_mass, tool.inertia)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ExcitationParameter:
     """A number, or a list of numbers, with its unit, range and default."""
 
     unit: str
@@ -26,28 +26,28 @@ class Kind:
     """One kind of trajectory."""
 
     shows: str  # what is told apart by it
-    parameters: dict[str, Parameter]
+    parameters: dict[str, ExcitationParameter]
 
 
-def _lasting(default: float) -> Parameter:
-    return Parameter("s", 1.0, 600.0, default)
+def _lasting(default: float) -> ExcitationParameter:
+    return ExcitationParameter("s", 1.0, 600.0, default)
 
 
 _COMMON = {
     "duration_s": _lasting(15.0),
-    "seed": Parameter("-", 0, 2**31 - 1, 0, whole=True),
-    "stiffness_scale": Parameter("-", 0.2, 1.5, 1.0),
-    "damping_scale": Parameter("-", 0.3, 1.2, 1.0),
+    "seed": ExcitationParameter("-", 0, 2**31 - 1, 0, whole=True),
+    "stiffness_scale": ExcitationParameter("-", 0.2, 1.5, 1.0),
+    "damping_scale": ExcitationParameter("-", 0.3, 1.2, 1.0),
 }
-_SCALED = {"amplitude": Parameter("of the free box", 0.05, 1.0, 1.0)}
-_SPEEDS = Parameter("rad/s", 0.005, 1.0, (0.03, 0.1, 0.3))
-_BAND = Parameter("Hz", 0.05, 50.0, (0.1, 5.0))
-_POSES = Parameter("-", 2, 40, 8, whole=True)
+_SCALED = {"amplitude": ExcitationParameter("of the free box", 0.05, 1.0, 1.0)}
+_SPEEDS = ExcitationParameter("rad/s", 0.005, 1.0, (0.03, 0.1, 0.3))
+_BAND = ExcitationParameter("Hz", 0.05, 50.0, (0.1, 5.0))
+_POSES = ExcitationParameter("-", 2, 40, 8, whole=True)
 
 KINDS: dict[str, Kind] = {
     "slow": Kind(
         "friction: Coulomb, viscous, Stribeck, asymmetry, by speed and direction; loads, by rests",
-        _COMMON | _SCALED | {"speeds": _SPEEDS, "poses": Parameter("-", 2, 40, 6, whole=True)},
+        _COMMON | _SCALED | {"speeds": _SPEEDS, "poses": ExcitationParameter("-", 2, 40, 6, whole=True)},
     ),
     "multisine": Kind(
         "inertia, viscous friction, delay, low-pass and elasticity, by frequency",
@@ -61,23 +61,26 @@ KINDS: dict[str, Kind] = {
     "chirp": Kind(
         "delay (phase linear in frequency) against low-pass (amplitude too) and elasticity (resonance)",
         _COMMON
-        | {"band": Parameter("Hz", 0.05, 50.0, (1.0, 20.0)), "speed": Parameter("rad/s", 0.01, 0.5, 0.15)},
+        | {
+            "band": ExcitationParameter("Hz", 0.05, 50.0, (1.0, 20.0)),
+            "speed": ExcitationParameter("rad/s", 0.01, 0.5, 0.15),
+        },
     ),
     "micro_reversals": Kind(
         "presliding, backlash and elasticity against Coulomb friction: loops of milliradians under load",
         _COMMON
         | {
-            "amplitude": Parameter("rad", 0.001, 0.05, 0.004),
-            "speed": Parameter("rad/s", 0.002, 0.1, 0.02),
-            "poses": Parameter("-", 1, 20, 4, whole=True),
+            "amplitude": ExcitationParameter("rad", 0.001, 0.05, 0.004),
+            "speed": ExcitationParameter("rad/s", 0.002, 0.1, 0.02),
+            "poses": ExcitationParameter("-", 1, 20, 4, whole=True),
         },
     ),
     "sweep": Kind(
         "what repeats with position: gear ripple, position-dependent friction, eccentricity, cable",
         _COMMON
         | {
-            "amplitude": Parameter("rad", 0.05, 1.0, 0.3),
-            "speeds": Parameter("rad/s", 0.01, 1.0, (0.2, 0.5)),
+            "amplitude": ExcitationParameter("rad", 0.05, 1.0, 0.3),
+            "speeds": ExcitationParameter("rad/s", 0.01, 1.0, (0.2, 0.5)),
             "duration_s": _lasting(65.0),
         },
     ),
@@ -87,8 +90,8 @@ KINDS: dict[str, Kind] = {
         | _SCALED
         | {
             "band": _BAND,
-            "stiffness_scale": Parameter("-", 0.2, 1.5, 0.5),
-            "damping_scale": Parameter("-", 0.3, 1.2, 0.7),
+            "stiffness_scale": ExcitationParameter("-", 0.2, 1.5, 0.5),
+            "damping_scale": ExcitationParameter("-", 0.3, 1.2, 0.7),
         },
     ),
     "two_loads": Kind(
@@ -97,8 +100,8 @@ KINDS: dict[str, Kind] = {
         | _SCALED
         | {
             "speeds": _SPEEDS,
-            "poses": Parameter("-", 2, 40, 6, whole=True),
-            "extra_mass": Parameter("kg", 0.05, 3.0, 0.5),
+            "poses": ExcitationParameter("-", 2, 40, 6, whole=True),
+            "extra_mass": ExcitationParameter("kg", 0.05, 3.0, 0.5),
         },
     ),
 }

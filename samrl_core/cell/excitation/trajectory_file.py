@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from samrl_core.cell.excitation.catalogue import KINDS, Kind, Parameter
+from samrl_core.cell.excitation.catalogue import KINDS, ExcitationParameter, Kind
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_yaml, read_text
@@ -41,7 +41,7 @@ class TrajectoryFile:
         checked = {k: _checked(f"parameters.{k}", v, self._rule(k)) for k, v in self.parameters.items()}
         object.__setattr__(self, "parameters", checked)
 
-    def _rule(self, name: str) -> Parameter:
+    def _rule(self, name: str) -> ExcitationParameter:
         known = self.about.parameters
         if name not in known:
             raise InputError(f"parameters.{name} is unknown to '{self.kind}', which has {', '.join(known)}")
@@ -143,7 +143,7 @@ class _StrictLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def _checked(key: str, value: Any, rule: Parameter) -> float | tuple[float, ...]:
+def _checked(key: str, value: Any, rule: ExcitationParameter) -> float | tuple[float, ...]:
     if rule.is_list:
         if not isinstance(value, (list, tuple)) or not 1 <= len(value) <= 10:
             raise InputError(f"{key} is {value!r}, must be a list of 1 to 10 numbers [{rule.unit}]")
@@ -154,7 +154,7 @@ def _checked(key: str, value: Any, rule: Parameter) -> float | tuple[float, ...]
     return _number(key, value, rule)
 
 
-def _number(key: str, value: Any, rule: Parameter) -> float:
+def _number(key: str, value: Any, rule: ExcitationParameter) -> float:
     wanted = f"must be {'an integer' if rule.whole else 'a number'} from {rule.lower:g} to {rule.upper:g}"
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise InputError(f"{key} is {value!r}, {wanted} [{rule.unit}]")

@@ -73,7 +73,7 @@ class ArmController:
 
 
 @dataclass(frozen=True, eq=False)
-class Tool:
+class NominalTool:
     """Nominal payload at the flange; inertia about its centre of mass in flange axes."""
 
     mass: float  # [kg]
@@ -93,5 +93,5 @@ class ArmDescription:
     joints: tuple[str, ...]
     urdf: str | None  # XML text
     controller: ArmController | None
-    tool: Tool | None = None
+    tool: NominalTool | None = None
     tolerances: Tolerances = field(default_factory=Tolerances)

@@ -37,7 +37,7 @@ _COMMAND_FACTORS = {
 
 
 @dataclass(frozen=True)
-class JointKind:
+class AxisKind:
     """What a URDF says of a joint; limits are infinite where it states none."""
 
     prismatic: bool
@@ -45,7 +45,7 @@ class JointKind:
     upper: float
 
 
-def joint_kinds(urdf: str) -> dict[str, JointKind]:
+def joint_kinds(urdf: str) -> dict[str, AxisKind]:
     """Of the moving joints by name. Raises `InputError` if the text is no XML."""
     root = parse_urdf(urdf, "the URDF")
     kinds = {}
@@ -55,7 +55,7 @@ def joint_kinds(urdf: str) -> dict[str, JointKind]:
         upper = float(limit.get("upper", "inf")) if limit is not None else np.inf
         if joint.get("type") == "continuous" or lower == upper == 0.0:
             lower, upper = -np.inf, np.inf
-        kinds[str(joint.get("name"))] = JointKind(joint.get("type") == "prismatic", lower, upper)
+        kinds[str(joint.get("name"))] = AxisKind(joint.get("type") == "prismatic", lower, upper)
     return kinds
 
 
@@ -76,7 +76,7 @@ def limit_notes(where: str, recording: ArmRecording) -> list[str]:
             return [f"positions of {', '.join(large)} reach {reach:.4g}; are they in radians (or metres)?"]
         return []
     kinds = joint_kinds(recording.arm.urdf)
-    listed = [kinds.get(j, JointKind(False, -np.inf, np.inf)) for j in joints]
+    listed = [kinds.get(j, AxisKind(False, -np.inf, np.inf)) for j in joints]
     lower, upper = np.array([k.lower for k in listed]), np.array([k.upper for k in listed])
     beyond = ((q < lower - _BEYOND) | (q > upper + _BEYOND)).mean(axis=0) > _SHARE
     if not beyond.any():

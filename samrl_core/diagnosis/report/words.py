@@ -6,7 +6,7 @@ import math
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, find_family
-from samrl_core.diagnosis.result import Diagnosis, Estimate, NamedEffect
+from samrl_core.diagnosis.result import Diagnosis, NamedEffect, ParameterEstimate
 
 VERDICT_LABEL = {
     "no_gap": "No gap",
@@ -52,7 +52,7 @@ def effect(name: str) -> str:
     return f"{title} at {place(where)}" if at else title
 
 
-def parameter(estimate: Estimate) -> str:
+def parameter(estimate: ParameterEstimate) -> str:
     """Value with half its 95 % interval and unit, to the digits that the interval supports."""
     low, high = estimate.ci95
     half = (high - low) / 2
@@ -65,7 +65,7 @@ def parameter(estimate: Estimate) -> str:
     return f"{estimate.value:.{max(digits, 0)}f} ± {half:.{max(digits, 0)}f}{unit}"
 
 
-def value(estimate: Estimate) -> str:
+def value(estimate: ParameterEstimate) -> str:
     """The value alone with its unit, to the digits that the interval supports."""
     return (
         parameter(estimate).partition(" ± ")[0].removesuffix(f" {symbol(estimate.unit)}")
@@ -73,7 +73,7 @@ def value(estimate: Estimate) -> str:
     )
 
 
-def interval(estimate: Estimate) -> str:
+def interval(estimate: ParameterEstimate) -> str:
     """The 95 % interval in brackets."""
     low, high = estimate.ci95
     half = (high - low) / 2

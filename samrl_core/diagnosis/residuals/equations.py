@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.cell.types.arm_description import ArmDescription
-from samrl_core.diagnosis.residuals.motion import Motion
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
@@ -39,7 +39,7 @@ Columns = dict[tuple[str, int], np.ndarray]  # (channel, joint) -> (p, N): a few
 class Equations:
     """Residuals of one recording; missing channels are absent from the mappings."""
 
-    motion: Motion
+    motion: RecordedMotion
     residual: dict[str, np.ndarray]  # channel -> (N, J) [N m or rad]
     sigma: dict[str, np.ndarray]  # channel -> (N, J), same unit: noise and floors
     law: np.ndarray | None  # (F, J) commanded effort by the described law at full rate [N m]
@@ -60,7 +60,7 @@ def armature(arm: ArmDescription) -> np.ndarray:
     return controller.armature
 
 
-def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: Motion) -> np.ndarray:
+def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: RecordedMotion) -> np.ndarray:
     """Effort scale (J,) [N m]: the effort limit, or the largest effort seen where none is stated."""
     limit = np.full(len(arm.joints), np.inf)
     if rigid is not None:
@@ -72,7 +72,7 @@ def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: Motion) ->
     return np.where(np.isfinite(limit), limit, largest)
 
 
-def form_equations(motion: Motion) -> Equations:
+def form_equations(motion: RecordedMotion) -> Equations:
     """All residuals that the recording allows."""
     arm, rigid = motion.recording.arm, motion.arm
     residual: dict[str, np.ndarray] = {}
@@ -129,7 +129,9 @@ def form_equations(motion: Motion) -> Equations:
     return Equations(motion, residual, sigma, law, lag, model)
 
 
-def controller_law(motion: Motion, rigid: RigidArm, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+def controller_law(
+    motion: RecordedMotion, rigid: RigidArm, position: np.ndarray, velocity: np.ndarray
+) -> np.ndarray:
     """Commanded effort (F, J) of the described controller at measured states, before clipping."""
     controller, command = motion.recording.arm.controller, motion.command
     assert controller is not None and command is not None
@@ -139,7 +141,7 @@ def controller_law(motion: Motion, rigid: RigidArm, position: np.ndarray, veloci
     return law + rigid.gravity(position) if controller.gravity_compensation else law
 
 
-def clipped(motion: Motion, rigid: RigidArm, law: np.ndarray) -> np.ndarray:
+def clipped(motion: RecordedMotion, rigid: RigidArm, law: np.ndarray) -> np.ndarray:
     """The law within the stated effort limits."""
     controller = motion.recording.arm.controller
     assert controller is not None
@@ -149,7 +151,7 @@ def clipped(motion: Motion, rigid: RigidArm, law: np.ndarray) -> np.ndarray:
     return np.clip(law, -limit, limit)
 
 
-def _between_commands(motion: Motion) -> np.ndarray:
+def _between_commands(motion: RecordedMotion) -> np.ndarray:
     """Effort (J,) by which a line between sparse commands may miss what the controller tracked."""
     command, controller = motion.recording.command, motion.recording.arm.controller
     assert command is not None and controller is not None
@@ -163,7 +165,7 @@ def _between_commands(motion: Motion) -> np.ndarray:
     return controller.stiffness * missed(command.position) + controller.damping * missed(command.velocity)
 
 
-def _controller_residual(motion: Motion, rigid: RigidArm) -> tuple[np.ndarray, int, np.ndarray]:
+def _controller_residual(motion: RecordedMotion, rigid: RigidArm) -> tuple[np.ndarray, int, np.ndarray]:
     """Law, the lag of states that fits its finest detail best, and law - commanded effort at full rate."""
     q, u = motion.raw_position, motion.raw_commanded
     dq = motion.raw_velocity if motion.raw_velocity is not None else motion.full_velocity
@@ -191,7 +193,7 @@ def _high_frequency(x: np.ndarray, rate: float) -> np.ndarray:
     return 1.4826 * np.median(np.abs(detail), axis=0)
 
 
-def _acceleration_noise(motion: Motion, rigid: RigidArm) -> np.ndarray:
+def _acceleration_noise(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
     """Torque noise (J,) that band-limited noisy accelerations leave in inverse dynamics."""
     variance = motion.acceleration_noise(0.0, motion.band)
     some = motion.q[:: max(1, len(motion.q) // 20)]
@@ -210,7 +212,7 @@ def _resolution(position: np.ndarray) -> np.ndarray:
     return out
 
 
-def settled(motion: Motion) -> np.ndarray:
+def settled(motion: RecordedMotion) -> np.ndarray:
     """(N, J) one, but zero near moves of the command that sampling is too slow to follow.
 
     Until the joint has settled, the error of such a recording says nothing.
@@ -232,7 +234,7 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return np.broadcast_to(np.hypot(level, RELATIVE_FLOOR * typical), residual.shape).copy()
 
 
-def _rest_wider(sigma: np.ndarray, motion: Motion, scale: np.ndarray) -> np.ndarray:
+def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:
     """Friction at rest is anything between its bounds: such samples say little about the drive."""
     speed = motion.full_velocity
     resting = np.exp(-((speed / REST_SPEED) ** 2))

@@ -33,7 +33,7 @@ class Noise:
     commanded_effort: np.ndarray
 
 
-class Motion:
+class RecordedMotion:
     """Signals of one recording: `full` rate (F, J) and, with a bar in the formulas, band-limited (N, J).
 
     Attributes that the recording cannot give are None. Times are seconds since its start.

@@ -17,7 +17,7 @@ from samrl_core.diagnosis.residuals.equations import (
     scale_limits,
     settled,
 )
-from samrl_core.diagnosis.residuals.motion import Motion
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_core.diagnosis.simulation.sprung_link import sprung_link
 
@@ -32,7 +32,7 @@ class Trial:
     def __init__(self, recording: ArmRecording, rigid: RigidArm | None, start_s: float = 0.0) -> None:
         """Bring the recording to one clock and form the equations."""
         self.recording, self.rigid = recording, rigid
-        self.motion = Motion(recording, rigid, start_s)
+        self.motion = RecordedMotion(recording, rigid, start_s)
         self.equations: Equations = form_equations(self.motion)
         self.scale = scale_limits(recording.arm, rigid, self.motion)
         self.channels = self.equations.channels

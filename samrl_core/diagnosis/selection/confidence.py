@@ -9,7 +9,7 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.result import Estimate
+from samrl_core.diagnosis.result import ParameterEstimate
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
@@ -38,7 +38,9 @@ def probabilities(fits: Sequence[Fit], remaining: float = 0.0) -> np.ndarray:
     return weights / np.sum(weights)
 
 
-def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator) -> dict[str, Estimate]:
+def estimates(
+    evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
+) -> dict[str, ParameterEstimate]:
     """Parameters of one effect of a fit with 95 % intervals.
 
     Amplitudes are drawn from their posterior, shapes from the curvature of the evidence along each of them,
@@ -69,7 +71,7 @@ def estimates(evidence: Evidence, fit: Fit, index: int, rng: np.random.Generator
     out = {}
     for name, value in best.items():
         low, high = np.quantile(values[name], [0.025, 0.975])
-        out[name] = Estimate(
+        out[name] = ParameterEstimate(
             float(value),
             units.get(name.partition("[")[0], ""),
             (float(min(low, value)), float(max(high, value))),

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from samrl_core.diagnosis.residuals.motion import Motion
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import Curve
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 
 # What an effect may be plotted against, besides the effort.
-AXES: dict[str, tuple[str, Callable[[Motion], np.ndarray]]] = {
+AXES: dict[str, tuple[str, Callable[[RecordedMotion], np.ndarray]]] = {
     "velocity": ("velocity [rad/s]", lambda motion: motion.dq),
     "position": ("position [rad]", lambda motion: motion.q),
     "acceleration": ("acceleration [rad/s2]", lambda motion: motion.ddq),

@@ -24,7 +24,7 @@ class VerdictSettings:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Decision:
     """Verdict, why, rivals that are tied, and what is left when nothing was chosen."""
 
     verdict: str
@@ -40,11 +40,11 @@ def decide(
     alarms: Sequence[str],
     far: HowFar,
     settings: VerdictSettings,
-) -> Outcome:
+) -> Decision:
     """Apply the rules in order: no gap, none of mine, ambiguous, effect."""
     if selection.chosen is None:
         if only_held_out(selection, settings):
-            return Outcome(
+            return Decision(
                 "none_of_mine",
                 (
                     f"held-out recordings are {selection.held_out_excess:.0f} nat beyond noise and"
@@ -54,14 +54,14 @@ def decide(
                 unexplained=1.0,
             )
         if selection.excess < settings.no_gap:
-            return Outcome(
+            return Decision(
                 "no_gap",
                 (
                     "nothing beyond sensor noise and the stated tolerances was found",
                     f"the best effect gains {_best(selection):.1f} nat, {selection.threshold:.1f} are needed",
                 ),
             )
-        return Outcome(
+        return Decision(
             "none_of_mine",
             (
                 f"{selection.excess:.0f} nat of the recordings are beyond noise and tolerances",
@@ -89,13 +89,13 @@ def decide(
         refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
     refusals += list(alarms)
     if refusals:
-        return Outcome("none_of_mine", (*refusals, f"nearest is {named[0].name}, which would be wrong"))
+        return Decision("none_of_mine", (*refusals, f"nearest is {named[0].name}, which would be wrong"))
     tied = [r.name for r in runner_ups if r.probability > settings.rival]
     if named[0].probability < settings.tie and tied:
         reasons.append(
             f"{named[0].name} ({named[0].probability:.0%}) cannot be told from {', '.join(tied)} here"
         )
-        return Outcome("ambiguous", tuple(reasons), tuple(tied))
+        return Decision("ambiguous", tuple(reasons), tuple(tied))
     reasons.append(
         f"{named[0].name} gains {named[0].gain:.0f} nat of evidence; {selection.threshold:.0f} are needed"
     )
@@ -104,7 +104,7 @@ def decide(
         reasons.append(f"the next best, {runner_ups[0].name}, explains {lead:.0f} nat less")
     if far.gap is not None and far.gap.shrink is not None:
         reasons.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
-    return Outcome("effect", tuple(reasons))
+    return Decision("effect", tuple(reasons))
 
 
 def only_held_out(selection: Selection, settings: VerdictSettings) -> bool:

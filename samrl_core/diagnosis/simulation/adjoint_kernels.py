@@ -14,7 +14,7 @@ from __future__ import annotations
 import warp as wp
 
 from samrl_core.diagnosis.simulation.drive_kernels import before_solve, update
-from samrl_core.diagnosis.simulation.rigid_kernels import Motion, back_substitute, solve, virtual_power
+from samrl_core.diagnosis.simulation.rigid_kernels import RigidMotion, back_substitute, solve, virtual_power
 from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, Bodies, H, f64
 
 TAU = wp.constant(int(H.TAU))
@@ -23,7 +23,7 @@ OUTSIDE = wp.constant(int(H.OUTSIDE))
 
 
 @wp.kernel(enable_backward=False)
-def repeat_kernel(a: Arrays, s: Bodies, m: Motion, k: int):
+def repeat_kernel(a: Arrays, s: Bodies, m: RigidMotion, k: int):
     """Everything of step k up to its accelerations once more, for what one step keeps in memory."""
     b = wp.tid()
     before_solve(a, b, k)
@@ -48,7 +48,7 @@ def update_kernel(a: Arrays, k: int):
 def lambda_kernel(
     a: Arrays,
     s: Bodies,
-    m: Motion,
+    m: RigidMotion,
     acceleration_grad: wp.array2d(dtype=f64),
     hand_grad: wp.array3d(dtype=f64),
     power_grad: wp.array(dtype=f64),
@@ -68,6 +68,6 @@ def lambda_kernel(
 
 
 @wp.kernel
-def power_kernel(a: Arrays, m: Motion, k: int):
+def power_kernel(a: Arrays, m: RigidMotion, k: int):
     """Minus the virtual power of the inverse dynamics."""
     virtual_power(a, m, wp.tid(), k % a.slots)

@@ -22,7 +22,7 @@ from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, DivergenceEr
 from samrl_core.diagnosis.simulation.loop_model import interpolation
 from samrl_core.diagnosis.simulation.plant_arrays import unpack_gradient
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
-from samrl_core.diagnosis.simulation.rigid_kernels import Motion
+from samrl_core.diagnosis.simulation.rigid_kernels import RigidMotion
 from samrl_core.diagnosis.simulation.simulation import Simulation
 from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, F, Mat3, P, S, Vec3
 
@@ -142,7 +142,7 @@ def _seed(simulation: Simulation, slope: Rollouts, shape: tuple[int, ...]) -> No
 
 def _motion(simulation: Simulation) -> Any:
     count, n, device = len(simulation.plants), simulation.tree.joints, simulation.loop.device
-    m = Motion()
+    m = RigidMotion()
     base = np.zeros((count, n + 1, 3, 3))
     base[:, 0] = np.eye(3)
     m.rotation = wp.array(base, dtype=Mat3, device=device, requires_grad=True)
@@ -170,7 +170,7 @@ def _backwards(simulation: Simulation) -> np.ndarray:
         (wp.launch(update_kernel, inputs=[a, 0], adj_inputs=[Arrays(), 0], **back), 1),
         (wp.launch(lambda_kernel, inputs=[a, s, m, *scratch], **launch), None),
         (wp.launch(power_kernel, inputs=[a, m, 0], **launch), 2),
-        (wp.launch(power_kernel, inputs=[a, m, 0], adj_inputs=[Arrays(), Motion(), 0], **back), 2),
+        (wp.launch(power_kernel, inputs=[a, m, 0], adj_inputs=[Arrays(), RigidMotion(), 0], **back), 2),
         (wp.launch(before_kernel, inputs=[a, 0], adj_inputs=[Arrays(), 0], **back), 1),
     ]
     for k in reversed(range(simulation.steps)):
@@ -221,7 +221,7 @@ def _start_backwards(
         power_kernel,
         inputs=[a, m, spare],
         adjoint=True,
-        adj_inputs=[Arrays(), Motion(), 0],
+        adj_inputs=[Arrays(), RigidMotion(), 0],
         adj_outputs=[],
         **launch,
     )

@@ -12,7 +12,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.plant_arrays import FREE_EFFORT, TEETH_PER_EFFORT
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
-from samrl_core.diagnosis.simulation.tree import Tree
+from samrl_core.diagnosis.simulation.tree import JointTree
 
 
 class LoopModel:
@@ -60,7 +60,7 @@ class LoopModel:
         limits = np.where(np.isfinite(self.effort_limit), self.effort_limit, FREE_EFFORT)
         self.teeth = TEETH_PER_EFFORT * limits
         self.hints: dict[int, np.ndarray] = {}  # inertia each joint feels, per tree; filled on first use
-        self.trees = {mount: Tree(self.rigid, mount) for mount in (0, 2)}
+        self.trees = {mount: JointTree(self.rigid, mount) for mount in (0, 2)}
 
     def groups(self, plants: Sequence[PlantParameters]) -> list[tuple[list[int], int]]:
         """Indices of the plants that share a tree, and the number of joints of their mount."""

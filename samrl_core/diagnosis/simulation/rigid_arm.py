@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from samrl_core.cell.robots.urdf_text import parse_urdf
-from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, ArmDescription, Tool
+from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, ArmDescription, NominalTool
 from samrl_core.common.errors import InputError
 
 
@@ -173,7 +173,7 @@ class RigidArm:
         return full
 
 
-def add_tool(model: Any, joint: int, flange_in_joint: Any, tool: Tool) -> None:
+def add_tool(model: Any, joint: int, flange_in_joint: Any, tool: NominalTool) -> None:
     """Fix a payload to the flange of a Pinocchio model."""
     inertia = pin.Inertia(tool.mass, np.asarray(tool.center_of_mass), np.asarray(tool.inertia))
     model.inertias[joint] = model.inertias[joint] + inertia.se3Action(flange_in_joint)

@@ -222,7 +222,7 @@ def solve(a: Arrays, s: Bodies, b: int, slot: int):
 
 
 @wp.struct
-class Motion:
+class RigidMotion:
     """One outward pass for the virtual power; slot 0 of every array is the fixed base."""
 
     rotation: wp.array2d(dtype=Mat3)
@@ -239,7 +239,7 @@ class Motion:
 
 
 @wp.func
-def virtual_power(a: Arrays, m: Motion, b: int, slot: int):
+def virtual_power(a: Arrays, m: RigidMotion, b: int, slot: int):
     """Minus the power of the inverse dynamics under virtual velocities: written once, so differentiable."""
     m.av[b, 0] = -a.gravity[b]
     for j in range(a.joints):

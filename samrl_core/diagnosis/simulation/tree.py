@@ -10,7 +10,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 
-class Tree:
+class JointTree:
     """Joints of an arm as arrays, parents first; a mount adds two before them, turning about x and y."""
 
     def __init__(self, rigid: RigidArm, mount: int) -> None:

@@ -15,7 +15,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.model.physical_parameters.push_record import Disc, PushRecord
 from samrl_core.model.physics.physics_model import PhysicsModel
-from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
+from samrl_core.model.physics.scene import WORLD, ContactPair, Joint, JointKind, PhysicsBody, PhysicsScene
 from samrl_core.model.physics.shapes import box, plane
 from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState
 
@@ -148,8 +148,8 @@ def _scene(disc: Disc, arm_mass: float, step_s: float, contact: PushContactSetti
     half_extents = (contact.blade_half_thickness, contact.blade_half_width, contact.blade_half_height)
     face = box(half_extents, 0.5 * contact.blade_half_thickness, _at(0.0, 0.0, 0.5 * disc.thickness))
     along = Joint(JointKind.PRISMATIC, (1.0, 0.0, 0.0))
-    blade = Body("blade", arm_mass, arm_mass * 1e-3 * np.eye(3), (along,), shapes=(face,))
-    body = Body("disc", 1.0, 1e-3 * np.eye(3), (Joint(JointKind.FREE),))
+    blade = PhysicsBody("blade", arm_mass, arm_mass * 1e-3 * np.eye(3), (along,), shapes=(face,))
+    body = PhysicsBody("disc", 1.0, 1e-3 * np.eye(3), (Joint(JointKind.FREE),))
     angle = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
     rim = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(RIM_POINTS)]) * disc.rim_radius
     rim[:, 2] = -0.5 * disc.thickness

@@ -54,7 +54,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class PhysicsBody:
     """A rigid body behind its joints; its frame is that after its last joint."""
 
     name: str
@@ -92,7 +92,7 @@ class PhysicsScene:
         InputError: mass, inertia, index or size that no rigid body can have.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[PhysicsBody, ...]
     world_shapes: tuple[Shape, ...] = ()
     contacts: tuple[ContactPair, ...] = ()
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)  # [m/s^2]
@@ -135,7 +135,7 @@ class PhysicsScene:
             )
 
 
-def _check_body(index: int, body: Body) -> None:
+def _check_body(index: int, body: PhysicsBody) -> None:
     if not (np.isfinite(body.mass) and body.mass > 0):
         raise InputError(f"mass {body.mass} kg of {body.name} must be positive; weld it to what carries it")
     inertia = np.asarray(body.inertia, dtype=np.float64)

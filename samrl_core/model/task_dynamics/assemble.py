@@ -11,7 +11,7 @@ from samrl_core.cell.tasks.start import DOWN
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types import scene as things
 from samrl_core.cell.types.pose import Pose
-from samrl_core.model.physics.scene import Body, Joint, JointKind, PhysicsScene
+from samrl_core.model.physics.scene import Joint, JointKind, PhysicsBody, PhysicsScene
 from samrl_core.model.physics.shapes import plane
 from samrl_core.model.task_dynamics.contacts import ContactPairs, Placed
 from samrl_core.model.task_dynamics.grip import grip_of
@@ -60,12 +60,12 @@ def assemble(task: Task, cell: CellSpec, settings: ContactSettings) -> Assembly:
         shapes = solids_of(body, s.edge)
         placed[body.name] = Placed(len(bodies), len(shapes), body.friction)
         if body in free:
-            made = Body(body.name, body.mass, body.inertia, (Joint(JointKind.FREE),), shapes=shapes)
+            made = PhysicsBody(body.name, body.mass, body.inertia, (Joint(JointKind.FREE),), shapes=shapes)
         else:  # welded or driven: its mass moves nothing
             shift = _drive() if body in shifted else ()
             place = Pose.from_rotation(np.zeros(3), body.body_in_world.rotation)
             weld = Joint(JointKind.WELD, joint_in_parent=place if body in shifted else body.body_in_world)
-            made = Body(body.name, 1.0, np.eye(3), (*shift, weld), shapes=shapes)
+            made = PhysicsBody(body.name, 1.0, np.eye(3), (*shift, weld), shapes=shapes)
         bodies.append(made)
 
     fixed = [placed[body.name] for body in (*shifted, *welded)]
@@ -95,7 +95,7 @@ def _drive() -> tuple[Joint, ...]:
 
 def _tip_bodies(
     task: Task, cell: CellSpec, tool: things.Tool, held: things.Part | None, s: ContactSettings, sprung: bool
-) -> list[Body]:
+) -> list[PhysicsBody]:
     """What is held, in the frame of the tip: moved along the base's axes, not turned but by giving way."""
     down = Joint(JointKind.WELD, joint_in_parent=Pose.from_rotation(np.zeros(3), DOWN))
     flange_in_tip = tool.tip_in_flange.inverse()
@@ -103,7 +103,7 @@ def _tip_bodies(
     if held is not None:
         shapes = (solid_of(replace(held, part_in_body=flange_in_tip @ held.part_in_body), s.edge),)
     if not sprung:  # driven: its mass moves nothing
-        return [Body(tool.name, tool.mass, tool.inertia, (*_drive(), down), shapes=shapes)]
+        return [PhysicsBody(tool.name, tool.mass, tool.inertia, (*_drive(), down), shapes=shapes)]
     grip = grip_of(task, cell)
     center = flange_in_tip.apply(tool.center_of_mass)
     joints = []
@@ -114,13 +114,13 @@ def _tip_bodies(
         for axis, k, m in zip(AXES, stiffness.tolist(), inertia.tolist(), strict=False):
             joints.append(Joint(kind, axis, stiffness=k, damping=2.0 * float(np.sqrt(k * m))))
     turn = flange_in_tip.rotation
-    carriage = Body("carriage", 1.0, np.eye(3), _drive())
+    carriage = PhysicsBody("carriage", 1.0, np.eye(3), _drive())
     com = (float(center[0]), float(center[1]), float(center[2]))
     inertia = turn @ tool.inertia @ turn.T
-    return [carriage, Body(tool.name, tool.mass, inertia, (*joints, down), com, 0, shapes)]
+    return [carriage, PhysicsBody(tool.name, tool.mass, inertia, (*joints, down), com, 0, shapes)]
 
 
-def _chain_bodies(chain: tuple[things.ChainLink, ...], tip: int) -> list[Body]:
+def _chain_bodies(chain: tuple[things.ChainLink, ...], tip: int) -> list[PhysicsBody]:
     bodies = []
     for i, link in enumerate(chain):
         start = Pose(np.array([0.0, 0.0, chain[i - 1].length if i else 0.0]), UNTURNED)
@@ -129,5 +129,5 @@ def _chain_bodies(chain: tuple[things.ChainLink, ...], tip: int) -> list[Body]:
             for axis, place in ((AXES[0], start), (AXES[1], Pose.identity()))
         )
         center = (float(link.center_of_mass[0]), float(link.center_of_mass[1]), float(link.center_of_mass[2]))
-        bodies.append(Body(link.name, link.mass, link.inertia, (about_x, about_y), center, tip + i))
+        bodies.append(PhysicsBody(link.name, link.mass, link.inertia, (about_x, about_y), center, tip + i))
     return bodies

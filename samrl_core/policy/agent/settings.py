@@ -15,7 +15,7 @@ from samrl_core.policy.networks.weights import load_weights, sha256_of, weights_
 from samrl_core.policy.planning.trajectory import TrajectorySettings
 from samrl_core.policy.view.sensing_value import Networks
 from samrl_core.policy.view.view_ascent import ViewAscentSettings
-from samrl_core.policy.view.view_planning import ViewPlannerSettings
+from samrl_core.policy.view.view_planning import ViewPlanningSettings
 
 Log = Callable[[str], None]  # takes, in words, what did not go as it should
 
@@ -42,7 +42,7 @@ class AgentSettings:
     exploration_limit: float = 0.003  # of what is tried before there is a residual, which has its own [m]
     longest: float = LONGEST_DISPLACEMENT  # action, its residual included [m]
     plan: TrajectorySettings = TrajectorySettings(max_sub_goals=3, max_iterations=3, spare_actions=1)
-    information: ViewPlannerSettings = field(default_factory=ViewPlannerSettings)
+    information: ViewPlanningSettings = field(default_factory=ViewPlanningSettings)
     ascent: ViewAscentSettings = ViewAscentSettings()
 
     def __post_init__(self) -> None:

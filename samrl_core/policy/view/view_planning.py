@@ -28,7 +28,7 @@ STRATEGIES = ("best", "fixed", "random")
 
 
 @dataclass(frozen=True)
-class ViewPlannerSettings:
+class ViewPlanningSettings:
     """Error model, price of moving, and how many views are looked at closely."""
 
     noise: ImageNoise = field(default_factory=ImageNoise)
@@ -67,11 +67,11 @@ class ViewPlanner:
     """Chooses among the reachable views of one cell and task."""
 
     def __init__(
-        self, model: Model, cell: CellSpec, task: Task, settings: ViewPlannerSettings | None = None
+        self, model: Model, cell: CellSpec, task: Task, settings: ViewPlanningSettings | None = None
     ) -> None:
         """Builds a second, smaller renderer for the first look."""
         self._model, self._cell, self._task = model, cell, task
-        self._settings = s = settings or ViewPlannerSettings()
+        self._settings = s = settings or ViewPlanningSettings()
         k, c = cell.intrinsics, s.coarse_scale
         small = Intrinsics(k.width // c, k.height // c, k.fx / c, k.fy / c, k.cx / c, k.cy / c)
         self._small_model = Model(task, replace(cell, intrinsics=small), ModelSettings())

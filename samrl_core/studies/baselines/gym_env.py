@@ -32,7 +32,7 @@ from samrl_core.policy.networks.network_image import (
 )
 from samrl_core.studies.episodes.cell_driver import CellDriver
 from samrl_core.studies.episodes.differing_world import differing_cell, differing_settings
-from samrl_core.studies.episodes.residual_episodes import Place
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite
 
 PERIOD_S = 0.1  # of an action [s]
 TIP_LIMIT = 2.0  # no tip is farther from its arm's base, per axis [m]
@@ -166,6 +166,6 @@ def differing_env(task: str, offset: Sequence[float], render_mode: str | None = 
     """
     if np.shape(offset) != (3,) or not np.isfinite(offset).all():
         raise InputError(f"offset is {offset}, must be three finite numbers [m]")
-    world = Place(task, DEFAULT_POLICY, None, (offset[0], offset[1], offset[2]))
+    world = EpisodeSite(task, DEFAULT_POLICY, None, (offset[0], offset[1], offset[2]))
     real = differing_cell(cell_named(), world.offset)
     return CellEnv(task, differing_settings(), render_mode, real, world.max_actions)

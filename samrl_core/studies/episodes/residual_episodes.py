@@ -37,7 +37,7 @@ ENDS = {"done": End.SUCCESS, "action_limit": End.FAILURE}  # what else ends an e
 
 
 @dataclass(frozen=True)
-class Place:
+class EpisodeSite:
     """Which world, and which nominal policy acts in it."""
 
     task: str
@@ -55,7 +55,7 @@ class Place:
 class Order:
     """One episode."""
 
-    place: Place
+    place: EpisodeSite
     seed: int  # of the scene and the sensors
     max_actions: int
     residual: dict[str, np.ndarray]  # weights of the actor by name; empty is the zero residual
@@ -89,7 +89,7 @@ class Stage:
     whichever process runs it.
     """
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: EpisodeSite) -> None:
         """Builds the model and compiles what the agent needs."""
         self._cell, self._task = cell_named(), task_named(place.task)
         self._offset = place.offset
@@ -155,7 +155,7 @@ def _residual(order: Order) -> ResidualActor | None:
 
 
 @lru_cache(maxsize=3)  # the tasks that share a process
-def _stage(place: Place) -> Stage:
+def _stage(place: EpisodeSite) -> Stage:
     return Stage(place)
 
 

@@ -43,7 +43,7 @@ OTHER_COLOR = (0.15, 0.55, 0.30)  # that the model believes where it is told wro
 
 
 @dataclass(frozen=True)
-class Study:
+class UpdatingStudy:
     """One row of the figure."""
 
     name: str
@@ -57,17 +57,17 @@ class Study:
 _THREAD_SPREAD = (NeedleThreading().half_range,) * 20
 _PANCAKE_SPREAD = (0.03, 0.03, 0.015, 0.35, 0.35)
 STUDIES = (
-    Study("thread", NeedleThreading(), 200, 20, _THREAD_SPREAD),
-    Study("thread_other_color", NeedleThreading(), 200, 20, _THREAD_SPREAD, recolored=True),
-    Study("thread_of_colors", NeedleThreading(link_colors=HUES), 200, 20, _THREAD_SPREAD),
-    Study("pancake", SpatulaFlipping(), 100, 10, _PANCAKE_SPREAD),
+    UpdatingStudy("thread", NeedleThreading(), 200, 20, _THREAD_SPREAD),
+    UpdatingStudy("thread_other_color", NeedleThreading(), 200, 20, _THREAD_SPREAD, recolored=True),
+    UpdatingStudy("thread_of_colors", NeedleThreading(link_colors=HUES), 200, 20, _THREAD_SPREAD),
+    UpdatingStudy("pancake", SpatulaFlipping(), 100, 10, _PANCAKE_SPREAD),
 )
 
 
-class Bench:
+class UpdatingSetup:
     """A study's model and world."""
 
-    def __init__(self, study: Study) -> None:
+    def __init__(self, study: UpdatingStudy) -> None:
         """Builds both."""
         cell = cell_named()
         self.study = study
@@ -203,7 +203,7 @@ def main(arguments: list[str] | None = None) -> int:
         missing = [s for s in seeds if (study.name, s) not in {(c.study, c.seed) for c in cases}]
         if not missing:
             continue
-        bench = Bench(study)
+        bench = UpdatingSetup(study)
         for seed in missing:
             case, pictures = bench.run(seed)
             cases.append(case)

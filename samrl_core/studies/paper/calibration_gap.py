@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.common.statistics import Share
-from samrl_core.studies.episodes.residual_episodes import Order, Place, Play, Played
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Order, Play, Played
 from samrl_core.studies.experiment import Case, CaseLog, Tell
 
 LADDER = (0.0, 0.002, 0.004, 0.005, 0.006, 0.008, 0.012, 0.016)  # lengths of the error [m]
@@ -29,7 +29,7 @@ _GAP = 3  # first of what these scenes' seeds are made of; 1 and 2 are a run's
 
 
 def gaps(
-    log: CaseLog, places: Sequence[Place], play: Play, tell: Tell, processes: int = 1
+    log: CaseLog, places: Sequence[EpisodeSite], play: Play, tell: Tell, processes: int = 1
 ) -> dict[str, dict[str, Any]]:
     """For each place's task the error that is taken, and what it was chosen by.
 
@@ -59,7 +59,7 @@ def gaps(
     return found
 
 
-def _judge(entry: dict[str, Any], log: CaseLog, place: Place, length: float, tell: Tell) -> None:
+def _judge(entry: dict[str, Any], log: CaseLog, place: EpisodeSite, length: float, tell: Tell) -> None:
     share = Share.of([log.cases[_key(place, length, k)]["success"] for k in range(EPISODES)])
     entry["success"][f"{1e3 * length:g} mm"] = share.as_dict()
     if (share.value or 0.0) <= AT_MOST or length == LADDER[-1]:
@@ -73,16 +73,16 @@ def offset_of(length: float) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _key(place: Place, length: float, number: int) -> str:
+def _key(place: EpisodeSite, length: float, number: int) -> str:
     return f"gap/{place.task}/{1e3 * length:g}mm/{number}"
 
 
-def _order(place: Place, length: float, number: int) -> Order:
+def _order(place: EpisodeSite, length: float, number: int) -> Order:
     seed = int(np.random.SeedSequence([_GAP, number]).generate_state(1)[0] >> 1)
     return Order(replace(place, offset=offset_of(length)), seed, place.max_actions, {}, 0.003)
 
 
-def _case(place: Place, length: float, number: int, played: Played) -> Case:
+def _case(place: EpisodeSite, length: float, number: int, played: Played) -> Case:
     return {
         "key": _key(place, length, number),
         "task": place.task,

@@ -17,7 +17,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.learning.residual.learner import LearnerSettings
 from samrl_core.learning.residual.td3 import TD3Settings
 from samrl_core.policy.networks.weights import WeightsInfo, load_weights
-from samrl_core.studies.episodes.residual_episodes import Order, Place, Play
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Order, Play
 
 TRAINING, EVALUATION = 1, 2  # seeds of scenes never meet: these come first in what they are made of
 
@@ -78,7 +78,12 @@ def weights_of(actor: nn.Module, updates: float) -> dict[str, np.ndarray]:
 
 
 def order_of(
-    kind: int, number: int, place: Place, seed: int, settings: RunSettings, weights: dict[str, np.ndarray]
+    kind: int,
+    number: int,
+    place: EpisodeSite,
+    seed: int,
+    settings: RunSettings,
+    weights: dict[str, np.ndarray],
 ) -> Order:
     """One episode.
 
@@ -98,7 +103,7 @@ def order_of(
 
 
 def evaluated(
-    play: Play, place: Place, seed: int, settings: RunSettings, weights: dict[str, np.ndarray]
+    play: Play, place: EpisodeSite, seed: int, settings: RunSettings, weights: dict[str, np.ndarray]
 ) -> Evaluated:
     """Episodes of the run's own scenes, the same ones for all weights; arguments as of `order_of`."""
     orders = [order_of(EVALUATION, k, place, seed, settings, weights) for k in range(settings.evaluated)]
@@ -115,7 +120,7 @@ def evaluated(
 
 
 def evaluated_file(
-    play: Play, place: Place, seed: int, settings: RunSettings, file: Path, cell: CellSpec
+    play: Play, place: EpisodeSite, seed: int, settings: RunSettings, file: Path, cell: CellSpec
 ) -> tuple[Evaluated, WeightsInfo]:
     """A residual that a run has kept, and what its file says of itself.
 

@@ -24,7 +24,7 @@ from samrl_core.learning.residual.replay import End, Replay, ReplayInfo
 from samrl_core.learning.residual.transitions import StepFeatures, encoder_sha256, transitions_of
 from samrl_core.policy.networks.networks import Encoder, ResidualActor
 from samrl_core.policy.networks.weights import WeightsInfo, save_weights
-from samrl_core.studies.episodes.residual_episodes import Place, Play, Played
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Play, Played
 from samrl_core.studies.paper.residual_evaluation import TRAINING, RunSettings, order_of, weights_of
 
 KIND = "residual_run"
@@ -40,7 +40,7 @@ class ResidualRun:
     def __init__(
         self,
         folder: Path,
-        place: Place,
+        place: EpisodeSite,
         cell: CellSpec,
         encoder: Encoder,
         seed: int,

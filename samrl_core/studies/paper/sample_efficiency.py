@@ -28,7 +28,7 @@ from samrl_core.cell.tasks import TASKS
 from samrl_core.common.executor import worker_pool
 from samrl_core.learning.residual.transitions import nominal_encoder
 from samrl_core.policy.networks.weights import weights_file, weights_name
-from samrl_core.studies.episodes.residual_episodes import Order, Place, Play, Played, play
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Order, Play, Played, play
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell
 from samrl_core.studies.paper.calibration_gap import gaps, offset_of
 from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated_file
@@ -57,7 +57,8 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
     points = points_up_to(options.count or BUDGET)
     log = CaseLog(options.out)
     calibrated = [
-        Place(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0)) for t in options.tasks
+        EpisodeSite(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0))
+        for t in options.tasks
     ]
     for place in calibrated:
         tell(f"{place.task}: nominal actions are {place.policy}")
@@ -86,7 +87,7 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
 class TrainingJob:
     """One training."""
 
-    place: Place
+    place: EpisodeSite
     seed: int
     settings: RunSettings
 

@@ -7,7 +7,7 @@ import torch
 
 from samrl_core.cell.types.pose import Pose
 from samrl_core.model.physics.physics_model import PhysicsModel
-from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
+from samrl_core.model.physics.scene import WORLD, ContactPair, Joint, JointKind, PhysicsBody, PhysicsScene
 from samrl_core.model.physics.shapes import plane
 from samrl_core.model.physics.state import PhysicsState
 
@@ -38,7 +38,7 @@ def cylinder_inertia(mass: float, radius: float, length: float) -> np.ndarray:
 
 def chain(
     links: int, length: float, mass: float, radius: float, stiffness: float, damping: float
-) -> list[Body]:
+) -> list[PhysicsBody]:
     """Links hanging along -z, two hinges in front of each."""
     inertia = cylinder_inertia(mass, radius, length)
     bodies = []
@@ -47,7 +47,7 @@ def chain(
             Joint(JointKind.REVOLUTE, (1, 0, 0), at(0, 0, -length if i else 0), False, stiffness, damping),
             Joint(JointKind.REVOLUTE, (0, 1, 0), stiffness=stiffness, damping=damping),
         )
-        bodies.append(Body(f"link {i}", mass, inertia, joints, (0, 0, -length / 2), i - 1))
+        bodies.append(PhysicsBody(f"link {i}", mass, inertia, joints, (0, 0, -length / 2), i - 1))
     return bodies
 
 
@@ -65,7 +65,7 @@ def chain_start(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 def disc_on_plane(step_s: float = STEP_S, friction: float = DISC_FRICTION) -> PhysicsScene:
     """A disc of 0.1 kg, radius 8 cm, 2 cm thick, on eight points of its lower rim."""
     inertia = cylinder_inertia(DISC_MASS, DISC_RADIUS, DISC_HEIGHT)
-    body = Body("disc", DISC_MASS, inertia, (Joint(JointKind.FREE),))
+    body = PhysicsBody("disc", DISC_MASS, inertia, (Joint(JointKind.FREE),))
     pair = ContactPair(0, circle(DISC_RADIUS, -0.5 * DISC_HEIGHT, 8), WORLD, 0, friction=friction)
     return PhysicsScene((body,), (plane(),), (pair,), step_s=step_s)
 

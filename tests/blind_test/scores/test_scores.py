@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from samrl_core.blind_test.scores.outcome import Outcome, Shrinks, Truth
+from samrl_core.blind_test.scores.outcome import Outcome, SealedTruth, Shrinks
 from samrl_core.blind_test.scores.page import score_page
 from samrl_core.blind_test.scores.scores import all_scores
 from samrl_core.blind_test.scores.table import score_rows
@@ -19,8 +19,8 @@ def effect(
             "parameters": {}, **more}  # fmt: skip
 
 
-def truth(kind: str, *effects: dict[str, Any], scale: float = 1.0, id: str = "w") -> Truth:
-    return Truth(id, kind, "pybullet", "tool_arm", effects, scale)
+def truth(kind: str, *effects: dict[str, Any], scale: float = 1.0, id: str = "w") -> SealedTruth:
+    return SealedTruth(id, kind, "pybullet", "tool_arm", effects, scale)
 
 
 def said(verdict: str, *effects: dict[str, Any], **more: Any) -> dict[str, Any]:

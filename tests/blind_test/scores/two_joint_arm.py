@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tool
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
@@ -37,7 +37,7 @@ def arm() -> ArmDescription:
         armature=np.array([0.1, 0.05]),
     )  # fmt: skip
     return ArmDescription(
-        "tool_arm", JOINTS, URDF, controller, Tool(0.3, np.array([0, 0, 0.05]), 1e-4 * np.eye(3))
+        "tool_arm", JOINTS, URDF, controller, NominalTool(0.3, np.array([0, 0, 0.05]), 1e-4 * np.eye(3))
     )
 
 

@@ -8,13 +8,13 @@ from samrl_core.diagnosis.result import (
     PHASES,
     Curve,
     Diagnosis,
-    Estimate,
     Heatmap,
     HeldOutGap,
     InputFile,
     NamedEffect,
     NextExperiment,
     Overlay,
+    ParameterEstimate,
     Signature,
     Timeline,
     WhereItem,
@@ -30,14 +30,17 @@ COULOMB = NamedEffect(
     "coulomb_friction",
     "joint:panda_joint4",
     0.97,
-    {"Fc": Estimate(0.412, "N m", (0.381, 0.443)), "transition": Estimate(0.0121, "rad/s", (0.008, 0.0162))},
+    {
+        "Fc": ParameterEstimate(0.412, "N m", (0.381, 0.443)),
+        "transition": ParameterEstimate(0.0121, "rad/s", (0.008, 0.0162)),
+    },
     gain=812.4,
 )
 STRIBECK = NamedEffect(
     "stribeck_friction",
     "joint:panda_joint4",
     0.02,
-    {"Fs": Estimate(0.52, "N m", (0.2, 0.9))},
+    {"Fs": ParameterEstimate(0.52, "N m", (0.2, 0.9))},
     795.0,
     "",
     "runner_up",
@@ -46,21 +49,25 @@ DELAY = NamedEffect(
     "command_delay",
     "arm:tool_arm",
     0.004,
-    {"delay": Estimate(0.00213, "s", (0.0018, 0.00241))},
+    {"delay": ParameterEstimate(0.00213, "s", (0.0018, 0.00241))},
     402.1,
     "",
     "runner_up",
 )
 BACKLASH = NamedEffect(
-    "backlash", "joint:panda_joint4", 0.48, {"half_width": Estimate(0.0031, "rad", (0.0024, 0.0037))}, 311.0
+    "backlash",
+    "joint:panda_joint4",
+    0.48,
+    {"half_width": ParameterEstimate(0.0031, "rad", (0.0024, 0.0037))},
+    311.0,
 )
 ELASTICITY = NamedEffect(
     "joint_elasticity",
     "joint:panda_joint4",
     0.45,
     {
-        "stiffness": Estimate(8200.0, "N m/rad", (7100.0, 9400.0)),
-        "damping": Estimate(11.0, "N m s/rad", (4, 18)),
+        "stiffness": ParameterEstimate(8200.0, "N m/rad", (7100.0, 9400.0)),
+        "damping": ParameterEstimate(11.0, "N m s/rad", (4, 18)),
     },
     307.5,
 )

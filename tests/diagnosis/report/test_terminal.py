@@ -10,7 +10,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, find_family
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.terminal import LINES, WIDTH, summary
-from samrl_core.diagnosis.result import VERDICTS, Estimate
+from samrl_core.diagnosis.result import VERDICTS, ParameterEstimate
 from tests.diagnosis.report import samples
 
 FILES = ("report.json", "report.html", "summary.png")
@@ -61,14 +61,14 @@ def test_an_unknown_gap_names_nothing_and_warns_of_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("estimate", "shown"),
     [
-        (Estimate(0.412, "N m", (0.381, 0.443)), "0.412 ± 0.031 N m"),
-        (Estimate(8200.0, "N m/rad", (7100.0, 9400.0)), "8200 ± 1150 N m/rad"),
-        (Estimate(-3e-9, "s", (-4e-9, -2e-9)), "-3e-09 ± 1e-09 s"),
-        (Estimate(1.5, "", (1.5, 1.5)), "1.5"),
-        (Estimate(2.0, "s", (float("-inf"), float("inf"))), "2 s"),
+        (ParameterEstimate(0.412, "N m", (0.381, 0.443)), "0.412 ± 0.031 N m"),
+        (ParameterEstimate(8200.0, "N m/rad", (7100.0, 9400.0)), "8200 ± 1150 N m/rad"),
+        (ParameterEstimate(-3e-9, "s", (-4e-9, -2e-9)), "-3e-09 ± 1e-09 s"),
+        (ParameterEstimate(1.5, "", (1.5, 1.5)), "1.5"),
+        (ParameterEstimate(2.0, "s", (float("-inf"), float("inf"))), "2 s"),
     ],
 )
-def test_digits_follow_the_interval(estimate: Estimate, shown: str) -> None:
+def test_digits_follow_the_interval(estimate: ParameterEstimate, shown: str) -> None:
     assert words.parameter(estimate) == shown
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from samrl_core.cell.robots.panda.spec import PANDA
 from samrl_core.cell.robots.rizon.spec import RIZON4
 from samrl_core.cell.robots.robot import RobotSpec
-from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tool
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool
 from samrl_core.cell.types.arm_recording import JointSignal
 
 _LINK = """<link name="{name}"><inertial><origin xyz="{com}" rpy="0.3 -0.2 0.5"/><mass value="{mass}"/>
@@ -52,7 +52,7 @@ def description(
     joints: tuple[str, ...],
     stiffness: Any,
     damping: Any,
-    tool: Tool | None = None,
+    tool: NominalTool | None = None,
     **controller: Any,
 ) -> ArmDescription:
     count = len(joints)
@@ -65,14 +65,14 @@ def description(
     return ArmDescription("tool_arm", joints, urdf, control, tool)
 
 
-def of_spec(spec: RobotSpec, tool: Tool | None = None, **controller: Any) -> ArmDescription:
+def of_spec(spec: RobotSpec, tool: NominalTool | None = None, **controller: Any) -> ArmDescription:
     gains = spec.controller
     return description(
         spec.urdf.read_text(), spec.joint_names, gains.stiffness, gains.damping, tool, **controller
     )
 
 
-HAND = Tool(0.78, np.array([0.01, -0.02, 0.05]), np.diag([0.002, 0.0025, 0.001]))
+HAND = NominalTool(0.78, np.array([0.01, -0.02, 0.05]), np.diag([0.002, 0.0025, 0.001]))
 # name: description, start
 ARMS: dict[str, tuple[ArmDescription, np.ndarray]] = {
     "panda": (of_spec(PANDA, HAND), PANDA.home),

@@ -13,7 +13,7 @@ import yaml
 from samrl_core.learning.residual import learners
 from samrl_core.learning.residual.training import ResidualTraining, TrainingSettings
 from samrl_core.policy.networks.weights import load_weights
-from samrl_core.studies.episodes.residual_episodes import Place
+from samrl_core.studies.episodes.residual_episodes import EpisodeSite
 from tests.learning import toy_cell
 from tests.learning.residual.test_learners import hold_to_the_protocol
 from tests.learning.small_cell import SMALL
@@ -51,7 +51,7 @@ def test_the_pages_learner_trains_and_is_evaluated_as_td3_is(registered: list[st
     """On a peg whose hole lies 2.2 mm aside: a constant residual helps."""
     names = {
         "folder": tmp_path / "run",
-        "place": Place("toy", "optimised", None, (0.0, 0.0, 0.0)),
+        "place": EpisodeSite("toy", "optimised", None, (0.0, 0.0, 0.0)),
         "cell": SMALL,
         "encoder": toy_cell.ENCODER,
         "play": kinematic_peg.play,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
+from samrl_core.model.physics.scene import WORLD, ContactPair, Joint, JointKind, PhysicsBody, PhysicsScene
 from samrl_core.model.physics.shapes import block_with_hole, box, cylinder, plane, ring
 from samrl_core.studies.speed.physics_scenes import at, chain, circle, cylinder_inertia
 
@@ -26,11 +26,13 @@ def peg_in_hole() -> PhysicsScene:
         Joint(JointKind.REVOLUTE, axis, stiffness=5.0, damping=0.05)
         for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     ]
-    hand = Body("hand", 0.5, 1e-3 * np.eye(3), (HAND,))
+    hand = PhysicsBody("hand", 0.5, 1e-3 * np.eye(3), (HAND,))
     shaft = cylinder(0.01, 0.06, 0.0005, at(0, 0, -0.03))
-    peg = Body("peg", 0.05, cylinder_inertia(0.05, 0.01, 0.06), tuple(springs), (0, 0, -0.03), 0, (shaft,))
+    peg = PhysicsBody(
+        "peg", 0.05, cylinder_inertia(0.05, 0.01, 0.06), tuple(springs), (0, 0, -0.03), 0, (shaft,)
+    )
     hole = block_with_hole((0.06, 0.06, 0.02), 0.012, 0.002, 0.0005)
-    block = Body("block", 1.0, 1e-2 * np.eye(3), (HAND,), shapes=(hole,))
+    block = PhysicsBody("block", 1.0, 1e-2 * np.eye(3), (HAND,), shapes=(hole,))
     rim = circle(0.0125, 0.0175, 12)  # balls of 0.5 mm under the chamfer
     pairs = (ContactPair(1, circle(0.01, -0.06, 12), 2, 0), ContactPair(2, rim, 1, 0, 0.0005))
     return PhysicsScene((hand, peg, block), (), pairs)
@@ -38,9 +40,9 @@ def peg_in_hole() -> PhysicsScene:
 
 def thread_in_eye(links: int = 10) -> PhysicsScene:
     """A thread of 10 mm links, radius 2 mm, on a driven hand; an eye of radius 7 mm, 4 mm thick."""
-    hand = Body("hand", 0.5, 1e-3 * np.eye(3), (HAND,))
+    hand = PhysicsBody("hand", 0.5, 1e-3 * np.eye(3), (HAND,))
     thread = [
-        Body(b.name, b.mass, b.inertia, b.joints, b.com, b.parent + 1)
+        PhysicsBody(b.name, b.mass, b.inertia, b.joints, b.com, b.parent + 1)
         for b in chain(links, 0.01, 0.0005, 0.002, 2e-3, 2e-5)
     ]
     eye = ring(0.007, 0.012, 0.004, 0.0005, 0.0005)
@@ -53,8 +55,8 @@ def thread_in_eye(links: int = 10) -> PhysicsScene:
 
 def spatula_and_pancake() -> PhysicsScene:
     """A driven blade of 90 x 80 x 2 mm pushes against a pancake of radius 5 cm on a table."""
-    blade = Body("blade", 0.1, 1e-4 * np.eye(3), (HAND,), shapes=(box((0.045, 0.04, 0.001), 0.0005),))
-    cake = Body("cake", 0.08, cylinder_inertia(0.08, 0.05, 0.012), (FREE,))
+    blade = PhysicsBody("blade", 0.1, 1e-4 * np.eye(3), (HAND,), shapes=(box((0.045, 0.04, 0.001), 0.0005),))
+    cake = PhysicsBody("cake", 0.08, cylinder_inertia(0.08, 0.05, 0.012), (FREE,))
     rim = circle(0.044, 0.0, 16)  # balls of 6 mm: a rounded rim of radius 5 cm
     return PhysicsScene(
         (blade, cake),

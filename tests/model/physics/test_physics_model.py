@@ -13,7 +13,7 @@ from gradient_check import Case, inputs
 
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.physics.physics_model import PhysicsModel
-from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
+from samrl_core.model.physics.scene import WORLD, ContactPair, Joint, JointKind, PhysicsBody, PhysicsScene
 from samrl_core.model.physics.shapes import plane
 from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState
 
@@ -68,8 +68,8 @@ def test_backward_twice_gives_the_same() -> None:
     assert float(grads[0].abs().max()) > 0
 
 
-def body(**changes: object) -> Body:
-    return replace(Body("b", 0.1, 1e-4 * np.eye(3), (Joint(JointKind.FREE),)), **changes)  # type: ignore[arg-type]
+def body(**changes: object) -> PhysicsBody:
+    return replace(PhysicsBody("b", 0.1, 1e-4 * np.eye(3), (Joint(JointKind.FREE),)), **changes)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

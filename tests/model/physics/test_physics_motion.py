@@ -10,7 +10,7 @@ import torch
 from gradient_check import Case, inputs
 
 from samrl_core.model.physics.physics_model import PhysicsModel
-from samrl_core.model.physics.scene import WORLD, Body, ContactPair, Joint, JointKind, PhysicsScene
+from samrl_core.model.physics.scene import WORLD, ContactPair, Joint, JointKind, PhysicsBody, PhysicsScene
 from samrl_core.model.physics.shapes import plane
 from samrl_core.model.physics.state import PhysicsAction, PhysicsState
 from samrl_core.studies.speed import physics_scenes as common
@@ -85,7 +85,7 @@ def test_friction_cone_on_a_slope(slope: float, slips: bool) -> None:
 def test_ball_rolls_down_a_slope() -> None:
     """One point with a radius is a ball: without slip it falls with 5/7 of g sin(angle)."""
     angle = 0.1
-    ball = Body("ball", 0.2, 0.4 * 0.2 * 0.03**2 * np.eye(3), (Joint(JointKind.FREE),))
+    ball = PhysicsBody("ball", 0.2, 0.4 * 0.2 * 0.03**2 * np.eye(3), (Joint(JointKind.FREE),))
     pair = ContactPair(0, np.zeros((1, 3)), WORLD, 0, 0.03)
     gravity = (9.81 * np.sin(angle), 0.0, -9.81 * np.cos(angle))
     scene = PhysicsScene((ball,), (plane(),), (pair,), gravity, slip_speed=1e-4)
@@ -132,10 +132,10 @@ def test_momentum_of_two_free_bodies_is_kept() -> None:
     from samrl_core.model.physics.shapes import box
 
     free = Joint(JointKind.FREE)
-    plate = Body(
+    plate = PhysicsBody(
         "plate", 0.3, np.diag([1e-4, 1e-4, 2e-4]), (free,), shapes=(box((0.05, 0.05, 0.005), 0.001),)
     )
-    ball = Body("ball", 0.1, 1e-5 * np.eye(3), (free,))
+    ball = PhysicsBody("ball", 0.1, 1e-5 * np.eye(3), (free,))
     pair = ContactPair(1, np.zeros((1, 3)), 0, 0, 0.01, friction=0.5)
     scene = PhysicsScene((plate, ball), (), (pair,), gravity=(0.0, 0.0, 0.0))
     q = np.array([0, 0, 0, 0, 0, 0, 1, 0.02, 0.01, 0.018, 0, 0, 0, 1.0])

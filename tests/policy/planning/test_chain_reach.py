@@ -13,7 +13,7 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import initial_estimate
-from samrl_core.policy.view.view_planning import ViewPlanner, ViewPlannerSettings
+from samrl_core.policy.view.view_planning import ViewPlanner, ViewPlanningSettings
 from samrl_core.policy.view.view_reach import ReachSettings, ViewReach
 
 REACH = ReachSettings(azimuths=3, elevations=1, distances=1)
@@ -55,7 +55,7 @@ def test_views_of_thread_and_pancake_are_scored(thread) -> None:
     for name in ("needle_threading", "spatula_flipping"):
         task, cell = task_named(name), cell_named()
         model = Model(task, cell)
-        planner = ViewPlanner(model, cell, task, ViewPlannerSettings(reach=REACH, finalists=1))
+        planner = ViewPlanner(model, cell, task, ViewPlanningSettings(reach=REACH, finalists=1))
         start = task.start_joints(cell)
         estimate = initial_estimate(model)
         choice = planner.plan(estimate, start["tool_arm"], start["camera_arm"])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
-from samrl_core.blind_test.disturbances.friction.friction_forms import Bristles, Curve
+from samrl_core.blind_test.disturbances.friction.friction_forms import Bristles, FrictionCurve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -18,7 +18,7 @@ def _make(site: Site, form: str, severity: float) -> Injection:
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         if form == "T0":
-            hooks.add_friction(site.joint, Curve(lambda t, q, v, load: level * math.tanh(v / smooth)))
+            hooks.add_friction(site.joint, FrictionCurve(lambda t, q, v, load: level * math.tanh(v / smooth)))
         else:
             hooks.add_friction(site.joint, Bristles(stiff, 0.5 * level, 0.0, lambda t, v: level))
 

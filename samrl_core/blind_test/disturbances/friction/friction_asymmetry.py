@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
-from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
+from samrl_core.blind_test.disturbances.friction.friction_forms import FrictionCurve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -27,7 +27,7 @@ def _make(site: Site, form: str, severity: float) -> Injection:
         return height * ((1.0 - split) if v > 0 else split) * math.tanh(v / 0.004)
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        hooks.add_friction(site.joint, Curve(sigmoid if form == "T0" else levels))
+        hooks.add_friction(site.joint, FrictionCurve(sigmoid if form == "T0" else levels))
 
     parameters = {
         "mean": Quantity(0.5 * height, "N m"),

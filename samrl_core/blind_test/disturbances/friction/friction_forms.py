@@ -12,7 +12,7 @@ _SLOWEST = 1e-6  # [rad/s], below which a curve is taken as straight
 
 
 @dataclass
-class Curve:
+class FrictionCurve:
     """Torque F(t, q, v, load) of the velocity's sign, zero at rest, by its secant through the origin."""
 
     torque: Callable[[float, float, float, float], float]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
-from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
+from samrl_core.blind_test.disturbances.friction.friction_forms import FrictionCurve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -21,7 +21,7 @@ def _make(site: Site, form: str, severity: float) -> Injection:
         return share * factor * abs(load) * math.tanh(v / 0.005)
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        hooks.add_friction(site.joint, Curve(torque))
+        hooks.add_friction(site.joint, FrictionCurve(torque))
 
     return Injection({"Kl": Quantity(share, "1"), "Kb": Quantity(share * back, "1")}, attach)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
-from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
+from samrl_core.blind_test.disturbances.friction.friction_forms import FrictionCurve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -22,7 +22,7 @@ def _make(site: Site, form: str, severity: float) -> Injection:
         return drop * fall * math.tanh(v / smooth)
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        hooks.add_friction(site.joint, Curve(torque))
+        hooks.add_friction(site.joint, FrictionCurve(torque))
 
     parameters = {"drop": Quantity(drop, "N m"), "vs": Quantity(slow, "rad/s")}
     if form == "T0":

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
-from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
+from samrl_core.blind_test.disturbances.friction.friction_forms import FrictionCurve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -44,7 +44,9 @@ def _make(site: Site, form: str, severity: float) -> Injection:
         return level * math.tanh(v / 0.005)
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        hooks.add_friction(site.joint, Curve(torque) if form == "T0" else _Heated(cold, warm, constant))
+        hooks.add_friction(
+            site.joint, FrictionCurve(torque) if form == "T0" else _Heated(cold, warm, constant)
+        )
 
     return Injection(
         {"F0": Quantity(cold, "N m"), "Finf": Quantity(warm, "N m"), "T": Quantity(constant, "s")}, attach

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
-from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
+from samrl_core.blind_test.disturbances.friction.friction_forms import FrictionCurve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -17,9 +17,11 @@ def _make(site: Site, form: str, severity: float) -> Injection:
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         if form == "T0":
-            hooks.add_friction(site.joint, Curve(lambda t, q, v, load: drag * v))
+            hooks.add_friction(site.joint, FrictionCurve(lambda t, q, v, load: drag * v))
         else:
-            hooks.add_friction(site.joint, Curve(lambda t, q, v, load: drag * knee * math.asinh(v / knee)))
+            hooks.add_friction(
+                site.joint, FrictionCurve(lambda t, q, v, load: drag * knee * math.asinh(v / knee))
+            )
 
     extra = {} if form == "T0" else {"knee": Quantity(knee, "rad/s")}
     return Injection({"Fv": Quantity(drag, "N m s/rad"), **extra}, attach)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Injection, Quantity, Site, quantile
-from samrl_core.blind_test.disturbances.friction.friction_forms import Curve
+from samrl_core.blind_test.disturbances.friction.friction_forms import FrictionCurve
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
@@ -13,7 +13,7 @@ def _make(site: Site, form: str, severity: float) -> Injection:
     c = quantile(severity, 2.0, 8.0) * site.size**2
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        hooks.add_friction(site.joint, Curve(lambda t, q, v, load: c * v * abs(v)))
+        hooks.add_friction(site.joint, FrictionCurve(lambda t, q, v, load: c * v * abs(v)))
 
     return Injection({"c": Quantity(c, "N m s2/rad2")}, attach)
 

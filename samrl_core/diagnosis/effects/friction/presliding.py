@@ -10,7 +10,7 @@ from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import bristle, play, travel
-from samrl_core.diagnosis.residuals.motion import Motion
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.trial import Trial
 
 YIELDS = (0.25, 0.75, 1.25, 1.75)  # of xs: springs of equal strength that yield at evenly spread twists
@@ -60,7 +60,7 @@ class BuildingUp(DriveForm):
     """A friction that builds up over a distance `xs`."""
 
     @abstractmethod
-    def build_up(self, motion: Motion, joint: int, distance: float) -> np.ndarray:
+    def build_up(self, motion: RecordedMotion, joint: int, distance: float) -> np.ndarray:
         """Friction (F,) of unit level."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
@@ -85,14 +85,14 @@ class BuildingUp(DriveForm):
 class DahlBristle(BuildingUp):
     """One bristle."""
 
-    def build_up(self, motion: Motion, joint: int, distance: float) -> np.ndarray:
+    def build_up(self, motion: RecordedMotion, joint: int, distance: float) -> np.ndarray:
         return bristle(travel(motion.full_velocity[:, joint], motion.rate), distance)
 
 
 class MaxwellSlip(BuildingUp):
     """Springs that yield one after another."""
 
-    def build_up(self, motion: Motion, joint: int, distance: float) -> np.ndarray:
+    def build_up(self, motion: RecordedMotion, joint: int, distance: float) -> np.ndarray:
         q = motion.q[:, joint]
         # The mean of the yields is the distance by which Dahl's bristle turns over, too.
         parts = [(q - play(q, share * distance)) / (share * distance) for share in YIELDS]

@@ -11,7 +11,7 @@ from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import low_passed, smooth_sign
-from samrl_core.diagnosis.residuals.motion import Motion
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.trial import Trial
 
 
@@ -63,7 +63,7 @@ class WarmingForm(DriveForm):
     """A warm level, and a rise above it that is lost as the drive warms up."""
 
     @abstractmethod
-    def cold(self, motion: Motion, joint: int, shape: Shape) -> np.ndarray:
+    def cold(self, motion: RecordedMotion, joint: int, shape: Shape) -> np.ndarray:
         """Share (F,) of the rise that is left."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
@@ -98,7 +98,7 @@ class WarmingWithTime(WarmingForm):
 
     once: bool
 
-    def cold(self, motion: Motion, joint: int, shape: Shape) -> np.ndarray:
+    def cold(self, motion: RecordedMotion, joint: int, shape: Shape) -> np.ndarray:
         start = motion.start_s if self.once else 0.0
         return np.exp(-(start + motion.time - motion.time[0]) / shape["T"])
 
@@ -109,7 +109,7 @@ class WarmingWithTime(WarmingForm):
 class WarmingByWork(WarmingForm):
     """Warmed by the joint's own motion."""
 
-    def cold(self, motion: Motion, joint: int, shape: Shape) -> np.ndarray:
+    def cold(self, motion: RecordedMotion, joint: int, shape: Shape) -> np.ndarray:
         return np.exp(-_warmth(motion, joint, shape["T"]) / shape["vw"])
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
@@ -118,7 +118,7 @@ class WarmingByWork(WarmingForm):
         return self.simulate_warming(trial, *_fit_time(motion.time - motion.time[0], level))
 
 
-def _warmth(motion: Motion, joint: int, time_constant: float) -> np.ndarray:
+def _warmth(motion: RecordedMotion, joint: int, time_constant: float) -> np.ndarray:
     """Speed (F,) [rad/s] as a temperature of first order feels it, cold when the recording starts.
 
     The friction's own work per time is its torque times the speed; its torque changes less than the speed.

@@ -12,7 +12,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 INERTIAL = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
-class Payload(Effect):
+class PayloadEffect(Effect):
     """The arm carries another mass at its flange than the model knows."""
 
     family, number, title = "payload", 24, "Payload"
@@ -66,4 +66,4 @@ class AtFlange(Form):
         return {"inertial_delta": delta}
 
 
-EFFECT = Payload()
+EFFECT = PayloadEffect()

@@ -23,9 +23,9 @@ from samrl_core.policy.view.view_search import ViewAscentSettings
 from samrl_core.studies.experiment import Case
 from samrl_core.studies.paper.table1.views import (
     ONCE,
-    Bench,
     Chooser,
     MovingCamera,
+    ViewSetup,
     at_random,
     by_ascent,
     by_true_error,
@@ -93,7 +93,7 @@ def run_group(group: Group) -> list[Case]:
     """One case: success, number of actions and seconds of camera motion of each episode."""
     s = group.settings
     drawn = view_bench(group.task, group.device, group.weights)
-    bench, networks = Bench(drawn.renderer, _reach(group.task, s.views.reach)), drawn.networks
+    bench, networks = ViewSetup(drawn.renderer, _reach(group.task, s.views.reach)), drawn.networks
     camera = MovingCamera(bench, group.count, *_chooser(group, bench, networks), s.views.speed_share)
     settings = RolloutSettings(
         max_actions=s.max_actions,
@@ -124,7 +124,7 @@ def _starts(group: Group, model: Model) -> Starts:
     return Starts(values, np.tile(SceneFrames(model).start_tip, (group.count, 1)))
 
 
-def _chooser(group: Group, bench: Bench, networks: Networks) -> tuple[Chooser, int]:
+def _chooser(group: Group, bench: ViewSetup, networks: Networks) -> tuple[Chooser, int]:
     """Who chooses views, and how often."""
     s = group.settings
     if group.condition == "active":

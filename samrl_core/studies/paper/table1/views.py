@@ -22,7 +22,7 @@ ONCE = 10**9  # period of who looks for a view before the first action alone
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class ViewSetup:
     """What all episodes of one task share."""
 
     renderer: BatchRenderer
@@ -41,7 +41,9 @@ class Bench:
 class MovingCamera:
     """A viewer: cameras stand where their arms have gone, from the task's start view on."""
 
-    def __init__(self, bench: Bench, count: int, choose: Chooser, period: int, speed_share: float) -> None:
+    def __init__(
+        self, bench: ViewSetup, count: int, choose: Chooser, period: int, speed_share: float
+    ) -> None:
         """Begins.
 
         Args:
@@ -85,7 +87,7 @@ def to_one(view: View) -> Chooser:
     return lambda moment, joints: [view] * len(joints)
 
 
-def at_random(bench: Bench) -> Chooser:
+def at_random(bench: ViewSetup) -> Chooser:
     """Any view of the grid that is clear now."""
 
     def choose(moment: Moment, joints: np.ndarray) -> list[View | None]:
@@ -98,7 +100,7 @@ def at_random(bench: Bench) -> Chooser:
     return choose
 
 
-def by_ascent(bench: Bench, networks: Networks, settings: ViewAscentSettings) -> Chooser:
+def by_ascent(bench: ViewSetup, networks: Networks, settings: ViewAscentSettings) -> Chooser:
     """Ours."""
     ascent = BatchViewAscent(bench.renderer, networks, bench.reach, settings)
 
@@ -109,7 +111,7 @@ def by_ascent(bench: Bench, networks: Networks, settings: ViewAscentSettings) ->
     return choose
 
 
-def by_true_error(bench: Bench, networks: Networks, count: int) -> Chooser:
+def by_true_error(bench: ViewSetup, networks: Networks, count: int) -> Chooser:
     """Of at most `count` clear views of the grid that from which the actor errs the least.
 
     Its error is that against the expert, who knows the state; the images are the model's, without noise.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import re
+import subprocess
+import sys
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,11 +14,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from samrl_core.common.array_file import UNREADABLE
+from samrl_core.common.array_file import UNREADABLE, unpacked
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
+from samrl_ros.log_import import mat_reader
 from samrl_ros.log_import.specs import CsvOptions
 
+_LONGEST_MAT_S = 120.0  # [s] to read a file
 _TEXT = (".csv", ".tsv", ".txt")
 _SEPARATORS = re.compile(r"[,;\s]+")
 _EMPTY = ["-", "na", "Na", "NAN", "Nan", "none", "NONE", "Null"]  # besides those that pandas knows
@@ -157,29 +161,19 @@ def _read_mat(path: Path, where: str) -> Table:
         head = stream.read(128)
     if b"MATLAB 7.3" in head or head.startswith(b"\x89HDF"):
         return _read_hdf5(path, where)
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    table = Table(path)
+    # In a process of its own: SciPy's reader ends the whole process on some damaged files (1.18: SIGSEGV).
+    command = [sys.executable, "-m", mat_reader.__name__, str(path)]
     try:
-        found = loadmat(path, squeeze_me=False, struct_as_record=True)
-    except MatReadError as error:
-        raise InputError(f"{where}: {path} cannot be read as .mat: {error}") from error
-    for name, value in found.items():
-        if not name.startswith("__"):
-            _add_mat(table.columns, name, value)
-    return table
-
-
-def _add_mat(columns: dict[str, Any], name: str, value: Any) -> None:
-    """Numbers by name; fields of a struct as `name.field`."""
-    array = np.asarray(value)
-    if array.dtype.names:
-        for part in array.dtype.names:
-            if array.size == 1:
-                _add_mat(columns, f"{name}.{part}", array.ravel()[0][part])
-    elif array.dtype.kind in "fiub":
-        columns[name] = _column(array)
+        run = subprocess.run(command, capture_output=True, timeout=_LONGEST_MAT_S, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise InputError(
+            f"{where}: {path} took more than {_LONGEST_MAT_S} s to read; save it anew, with -v7"
+        ) from error
+    if run.returncode:
+        said = run.stderr.decode(errors="replace").strip().splitlines()
+        reason = said[-1] if said and run.returncode > 0 else f"its reader died ({run.returncode})"
+        raise InputError(f"{where}: {path} cannot be read as .mat: {reason}; save it anew, with -v7")
+    return Table(path, {name: _column(v) for name, v in unpacked(run.stdout, path).items()})
 
 
 def _read_hdf5(path: Path, where: str) -> Table:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import logging
+import math
 import resource
 import shutil
 import signal
@@ -100,11 +101,12 @@ def main() -> int:
         print(attack(reader, options.count, options.seed))
         return 0
     chosen = [r for r in READERS if options.only in r.name]
-    each = -(-options.count // len(READERS))
+    shares = sum(r.share for r in READERS)
     total, broken = 0, []
     for reader in chosen:
         began = time.monotonic()
-        command = [sys.executable, "-m", "tests.fuzz.attack", "--reader", reader.name, "--count", str(each)]
+        command = [sys.executable, "-m", "tests.fuzz.attack", "--reader", reader.name]
+        command += ["--count", str(math.ceil(options.count * reader.share / shares))]
         run = subprocess.run([*command, "--seed", str(options.seed)], capture_output=True, text=True)
         lines = run.stdout.split()
         if run.returncode or not lines:

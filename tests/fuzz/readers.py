@@ -59,6 +59,7 @@ class Reader:
     file: str
     sound: Callable[[], list[bytes]]  # inputs to start from
     read: Callable[[Path], Any]
+    share: float = 1.0  # of the inputs that a reader gets, for one that takes long
     prepare: Callable[[Path], Any] = lambda path: None  # puts beside the file what belongs to it
 
 
@@ -284,7 +285,7 @@ def _damageable() -> Iterator[Reader]:
     """Weights, checkpoints, replays, shards and what else training leaves."""
     for kind in KINDS:
         name = f"training: {kind.name}"
-        yield Reader(name, kind.name, lambda kind=kind: [_written(kind)], kind.read, kind.write)
+        yield Reader(name, kind.name, lambda kind=kind: [_written(kind)], kind.read, prepare=kind.write)
 
 
 def _written(kind: Any) -> bytes:
@@ -303,7 +304,13 @@ def _roles(path: Path) -> None:
 READERS: tuple[Reader, ...] = (
     Reader("bag", "bag.mcap", lambda: [_bag(True), _bag(False)], _read_bag),
     Reader("recording", "bag.mcap", lambda: [_bag(False)], load_recordings),
-    Reader("metadata.yaml", "bag/metadata.yaml", _metadata, lambda path: open_bag(path.parent), _write_bag),
+    Reader(
+        "metadata.yaml",
+        "bag/metadata.yaml",
+        _metadata,
+        lambda path: open_bag(path.parent),
+        prepare=_write_bag,
+    ),
     Reader(
         "QoS of a channel",
         "qos",
@@ -315,7 +322,7 @@ READERS: tuple[Reader, ...] = (
     Reader("mapping", "m.yaml", lambda: [_mapping()], _import),
     Reader("table CSV", "a.csv", lambda: [_csv(), b't,q\n1,"[1, 2]"\n2,"[3, 4]"\n'], _table),
     Reader("table NPZ", "a.npz", lambda: [_npz()], _table),
-    Reader("table MAT", "a.mat", lambda: [_mat()], _table),
+    Reader("table MAT", "a.mat", lambda: [_mat()], _table, share=0.1),
     Reader(
         "formula", "f", lambda: [FORMULA, b"solve(m, x)[1] + apply(m, x)[0] + signed(q, 3)"], _text(_formula)
     ),

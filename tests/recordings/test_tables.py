@@ -66,3 +66,12 @@ def test_dates_carry_their_zone_and_microseconds(read) -> None:
         table.times("n", "here")
     with pytest.raises(InputError, match="row 0: 'noon' is no ISO 8601 date"):
         read("t\nnoon\n").times("t", "here")
+
+
+def test_a_mat_file_that_kills_its_reader_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from samrl_ros.log_import import tables
+
+    (tmp_path / "a.mat").write_bytes(bytes(200))
+    monkeypatch.setattr(tables.sys, "executable", "/bin/false")
+    with pytest.raises(InputError, match="cannot be read as .mat"):
+        read_table(tmp_path / "a.mat", CsvOptions(), "it")

@@ -32,7 +32,7 @@ def test_one_case_is_run_written_and_not_run_again(
     assert record["summary"]["pancake"]["end_l1_mm"] == pytest.approx(1e3 * case["distance"][-1])
     assert (tmp_path / "model_updating.png").stat().st_size > 10_000
     capsys.readouterr()
-    monkeypatch.setattr(model_updating, "Bench", None)
+    monkeypatch.setattr(model_updating, "UpdatingSetup", None)
     assert main(arguments) == 0
     assert "1/1" not in capsys.readouterr().out
     assert json.loads((tmp_path / "model_updating.json").read_text()) == record

@@ -58,8 +58,15 @@ _OUTSIDE = (
 
 
 def _load(files: tuple[str, ...]) -> dict[str, Disturbance]:
-    modules = (import_module(f"{__package__}.{file}") for file in files)
-    return {m.DISTURBANCE.name: m.DISTURBANCE for m in modules}
+    found: dict[str, Disturbance] = {}
+    for file in files:
+        disturbance = import_module(f"{__package__}.{file}").DISTURBANCE
+        if disturbance.name in found:
+            raise InputError(
+                f"{file} names its disturbance {disturbance.name!r}, as another file; rename one"
+            )
+        found[disturbance.name] = disturbance
+    return found
 
 
 CATALOGUE: tuple[str, ...] = tuple(_load(_CATALOGUE))  # families that an effect of the diagnosis may name

@@ -160,3 +160,11 @@ def test_quantiles() -> None:
         quantile(1.5, 0.0, 1.0)
     with pytest.raises(InputError, match="unknown disturbance"):
         find_disturbance("gremlins")
+
+
+def test_a_name_stands_in_one_file_only() -> None:
+    """Also over both lists: a family that is in the catalogue is not unknown to the library."""
+    from samrl_core.blind_test.disturbances import registry
+
+    with pytest.raises(InputError, match="'quadratic_drag', as another file"):
+        registry._load(("outside.quadratic_drag", "friction.coulomb_friction", "outside.quadratic_drag"))

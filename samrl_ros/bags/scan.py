@@ -37,6 +37,7 @@ _RECORD = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the compression's name
 _CHUNK_LIMIT = 1 << 30  # [B] a larger chunk is damage: rosbag2's have less than one MB
+_LAST_NS = 2**63 - 1  # of ROS times; later ones are damage
 _RUN_BYTES = 1 << 20  # [B] messages outside chunks are grouped in runs of about this size
 
 _R = TypeVar("_R")
@@ -177,7 +178,9 @@ class _Walk:
             head = self._stream.read(_MESSAGE.size)
             if length < _MESSAGE.size:
                 raise Damage(f"message record at byte {position} is too short")
-            channel, _, log_time, _ = _MESSAGE.unpack(head)
+            channel, _, log_time, publish_time = _MESSAGE.unpack(head)
+            if max(log_time, publish_time) > _LAST_NS:
+                raise Damage(f"message at byte {position} has the time {log_time} ns")
             if channel not in index.channels:
                 raise Damage(f"message at byte {position} belongs to unknown channel {channel}")
             self._loose(position, position + _RECORD.size + length, log_time)
@@ -253,6 +256,8 @@ def _entries(
             if length < _MESSAGE.size:
                 raise Damage(f"message record in the block at byte {origin} is too short")
             channel, _, log_time, publish_time = _MESSAGE.unpack_from(data, begin)
+            if max(log_time, publish_time) > _LAST_NS:
+                raise Damage(f"message in the block at byte {origin} has the time {log_time} ns")
             if channel not in channels:
                 raise Damage(f"message in the block at byte {origin} belongs to unknown channel {channel}")
             yield Entry(channel, log_time, publish_time, data[begin + _MESSAGE.size : position])

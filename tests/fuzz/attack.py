@@ -111,12 +111,18 @@ def main() -> int:
         lines = run.stdout.split()
         if run.returncode or not lines:
             broken.append(reader.name)
-            print(f"{reader.name}: GAVE WAY (exit {run.returncode})\n{run.stderr[-6000:]}", flush=True)
+            print(f"{reader.name}: GAVE WAY (exit {run.returncode})\n{_shown(run.stderr)}", flush=True)
             continue
         total += int(lines[-1])
         print(f"{reader.name:24} {int(lines[-1]):7} inputs {time.monotonic() - began:7.1f} s", flush=True)
     print(f"{total} inputs, seed {options.seed}; readers that gave way: {', '.join(broken) or 'none'}")
     return 1 if broken else 0
+
+
+def _shown(said: str) -> str:
+    """The traceback, and the input as far as it can be read."""
+    trace, found, content = said.partition("Failing test case")
+    return trace[-3000:] + found + content[:2000]
 
 
 if __name__ == "__main__":

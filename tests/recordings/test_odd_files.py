@@ -234,6 +234,22 @@ def test_a_bag_of_27_hours_is_told(tmp_path: Path, how: str) -> None:
         assert open_bag(tmp_path / "bag", verify).notes == (note,)
 
 
+@pytest.mark.parametrize("chunks", [True, False])
+def test_a_time_beyond_that_of_ros_is_damage(tmp_path: Path, chunks: bool) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "late.mcap").open("wb") as stream:
+        writer = Writer(stream, use_chunking=chunks)
+        writer.start(profile="ros2")
+        number = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/cell/phase", "cdr", number)
+        for time_ns in (5, 2**63):
+            writer.add_message(channel, time_ns, encode_text("x"), time_ns)
+        writer.finish()
+    bag = open_bag(tmp_path / "late.mcap", verify=True)
+    assert bag.truncated and "9223372036854775808 ns" in bag.damage[0]
+
+
 def test_an_unknown_role_of_an_arm(tmp_path: Path) -> None:
     entry = {"name": "one", "joints": ["j"], "arm": "left_arm"}
     log = {"file": "a.csv", "time": {"column": "t"}, "columns": {"q": "q"}}

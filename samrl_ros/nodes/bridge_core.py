@@ -6,7 +6,7 @@ the world, as it would sit in a hardware driver.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,20 +15,19 @@ from samrl_msgs.msg import EpisodeReady
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from samrl_core.cell.control.guard import CommandGuard, GuardState
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.world.evaluation import TruthLog
 from samrl_core.cell.world.world import SimulatedWorld
-from samrl_core.common.errors import InputError, SamrlError
+from samrl_core.common.errors import InputError
 from samrl_ros.contract.behaviour import Outbox
 from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
-from samrl_ros.conversions import from_message, to_message
+from samrl_ros.conversions import to_message
+from samrl_ros.nodes.arm_guards import ArmGuards
 from samrl_ros.nodes.transforms import dynamic_transforms, static_transforms
 
-COMMAND_TIMEOUT_S = 0.1  # default age of a command, by reception, at which the arm brakes [s]
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] in world
 OPTICAL_FRAME = "camera_color_optical_frame"
 _SETTLE_S = 0.3  # simulated before a new episode is announced; also a gap that tells nodes of the restart
@@ -62,27 +61,17 @@ class BridgeCore:
         self._cell = cell
         self._task = task
         self._truth_log = truth_log
-        self._steady_s = steady_s
         self._period_ns = round(cell.tool_arm.controller.period_s * 1e9)
         self._every = {
             "joints": self._ticks(rates.joint_state_hz),
             "camera": self._ticks(rates.camera_hz),
             "tf": self._ticks(rates.tf_hz),
         }
-        self._guards = {
-            r: CommandGuard(cell.arm(r).limits, cell.arm(r).joint_names, timeout_s=command_timeout_s)
-            for r in ROLES
-        }
+        self.guards = ArmGuards(outbox, cell, command_timeout_s, steady_s)
         self._arms = {r: ArmModel(cell.arm(r), cell.base_in_world(r), None) for r in ROLES}
-        self._dropped_log_s: dict[str, float] = dict.fromkeys(
-            ROLES, -1.0
-        )  # robot time of the last message about it [s]
         self._ticks_done = 0
         self._episode = -1
         self._seed = 0
-        self._safety: tuple[Any, ...] = ()
-        self.refused_commands = 0
-        self.least_lead_ms = float("inf")  # validity stamp minus time of arrival, worst since last asked [ms]
 
     def _ticks(self, hz: int) -> int:
         return max(1, round(1e9 / (hz * self._period_ns)))
@@ -111,58 +100,19 @@ class BridgeCore:
         self._outbox.publish(camera_topic("calibration"), to_message.calibration(self._cell))
         transforms = static_transforms(self._cell, tool.tip_in_flange, self._world.time_ns)
         self._outbox.publish("/tf_static", TFMessage(transforms=transforms))
-        self._publish_safety()
+        self.guards.publish_safety()
 
     def on_command(self, role: str, message: Any, commander: str = "") -> None:
-        """A message on `<arm>/command` of a commander; one that the guard refuses never reaches the arm."""
-        guard = self._guards[role]
-        try:
-            command = from_message.arm_command(message, self._cell.arm(role).joint_names)
-            self.least_lead_ms = min(self.least_lead_ms, (command.stamp_ns - self._world.time_ns) * 1e-6)
-            reading, robot_s = self._world.read_arm(role), self._world.time_ns * 1e-9
-            if not guard.accept(command, reading, self._steady_s(), robot_s, commander):
-                self._report_dropped(role, guard)
-        except SamrlError as error:
-            self.refused_commands += 1
-            guard.fault(str(error))
-            self._outbox.log("error", f"{role}: command refused, arm brakes: {error}")
-
-    def on_rivals(self, role: str, publishers: Sequence[str]) -> None:
-        """More than one publisher has a say on `<arm>/command`: the arm brakes, and all are named."""
-        guard = self._guards[role]
-        self.refused_commands += 1
-        if guard.status.state in (GuardState.FAULT, GuardState.ESTOP):
-            return
-        reason = (
-            f"{len(publishers)} publishers on {arm_topic(role, 'command')} ({', '.join(publishers)}); "
-            "one commander at a time: stop the others"
-        )
-        guard.fault(reason)
-        self._outbox.log("error", f"{role}: arm brakes: {reason}")
-
-    def _report_dropped(self, role: str, guard: CommandGuard) -> None:
-        """Log commands that the guard dropped while it tracks, at most once per second of robot time."""
-        status, now = guard.status, self._world.time_ns * 1e-9
-        if status.state is not GuardState.TRACKING or now < self._dropped_log_s[role] + 1.0:
-            return
-        self._dropped_log_s[role] = now
-        self._outbox.log(
-            "warning",
-            f"{role}: commands dropped so far: {status.ignored} not newer than one already taken, "
-            f"{status.late} after their time of validity",
-        )
+        """A message on `<arm>/command` of a commander."""
+        self.guards.on_command(role, message, self._world.read_arm(role), self._robot_s, commander)
 
     def waits_for_commands(self, within_s: float) -> bool:
         """Whether simulated time should stand still: an arm's next commands are due and still under way."""
-        steady, robot = self._steady_s(), self._world.time_ns * 1e-9
-        return any(guard.waits_for_command(steady, robot, within_s) for guard in self._guards.values())
+        return self.guards.waits_for_commands(self._robot_s, within_s)
 
     def tick(self) -> None:
         """One controller period: guard, controller, physics, then whatever is due to be published."""
-        steady, robot = self._steady_s(), self._world.time_ns * 1e-9
-        for role in ROLES:
-            target = self._guards[role].tick(self._world.read_arm(role), steady, robot)
-            self._world.command(role, target)
+        self._track_commands()
         self._world.advance()
         if self._ticks_done % self._every["joints"] == 0:
             self._publish_commanded(self._world.time_ns - self._period_ns)
@@ -177,20 +127,13 @@ class BridgeCore:
         Raises:
             InputError: an emergency stop has not been reset.
         """
-        if any(guard.status.state is GuardState.ESTOP for guard in self._guards.values()):
+        if self.guards.is_estopped():
             raise InputError(f"an emergency stop is latched; call {cell_topic('estop_reset')} first")
         self._world.reset(seed)
         for role in ROLES:
-            self._guards[role].restart()
-            self._dropped_log_s[role] = -1.0
+            self.guards.restart(role)
         for _ in range(round(_SETTLE_S * 1e9 / self._period_ns)):
-            for role in ROLES:
-                self._world.command(
-                    role,
-                    self._guards[role].tick(
-                        self._world.read_arm(role), self._steady_s(), self._world.time_ns * 1e-9
-                    ),
-                )
+            self._track_commands()
             self._world.advance()
         self._ticks_done = 0
         self._episode, self._seed = episode, seed
@@ -206,21 +149,18 @@ class BridgeCore:
         if self._truth_log is not None and episode == self._episode:
             self._truth_log.record(episode, self._seed, "end")
 
-    def estop(self, reason: str) -> None:
-        """Emergency stop of both arms, latched."""
-        for guard in self._guards.values():
-            guard.estop(reason)
-        self._outbox.log("error", f"emergency stop: {reason}")
-
     def reset_safety(self) -> str:
         """Explicit reset of both arms, or of neither; returns why it was refused, empty when done."""
-        readings = {role: self._world.read_arm(role) for role in ROLES}
-        reasons = {role: guard.why_no_reset(readings[role]) for role, guard in self._guards.items()}
-        if any(reasons.values()):
-            return "; ".join(f"{role}: {reason}" for role, reason in reasons.items() if reason)
-        for role, guard in self._guards.items():
-            guard.reset(readings[role])
-        return ""
+        return self.guards.reset({role: self._world.read_arm(role) for role in ROLES})
+
+    @property
+    def _robot_s(self) -> float:
+        return self._world.time_ns * 1e-9
+
+    def _track_commands(self) -> None:
+        for role in ROLES:
+            target = self.guards.tick(role, self._world.read_arm(role), self._robot_s)
+            self._world.command(role, target)
 
     def _publish_commanded(self, stamp_ns: int) -> None:
         """What the controllers made of the states that were published with the same stamp."""
@@ -240,7 +180,7 @@ class BridgeCore:
                 self._outbox.publish(
                     arm_topic(role, "joint_states"), to_message.joint_state(self._world.read_arm(role), names)
                 )
-            self._publish_safety()
+            self.guards.publish_safety()
         if n % self._every["tf"] == 0:
             positions = {role: self._world.read_arm(role).position for role in ROLES}
             transforms = dynamic_transforms(self._arms, positions, self._world.time_ns)
@@ -259,17 +199,3 @@ class BridgeCore:
             self._outbox.publish(camera_topic(name), message)
         info = to_message.camera_info(self._cell.intrinsics, frame.stamp_ns, OPTICAL_FRAME)
         self._outbox.publish(camera_topic("color/camera_info"), info)
-
-    def _publish_safety(self) -> None:
-        states = tuple((role, g.status.state, g.status.reason) for role, g in self._guards.items())
-        if states == self._safety:
-            return
-        self._safety = states
-        bad = [s for s in states if s[1] in (GuardState.FAULT, GuardState.ESTOP)]
-        warned = [s for s in states if s[2]]  # braking, or holding because commands stopped coming
-        level = 2 if bad else 1 if warned else 0
-        text = "; ".join(f"{role}: {reason}" for role, _, reason in bad or warned) or "ok"
-        values = {role: state.name for role, state, _ in states}
-        self._outbox.publish(
-            cell_topic("safety_state"), to_message.diagnostic("cell: command guard", level, text, values)
-        )

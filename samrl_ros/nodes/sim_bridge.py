@@ -24,7 +24,9 @@ from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.settings import REAL_TIME_FACTOR, setting
 from samrl_ros.contract.topics import SERVICES, TOPICS, arm_topic, cell_topic
 from samrl_ros.hosting import CellNode
-from samrl_ros.nodes.bridge_core import COMMAND_TIMEOUT_S, BridgeCore, BridgeRates
+from samrl_ros.nodes.arm_guards import COMMAND_TIMEOUT_S
+from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
+from samrl_ros.nodes.commanders import Commanders
 
 OUTCOME = cell_topic("supervisor/outcome")
 
@@ -50,32 +52,6 @@ class SimBridgeSettings:
     evaluation_file: str = setting("", "where evaluation truth is written, empty for nowhere")
 
 
-class _Commanders:
-    """Who publishes on an arm's command topic.
-
-    A message does not say who sent it. The number of matched publishers is known at every message; their
-    identities are asked of the graph when it changes, and every tenth of a second at 250 Hz.
-    """
-
-    _EVERY = 25  # messages
-
-    def __init__(self, node: CellNode, subscription: Any) -> None:
-        self._node = node
-        self._subscription = subscription
-        self._known: dict[str, str] = {}  # node name by publisher id
-        self._matched = self._age = 0
-
-    def find_publishers(self) -> dict[str, str]:
-        """Node name by publisher id; empty while a matched publisher is not in the graph yet."""
-        matched = self._subscription.get_publisher_count()
-        self._age += 1
-        if matched != self._matched or self._age >= self._EVERY or len(self._known) < matched:
-            infos = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
-            self._known = {bytes(i.endpoint_gid).hex(): i.node_name for i in infos}
-            self._matched, self._age = matched, 0
-        return self._known if len(self._known) >= matched else {}
-
-
 @final
 class SimBridge(CellNode):
     """Publishes as drivers would, and keeps the command guard next to the arms."""
@@ -89,7 +65,7 @@ class SimBridge(CellNode):
         self._world: Any = None
         self._publishers_by_topic: dict[str, Any] = {}
         self._handles: list[Any] = []
-        self._commanders: dict[str, _Commanders] = {}
+        self._commanders: dict[str, Commanders] = {}
         self._published = 0
         self._rate = 0.0
         self._longest_gap_s = 0.0
@@ -135,7 +111,7 @@ class SimBridge(CellNode):
         self._factor = settings.real_time_factor
         for role in ROLES:
             subscription = self._subscribe(arm_topic(role, "command"), partial(self._on_command, role))
-            self._commanders[role] = _Commanders(self, subscription)
+            self._commanders[role] = Commanders(self, subscription)
         self._subscribe(OUTCOME, self._on_outcome)
         handlers = {
             cell_topic("sim_bridge/start_episode"): self._on_start,
@@ -186,14 +162,15 @@ class SimBridge(CellNode):
             "sim_time_s": f"{core.time_ns * 1e-9:.3f}" if core else "0",
             "published": str(self._published),
             "command_lead_min_ms": f"{self._least_lead_ms():.1f}",
-            "refused_commands": str(core.refused_commands) if core else "0",
+            "refused_commands": str(core.guards.refused_commands) if core else "0",
         }
 
     def _least_lead_ms(self) -> float:
         """Worst lead of commands since the last report; negative means that they came too late."""
         if self._core is None:
             return float("nan")
-        lead, self._core.least_lead_ms = self._core.least_lead_ms, float("inf")
+        guards = self._core.guards
+        lead, guards.least_lead_ms = guards.least_lead_ms, float("inf")
         return lead
 
     def _subscribe(self, name: str, callback: Any) -> Any:
@@ -241,7 +218,7 @@ class SimBridge(CellNode):
             if self._core is None or not publishers:
                 return
             if len(publishers) > 1:
-                self._core.on_rivals(role, [f"node {name!r}" for name in publishers.values()])
+                self._core.guards.on_rivals(role, [f"node {name!r}" for name in publishers.values()])
             else:
                 self._core.on_command(role, message, next(iter(publishers)))
 
@@ -266,7 +243,7 @@ class SimBridge(CellNode):
     def _on_estop(self, request: Any, response: Any) -> Any:
         with self._lock:
             if self._core is not None:
-                self._core.estop("asked for by service")
+                self._core.guards.estop("asked for by service")
         response.success, response.message = self._core is not None, "arms brake and hold until estop_reset"
         return response
 

@@ -73,7 +73,7 @@ def test_reset_frees_both_arms_or_neither() -> None:
     rig = Rig()
     rig.speed_up(0.2)
     assert rig.world.read_arm("tool_arm").velocity[0] > 0.1
-    rig.bridge.estop("asked for")
+    rig.bridge.guards.estop("asked for")
     refusal = rig.bridge.reset_safety()
     assert "tool_arm: the arm still moves" in refusal
     rig.tick(0.02)
@@ -87,7 +87,7 @@ def test_reset_frees_both_arms_or_neither() -> None:
 
 def test_no_episode_starts_while_an_emergency_stop_is_latched() -> None:
     rig = Rig()
-    rig.bridge.estop("asked for")
+    rig.bridge.guards.estop("asked for")
     with pytest.raises(InputError, match="estop_reset"):
         rig.bridge.start_episode(1, 1)
     assert rig.bridge.reset_safety() == ""
@@ -120,7 +120,7 @@ def test_an_arm_obeys_one_commander_at_a_time() -> None:
     stamp = rig.world.time_ns + 100_000_000  # newer than any of the commander's
     moved = ArmCommand(stamp, here.position + 0.1 * here.velocity, here.velocity, *(np.zeros((2, 7))))
     rig.bridge.on_command("tool_arm", to_message.command(moved, names), "a stranger")
-    assert rig.bridge.refused_commands == 1
+    assert rig.bridge.guards.refused_commands == 1
     assert any("a stranger" in text and "one commander at a time" in text for _, text in rig.logs)
     rig.tick(0.3)
     assert rig.safety() == (2, {"tool_arm": "FAULT", "camera_arm": "HOLD"})

@@ -1,0 +1,33 @@
+"""Whose commands an arm hears."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from samrl_ros.hosting import CellNode
+
+
+class Commanders:
+    """Who publishes on an arm's command topic.
+
+    A message does not say who sent it. The number of matched publishers is known at every message; their
+    identities are asked of the graph when it changes, and every tenth of a second at 250 Hz.
+    """
+
+    _EVERY = 25  # messages
+
+    def __init__(self, node: CellNode, subscription: Any) -> None:
+        self._node = node
+        self._subscription = subscription
+        self._known: dict[str, str] = {}  # node name by publisher id
+        self._matched = self._age = 0
+
+    def find_publishers(self) -> dict[str, str]:
+        """Node name by publisher id; empty while a matched publisher is not in the graph yet."""
+        matched = self._subscription.get_publisher_count()
+        self._age += 1
+        if matched != self._matched or self._age >= self._EVERY or len(self._known) < matched:
+            infos = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+            self._known = {bytes(i.endpoint_gid).hex(): i.node_name for i in infos}
+            self._matched, self._age = matched, 0
+        return self._known if len(self._known) >= matched else {}

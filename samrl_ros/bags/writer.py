@@ -19,6 +19,7 @@ from mcap.writer import CompressionType, Writer
 
 from samrl_core.common.errors import InputError
 from samrl_ros.bags import metadata
+from samrl_ros.bags.chunk_index import keep_index_on_disk
 from samrl_ros.bags.qos_metadata import QoS, dump_profiles
 from samrl_ros.bags.schemas import Definition, definition
 
@@ -253,6 +254,7 @@ class BagWriter:
                 compression=self._compression,
                 enable_crcs=True,
             )
+            keep_index_on_disk(self._writer, self.folder)
             self._writer.start(profile="ros2", library="samrl")
             if self._custom_data:
                 self._writer.add_metadata(CUSTOM_DATA, self._custom_data)

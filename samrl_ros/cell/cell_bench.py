@@ -25,6 +25,7 @@ REQUEST, EXECUTED = cell_topic("supervisor/request"), cell_topic("manipulator/ex
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
 ACTION, CAMERA_STATUS = cell_topic("policy/nominal_action"), arm_topic("camera_arm", "motion_status")
 COLOR = camera_topic("color/image_raw")
+History = list[tuple[str, dict[str, str]]]  # a node's full name and its diagnostics
 
 
 class CpuSampler:
@@ -58,15 +59,22 @@ def bench_cell(out: Path, seed: int, episodes: int, real_time_factor: float) -> 
         episodes=episodes, seed=seed, out=out, layout="processes", real_time_factor=real_time_factor
     )
     seen: dict[str, Any] = {}
-    code = run_cell(options, console, on_tick=sampler.sample, keep=seen)
+    history: History = []
+    code = run_cell(
+        options,
+        console,
+        on_tick=sampler.sample,
+        keep=seen,
+        on_figures=lambda node, figures: history.append((node, figures)),
+    )
     if code != OK:
         return FAILED
     watch = seen["watch"]
     report = {
         "schema": 1,
         "cpu_cores_per_node": sampler.shares(),
-        "bridge": _bridge(watch.history),
-        "ages": _ages(watch.history, out / "bag"),
+        "bridge": _bridge(history),
+        "ages": _ages(history, out / "bag"),
         "stages": _stages(out / "bag"),
         "loop_wall_s_per_action": _per_action(watch, out / "bag"),
     }
@@ -88,12 +96,12 @@ def _quantiles(values: list[float]) -> dict[str, float]:
     }
 
 
-def _figure(history: list[tuple[float, str, dict[str, str]]], node: str, key: str) -> list[float]:
-    found = [float(values[key]) for _, name, values in history if name.endswith(node) and key in values]
+def _figure(history: History, node: str, key: str) -> list[float]:
+    found = [float(values[key]) for name, values in history if name.endswith(node) and key in values]
     return [v for v in found if np.isfinite(v)]
 
 
-def _bridge(history: list[tuple[float, str, dict[str, str]]]) -> dict[str, Any]:
+def _bridge(history: History) -> dict[str, Any]:
     factors = [f for f in _figure(history, "sim_bridge", "real_time_factor") if f > 0]
     gaps = _figure(history, "sim_bridge", "longest_gap_s")
     leads = _figure(history, "sim_bridge", "command_lead_min_ms")
@@ -104,7 +112,7 @@ def _bridge(history: list[tuple[float, str, dict[str, str]]]) -> dict[str, Any]:
     }
 
 
-def _ages(history: list[tuple[float, str, dict[str, str]]], bag: Path) -> dict[str, Any]:
+def _ages(history: History, bag: Path) -> dict[str, Any]:
     """Ages at reception by the simulated clock: images at the updater, joint states at the manipulator."""
     return {
         "image_at_model_updater_s": _quantiles(_figure(history, "model_updater", f"{COLOR} age_s")),

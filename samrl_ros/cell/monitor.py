@@ -43,7 +43,6 @@ class Watch:
     safety: str = ""
     safety_level: int = 0
     nodes: dict[str, NodeFigures] = field(default_factory=dict)
-    history: list[tuple[float, str, dict[str, str]]] = field(default_factory=list)
     last_joints: float = 0.0
     last_progress: float = 0.0
     episode_since: float = field(default_factory=time.monotonic)
@@ -52,8 +51,14 @@ class Watch:
 class Monitor:
     """A node in the caller's thread; call `spin` often."""
 
-    def __init__(self, on_event: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(
+        self,
+        on_event: Callable[[str], None] = lambda text: None,
+        on_figures: Callable[[str, dict[str, str]], None] = lambda node, figures: None,
+    ) -> None:
+        """`on_event` hears what people should, `on_figures` every node's diagnostics by its full name."""
         self.watch = Watch()
+        self._on_figures = on_figures
         self._marks: list[tuple[float, str]] = []  # of the present episode
         self._on_event = on_event
         self._node = Node("monitor", namespace=NAMESPACE)
@@ -141,4 +146,4 @@ class Monitor:
         for status in message.status:
             values = {v.key: v.value for v in status.values}
             self.watch.nodes[status.name] = NodeFigures(status.level[0], status.message, values, now)
-            self.watch.history.append((now, status.name, values))
+            self._on_figures(status.name, values)

@@ -204,6 +204,7 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     # Written down always: a replay knows older runs by its absence.
     supervisor = merged["/cell/supervisor"]["ros__parameters"]
     supervisor.setdefault("done_confirmations", LoopSettings.done_confirmations)
+    merged["/cell/model_updater"]["ros__parameters"].setdefault("repeat_answers", True)
     return merged
 
 

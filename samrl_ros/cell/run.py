@@ -37,6 +37,7 @@ def run_cell(
     console: Console | None = None,
     on_tick: Callable[[dict[str, int]], None] = lambda pids: None,
     keep: dict[str, Any] | None = None,
+    on_figures: Callable[[str, dict[str, str]], None] = lambda node, figures: None,
 ) -> int:
     """Run the cell as asked and return the exit code.
 
@@ -45,6 +46,7 @@ def run_cell(
         console: where to talk to people.
         on_tick: called about twenty times a second with the process ids of the nodes, for benchmarks.
         keep: gets `watch`, all that the monitor saw, for benchmarks.
+        on_figures: hears every node's diagnostics, as `Monitor` does, for benchmarks.
 
     Raises:
         InputError: the options cannot be met; nothing was started.
@@ -60,7 +62,7 @@ def run_cell(
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
         try:
-            watch, trouble = _watch_run(options, arguments, stop, screen, on_tick)
+            watch, trouble = _watch_run(options, arguments, stop, screen, on_tick, on_figures)
         finally:
             stop_ros()
         if keep is not None:
@@ -112,6 +114,7 @@ def _watch_run(
     stop: Any,
     console: Console,
     on_tick: Callable[[dict[str, int]], None],
+    on_figures: Callable[[str, dict[str, str]], None],
 ) -> tuple[Any, str]:
     """Start everything, wait for the end, stop everything; returns what was seen and what went wrong."""
     from samrl_ros.cell.monitor import Monitor
@@ -121,7 +124,7 @@ def _watch_run(
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task("starting nodes", total=options.episodes)
         monitor = Monitor(
-            on_event=lambda text: progress.console.print(escape(text), highlight=False, soft_wrap=True)
+            lambda text: progress.console.print(escape(text), highlight=False, soft_wrap=True), on_figures
         )
         view = _start_view(options)
         logs = options.out / "logs"

@@ -117,4 +117,6 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
         settings[name] = {k: v for k, v in given.get(name, {}).items() if k in known}
     # Runs from before this was a setting, which are known by its absence, ended with the first such image.
     settings["supervisor"].setdefault("done_confirmations", 1)
+    # They updated anew when an update that was done was asked for again.
+    settings["model_updater"].setdefault("repeat_answers", False)
     return settings

@@ -8,7 +8,8 @@ thread over a recorded bag (`replay`), where two runs give identical outputs.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, Protocol
 
 
@@ -34,6 +35,8 @@ class Behaviour(ABC):
     name: str  # of the node
     inputs: tuple[str, ...]  # topics it hears, in no particular order
     outputs: tuple[str, ...]  # topics it may speak on
+    # Messages that may wait, of inputs for which the QoS keeps too few while the node computes.
+    queues: Mapping[str, int] = MappingProxyType({})
 
     @abstractmethod
     def handle(self, topic: str, message: Any) -> None:

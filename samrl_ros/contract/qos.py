@@ -28,8 +28,16 @@ PROFILES: dict[str, QoSProfile] = {
 }
 
 
-def qos_named(name: str) -> QoSProfile:
-    """The profile of that name. Raises InputError for an unknown one."""
+def qos_named(name: str, depth: int = 0) -> QoSProfile:
+    """The profile of that name, its queue at least `depth` long. Raises InputError for an unknown one."""
     if name not in PROFILES:
         raise InputError(f"unknown QoS profile {name!r}; known are {', '.join(PROFILES)}")
-    return PROFILES[name]
+    profile = PROFILES[name]
+    if depth <= profile.depth:
+        return profile
+    return QoSProfile(
+        history=profile.history,
+        depth=depth,
+        reliability=profile.reliability,
+        durability=profile.durability,
+    )

@@ -71,7 +71,7 @@ class BehaviourNode(CellNode):
                     name,
                     # One argument exactly: the events executor crashes on callbacks with two.
                     partial(self._receive, name, counter),
-                    qos_named(topic.qos),
+                    qos_named(topic.qos, behaviour.queues.get(name, 0)),
                     event_callbacks=events,
                 )
             )

@@ -23,8 +23,11 @@ FRAME = (COLOR, DEPTH, MASK, INFO)
 INPUTS = (*FRAME, CALIBRATION, *JOINTS)
 
 MAX_BAD_FRAMES = 30  # default number of refused images in a row before a node gives up
-_PENDING_FRAMES = 4  # stamps whose parts may be on their way at once
-_READINGS = 300  # joint readings kept per arm: 1.2 s at 250 Hz
+_PENDING_FRAMES = 8  # stamps whose parts may be on their way at once; more than images wait in a queue
+# Joint readings kept per arm, and waiting in the queue while a node computes. The queue of images holds 5,
+# half a second at 10 Hz: their joint states are still there, at 250 Hz and (15 images a second) at 1 kHz.
+_READINGS = 500
+QUEUES = dict.fromkeys(JOINTS, _READINGS)
 
 
 class Assembler:
@@ -115,8 +118,7 @@ class Assembler:
 class PatientAssembler:
     """An `Assembler` of wanted images alone, which gives up only after many bad messages in a row.
 
-    Images taken while a node computes wait in its queue, their joint states are no longer in theirs: what
-    nobody asked for is not put together, or every computation would end with refusals.
+    Most images are nobody's business: only those that somebody asked for are put together.
     """
 
     def __init__(self, cell: CellSpec, max_bad_frames: int, log: Callable[[str, str], None]) -> None:

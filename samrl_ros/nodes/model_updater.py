@@ -33,6 +33,9 @@ class ModelUpdaterSettings:
     task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     enabled: bool = setting(True, "false leaves the model as it starts: for ablations")
+    repeat_answers: bool = setting(
+        True, "an update that is asked for again when it is done gets the same state; false: updates anew"
+    )
     max_bad_frames: int = setting(
         MAX_BAD_FRAMES, "refused images in a row before the node gives up", range=(1, 1000)
     )
@@ -44,9 +47,10 @@ class ModelUpdater(Behaviour):
     name = "model_updater"
     inputs = (READY, REQUEST, *assembly.INPUTS)
     outputs = (STATE, IMAGE)
+    queues = assembly.QUEUES
 
     def __init__(self, settings: ModelUpdaterSettings, outbox: Outbox) -> None:
-        self._outbox = outbox
+        self._outbox, self._repeats = outbox, settings.repeat_answers
         self._task = task_named(settings.task)
         cell = cell_named(settings.cell)
         self._model = Model(self._task, cell)
@@ -88,10 +92,11 @@ class ModelUpdater(Behaviour):
 
     def _on_request(self, message: Any) -> None:
         asked, self._asked = self._asked, (message.stage, from_message.stamp_ns(message))
-        if message.stage == "update":
+        again = asked == self._asked and self._state is not None
+        if again and (message.stage != "update" or (self._repeats and self._request is None)):
+            self._outbox.publish(STATE, self._state)  # it may have been lost on its way
+        elif message.stage == "update":
             self._request = message
-        elif asked == self._asked and self._state is not None:
-            self._outbox.publish(STATE, self._state)  # asked again: it may have been lost on its way
 
     def _wanted(self, stamp_ns: int) -> bool:
         return self._request is not None and stamp_ns >= from_message.stamp_ns(self._request)

@@ -90,6 +90,7 @@ class PolicyNode(Behaviour):
     name = "policy"
     inputs = (*step_inputs.INPUTS, WEIGHTS)
     outputs = (ACTION,)
+    queues = step_inputs.QUEUES
 
     def __init__(self, settings: PolicySettings, outbox: Outbox) -> None:
         self._settings = settings

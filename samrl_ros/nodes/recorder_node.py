@@ -30,6 +30,7 @@ from samrl_ros.hosting.diagnostics import TopicCounter
 from samrl_ros.hosting.host import run_process
 
 NAME = "recorder"
+QUEUE = 1000  # messages per topic: a recorder that is late for a moment must not lose any
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class RecorderNode(CellNode):
                 message_class(topic.type),
                 topic.name,
                 partial(self._receive, topic, counter),
-                _deep(qos_named(topic.qos)),
+                qos_named(topic.qos, QUEUE),
                 raw=True,
             )
             self._parts.append((self.destroy_subscription, subscription))
@@ -185,18 +186,6 @@ def _chosen(names: tuple[str, ...]) -> list[Topic]:
     if not any(topic.qos == CLOCK for topic in chosen):
         chosen.append(TOPICS["/clock"])  # gives the log time
     return chosen
-
-
-def _deep(profile: Any) -> Any:
-    """The same offer with a longer queue: a recorder that is late for a moment must not lose messages."""
-    from rclpy.qos import QoSProfile
-
-    return QoSProfile(
-        history=profile.history,
-        depth=max(profile.depth, 1000),
-        reliability=profile.reliability,
-        durability=profile.durability,
-    )
 
 
 def _version() -> str:

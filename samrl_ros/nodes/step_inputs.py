@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.observation import Observation
-from samrl_core.common.errors import InputError
 from samrl_core.model.real2sim.real2sim import Estimate
 from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message
@@ -18,8 +18,12 @@ from samrl_ros.nodes import assembly
 READY, REQUEST = cell_topic("sim_bridge/ready"), cell_topic("supervisor/request")
 STATE = cell_topic("model_updater/state")
 INPUTS = (READY, REQUEST, STATE, *assembly.INPUTS)
+QUEUES = assembly.QUEUES
 
-_KEPT = 4  # images after a request: the updater takes the first that it can use, one of these
+# Images after a request. The updater uses the first that is whole when it gets there: on a busy computer, a
+# late one.
+_KEPT = 64
+_STATES = 4  # of one step: an update that is asked for again may be answered twice
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,7 @@ class StepInputs:
         self._wanted_since_ns = 0
         self._wanted_more = 0  # images
         self._update_asked_ns = 0  # stamp of the newest request for an update
-        self._state: Any = None
+        self._states: deque[Any] = deque(maxlen=_STATES)
         self._request: Any = None
 
     @property
@@ -70,14 +74,15 @@ class StepInputs:
         """Hand in one message of `INPUTS`; returns what a request is answered from, once all of it is there.
 
         Raises:
-            InputError: a state of another task or newer than its request, or too many bad images in a row.
+            InputError: a state of another task, or too many bad images in a row.
         """
         if topic == READY:
-            self._state = self._request = None
+            self._request = None
+            self._states.clear()
             self._observations, self._wanted_more = [], 0
         elif topic == STATE:
             from_message.model_values(message, self._parameters)  # refused on arrival, not when it is used
-            self._state = message
+            self._states.append(message)
         elif topic == REQUEST:
             self._on_request(message)
         else:
@@ -100,20 +105,30 @@ class StepInputs:
         return self._wanted_more > 0 and stamp_ns >= self._wanted_since_ns
 
     def _matched(self) -> StepInput | None:
-        request, state = self._request, self._state
-        if request is None or state is None:
+        request = self._request
+        if request is None:
             return None
-        if (state.episode, state.step) != (request.episode, request.step):
+        state = self._state_before(request)
+        if state is None:
             return None
-        if from_message.stamp_ns(state) < self._update_asked_ns:
-            return None  # a step may have several updates: this is not the last one
-        if from_message.stamp_ns(state) > from_message.stamp_ns(request):
-            raise InputError("model state is newer than the request that follows it; clocks disagree")
         observation = self._observation(request, state)
         if observation is None:
             return None
-        self._request = None
+        self._request, self._wanted_more = None, 0
         return StepInput(request, state, from_state(state), observation)
+
+    def _state_before(self, request: Any) -> Any:
+        """The newest state of the request's step that the supervisor can have seen when it asked.
+
+        A step may have several updates: one from before the last was asked for is not it. Nor is one newer
+        than the request: that answers an update which was asked for again when its answer was on the way.
+        """
+        asked_ns = from_message.stamp_ns(request)
+        for state in reversed(self._states):
+            same_step = (state.episode, state.step) == (request.episode, request.step)
+            if same_step and self._update_asked_ns <= from_message.stamp_ns(state) <= asked_ns:
+                return state
+        return None
 
     def _observation(self, request: Any, state: Any) -> Observation | None:
         """The one that the state was updated with; or, where it was lost on the way here, a newer one."""

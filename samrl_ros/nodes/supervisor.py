@@ -101,7 +101,7 @@ class Supervisor(Behaviour):
         self._state = LoopState()
         self._waiting_for = "start"
         self._asked_ns = self._published_ns = 0
-        self._now_ns = 0
+        self._now_ns = self._state_ns = 0  # of the joint states; of the newest model state
         self._tip = np.zeros(3)
         self._sigma = float("nan")
         self._successes = 0
@@ -169,12 +169,13 @@ class Supervisor(Behaviour):
             self._fail(f"the cell is laid out for {message.task!r}, not for {self._task.name!r}")
             return
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
-        self._state = LoopState()
+        self._state, self._state_ns = LoopState(), 0
         self._mark(f"episode {self._episode}")
         self._ask("update")
 
     def _on_state(self, message: Any) -> None:
-        self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
+        self._state_ns = from_message.stamp_ns(message)
+        self._now_ns = max(self._now_ns, self._state_ns)
         values, covariance = from_message.model_values(message, self._parameters)
         self._sigma = float(np.sqrt(np.diag(covariance).max()))
         self._state = self._state.updated(message.why_stopped, message.loss_after)
@@ -212,6 +213,8 @@ class Supervisor(Behaviour):
 
     def _ask(self, stage: str) -> None:
         self._waiting_for = stage
+        # Joint states that waited in the queue are older than the state that is asked about.
+        self._now_ns = max(self._now_ns, self._state_ns)
         self._asked_ns = self._now_ns
         self._mark(stage)
         self._publish_request(stage)

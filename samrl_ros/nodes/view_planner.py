@@ -18,7 +18,7 @@ from samrl_core.policy.agent.settings import AgentSettings, trained_networks
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.settings import setting
 from samrl_ros.contract.topics import cell_topic
-from samrl_ros.conversions import to_message
+from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes import step_inputs
 from samrl_ros.nodes.assembly import MAX_BAD_FRAMES
 from samrl_ros.nodes.step_inputs import StepInput, StepInputs
@@ -50,6 +50,7 @@ class ViewPlannerNode(Behaviour):
     name = "view_planner"
     inputs = step_inputs.INPUTS
     outputs = (TARGET,)
+    queues = step_inputs.QUEUES
 
     def __init__(self, settings: ViewPlannerSettings, outbox: Outbox) -> None:
         self._settings = settings
@@ -63,6 +64,7 @@ class ViewPlannerNode(Behaviour):
         names = tuple(spec.name for spec in task.parameters())
         self._inputs = StepInputs("view", names, cell, settings.max_bad_frames, outbox.log)
         self._moves = 0
+        self._answer: tuple[tuple[int, int], ViewTarget] | None = None  # stamps of request and state [ns]
 
     def start(self) -> None:
         """See `Behaviour`: reachable views are there before the first request."""
@@ -83,6 +85,12 @@ class ViewPlannerNode(Behaviour):
         }
 
     def _plan_view(self, found: StepInput) -> None:
+        asked = (from_message.stamp_ns(found.request), from_message.stamp_ns(found.state))
+        if self._answer is None or self._answer[0] != asked:  # else asked again while it was being planned
+            self._answer = (asked, self._target(found))
+        self._outbox.publish(TARGET, self._answer[1])
+
+    def _target(self, found: StepInput) -> ViewTarget:
         choice = self._agent.plan_view(found.estimate, found.observation)
         self._moves += int(choice.move)
         request = found.request
@@ -94,4 +102,4 @@ class ViewPlannerNode(Behaviour):
         message.visibility = float(choice.visibility)
         message.candidates = int(choice.candidates)
         message.reason = choice.reason
-        self._outbox.publish(TARGET, message)
+        return message

@@ -31,6 +31,7 @@ class Echo(Behaviour):
     name = "echo"
     inputs = (PHASE,)
     outputs = (WEIGHTS,)
+    queues = {PHASE: 40}  # noqa: RUF012 (a constant)
 
     def __init__(self, settings: EchoSettings, outbox: Outbox) -> None:
         self._settings, self._outbox, self._handled = settings, outbox, 0

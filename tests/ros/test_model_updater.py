@@ -44,3 +44,22 @@ def test_a_state_that_got_lost_is_sent_again_when_a_view_is_asked_for_again() ->
     assert ask("view", 8) == 1
     updater.handle(READY, EpisodeReady(task="peg_insertion", episode=1))
     assert ask("view", 8) == 1 and ask("view", 8) == 1  # nothing is known of the new episode
+
+
+@pytest.mark.parametrize("repeats", [True, False])
+def test_an_update_that_is_done_is_not_done_again(repeats: bool) -> None:
+    """The request was sent again while it was computed: a second state would be newer than the view's."""
+    from samrl_msgs.msg import EpisodeReady, ModelState, StepRequest
+
+    from samrl_ros.conversions import to_message
+    from samrl_ros.nodes.model_updater import READY, REQUEST, STATE, ModelUpdater, ModelUpdaterSettings
+
+    outbox = Outbox(keep=frozenset({STATE}))
+    updater = ModelUpdater(ModelUpdaterSettings(repeat_answers=repeats), outbox)
+    updater.handle(READY, EpisodeReady(task="peg_insertion"))
+    request = StepRequest(header=to_message.header(7), step=3, stage="update")
+    updater.handle(REQUEST, request)
+    assert updater._wanted(8)
+    updater._request, updater._state = None, ModelState(step=3)  # as an update leaves it
+    updater.handle(REQUEST, request)
+    assert len(outbox.kept[STATE]) == repeats and updater._wanted(8) is not repeats

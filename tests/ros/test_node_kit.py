@@ -205,6 +205,16 @@ def test_the_lifecycle_services_drive_the_node(make: Any, probe: Probe) -> None:
     assert probe.heard("still here")
 
 
+def test_a_long_queue_keeps_what_comes_while_the_node_computes(make: Any, probe: Probe) -> None:
+    """The topic's QoS keeps 10."""
+    thread = make()
+    probe.say("hang")
+    for number in range(30):
+        probe.say(str(number))
+    counter = thread.node.health.topics[echo.PHASE]
+    assert probe.wait(lambda: counter.received == 31)
+
+
 def test_speaking_on_a_topic_that_is_no_output_is_a_failure(make: Any, probe: Probe) -> None:
     thread = make()
     probe.say("stray")

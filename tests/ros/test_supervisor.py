@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from samrl_core.cell.robots.cells import cell_named
@@ -99,3 +100,33 @@ def test_as_many_as_are_asked_for(estimate: Any, verdicts: list[bool]) -> None:
 def test_a_model_that_is_not_updated_ends_nothing(estimate: Any) -> None:
     found = updates(estimate, 1, stop_on_model_success=False)
     assert found.asked[-1][0] == "view" and not found.ends
+
+
+def test_no_request_is_older_than_the_state_that_it_follows(estimate: Any) -> None:
+    """Joint states that waited in the queue must not set the time back."""
+    from samrl_msgs.msg import EpisodeReady, ViewTarget
+
+    from samrl_core.cell.types.observation import ArmReading
+    from samrl_ros.conversions import model_state, to_message
+    from samrl_ros.nodes.supervisor import (
+        READY,
+        STATE,
+        TARGET,
+        TOOL_JOINTS,
+        Supervisor,
+        SupervisorSettings,
+    )
+
+    outbox = Outbox()
+    supervisor = Supervisor(SupervisorSettings(stop_on_model_success=False), outbox)
+    supervisor.start()
+    supervisor.handle(READY, EpisodeReady(header=to_message.header(SECOND), episode=0, task=TASK.name))
+    late = replace(estimate, stamp_ns=5 * SECOND, why_stopped="converged", loss_after=0.05)
+    supervisor.handle(STATE, model_state.to_message(late, TASK, 0, 0))
+    zero = np.zeros(7)
+    reading = to_message.joint_state(
+        ArmReading(4 * SECOND, zero, zero, zero), cell_named().tool_arm.joint_names
+    )
+    supervisor.handle(TOOL_JOINTS, reading)
+    supervisor.handle(TARGET, ViewTarget(episode=0, step=0, move=False))
+    assert outbox.asked[-2:] == [("view", 5 * SECOND), ("act", 5 * SECOND)]

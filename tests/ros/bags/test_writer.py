@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -161,3 +162,26 @@ def test_qos_of_older_bags_in_numbers() -> None:
     assert load_profiles("nonsense: [") == load_profiles(None) == load_profiles("- {history: 99}") == ()
     with pytest.raises(InputError, match="reliability"):
         QoS(reliability="perhaps")
+
+
+def test_a_long_recording_takes_no_more_memory(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+    """What mcap's writer would keep of every chunk until the end, 1.4 kB, is on disk."""
+    chunks = 2000
+    with BagWriter(tmp_path / "long", chunk_bytes=1) as writer:
+        for number in range(12):
+            writer.add_topic(f"/{number}", STRING)
+        data = string_cdr("x")
+        writer.write("/0", 0, data)
+        tracemalloc.start()
+        for k in range(chunks):
+            writer.write(f"/{k % 12}", k, data)
+        grown, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert grown < 100_000  # [bytes]; 1,500,000 in memory
+    with (tmp_path / "long" / "long_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None and len(summary.chunk_indexes) == chunks + 1
+        found = sum(1 for _ in reader.iter_messages(topics=["/7"]))
+        assert found == sum(k % 12 == 7 for k in range(chunks))
+    assert sorted(p.name for p in (tmp_path / "long").iterdir()) == ["long_0.mcap", "metadata.yaml"]

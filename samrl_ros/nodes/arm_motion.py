@@ -12,7 +12,7 @@ from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.observation import ArmCommand, ArmReading
 from samrl_core.cell.types.pose import Pose
 
-PERIOD_NS = 4_000_000  # joint states come at 250 Hz
+PERIOD_NS = 4_000_000  # between two set points, at whatever rate joint states come
 _GAP_NS = 100_000_000  # a longer silence means that the driver started anew
 
 
@@ -38,7 +38,12 @@ class MotionEnd:
 
 
 class ArmMotion:
-    """Ticks on joint readings, one command per reading, stamped `horizon_ns` ahead."""
+    """Ticks on joint readings; commands are stamped about `horizon_ns` ahead of them.
+
+    Set points lie on a grid of `PERIOD_NS` that begins with the first reading, and a command carries its grid
+    time. Stamped by readings, which come at other rates and with jitter, its velocity would not be that of
+    the step to the next command. A reading half a period before the next grid time is in time for it.
+    """
 
     def __init__(
         self, spec: RobotSpec, base: Pose, payload: Payload | None, settings: MotionSettings
@@ -53,7 +58,8 @@ class ArmMotion:
             acceleration_scaling=settings.acceleration_scaling,
             jerk_scaling=settings.jerk_scaling,
         )
-        self._last_ns = -1
+        self._last_ns = -1  # stamp of the last reading
+        self._set_ns = -1  # grid time of the last set point
         self._started_ns = 0
         self._arrived_ns = -1
         self._tracking_error = 0.0
@@ -87,22 +93,23 @@ class ArmMotion:
         gap = reading.stamp_ns - self._last_ns
         self.reading = reading
         if self._last_ns < 0 or gap > _GAP_NS or gap < 0:
-            self._last_ns = reading.stamp_ns
+            self._last_ns = self._set_ns = reading.stamp_ns
             self._smoother.reset(reading.position)
             self._ahead.clear()
             self.commanded = reading.position.copy()
             void, self.busy = self.busy, False
             return self._command(reading.stamp_ns, np.zeros_like(reading.position)), None, void
-        steps = round(gap / PERIOD_NS)
-        if steps == 0:
-            return None, None, False
         self._last_ns = reading.stamp_ns
+        steps = (reading.stamp_ns - self._set_ns + PERIOD_NS // 2) // PERIOD_NS
+        if steps <= 0:
+            return None, None, False
+        self._set_ns += steps * PERIOD_NS
         position, velocity, acceleration = self.commanded, np.zeros(0), np.zeros(0)
         for _ in range(steps):
             position, velocity, acceleration = self._smoother.step()
         self.commanded = position
         effort = self.model.effort_without_gravity(position, velocity, acceleration)
-        stamp = reading.stamp_ns + self._settings.horizon_ns
+        stamp = self._set_ns + self._settings.horizon_ns
         self._track(reading, stamp)
         command = ArmCommand(stamp, position, velocity, acceleration, effort)
         return command, self._end(reading), False
@@ -111,11 +118,18 @@ class ArmMotion:
         return ArmCommand(stamp_ns + self._settings.horizon_ns, self.commanded, zeros, zeros, zeros)
 
     def _track(self, reading: ArmReading, stamp: int) -> None:
-        self._ahead.append((stamp, self.commanded))
-        while self._ahead and self._ahead[0][0] < reading.stamp_ns:
-            self._ahead.pop(0)
-        if self.busy and self._ahead and self._ahead[0][0] == reading.stamp_ns:
-            error = float(np.abs(self._ahead[0][1] - reading.position).max())
+        """Compare a reading with what was commanded for its time, between two set points in a row."""
+        ahead = self._ahead
+        ahead.append((stamp, self.commanded))
+        while len(ahead) > 1 and ahead[1][0] <= reading.stamp_ns:
+            ahead.pop(0)
+        (begin, commanded), (end, then) = ahead[0], ahead[min(1, len(ahead) - 1)]
+        if begin < reading.stamp_ns and end - begin == PERIOD_NS:
+            commanded = commanded + (then - commanded) * ((reading.stamp_ns - begin) / PERIOD_NS)
+        elif begin != reading.stamp_ns:
+            return  # set points before the first reading, or one left out
+        if self.busy:
+            error = float(np.abs(commanded - reading.position).max())
             self._tracking_error = max(self._tracking_error, error)
 
     def _end(self, reading: ArmReading) -> MotionEnd | None:

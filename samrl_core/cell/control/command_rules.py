@@ -92,7 +92,8 @@ def check_step(
 
     With |a| <= A over a time h: |v1 - v0| <= A h, and |p1 - p0 - h (v0 + v1) / 2| <= A h^2 / 4, since the
     left-hand side is the integral of a(t) (h/2 - t). Both then bound the cubic between them by 2.5 A. The
-    speed of that cubic is held to the velocity limit.
+    speed of that cubic is held to the velocity limit. What is driven is the cubic through the stamps:
+    they may be rounded, but jitter in them is a change of speed, and no margin is given for it.
 
     Raises:
         LimitError: faster than the velocity or acceleration limit.
@@ -102,8 +103,8 @@ def check_step(
     travel = command.position - before.position
     middle = 1.5 * travel / h - 0.25 * (v0 + v1)  # speed of the cubic half way
     peak = np.maximum(np.abs(travel) / h, np.abs(middle)) / (limits.velocity * settings.curve_slack)
-    change = np.abs(v1 - v0) / (limits.acceleration * settings.slack * (h + settings.stamp_jitter_s))
-    untrue = np.maximum(np.abs(v0), np.abs(v1)) * settings.stamp_jitter_s + 1e-6  # [rad], with rounding
+    change = np.abs(v1 - v0) / (limits.acceleration * settings.slack * (h + settings.stamp_resolution_s))
+    untrue = np.maximum(np.abs(v0), np.abs(v1)) * settings.stamp_resolution_s + 1e-6  # [rad], with rounding
     bend = np.abs(travel - 0.5 * h * (v0 + v1)) / (limits.acceleration * settings.slack * h * h / 4 + untrue)
     for what, over, remedy in (
         ("position step", peak, "its velocity limit; smooth the trajectory"),

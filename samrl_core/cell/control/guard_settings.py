@@ -33,7 +33,9 @@ class GuardSettings:
     position_margin_rad: float = 0.0  # kept from position limits [rad]
     slack: float = 1.01  # on velocity and acceleration: rounding of the generator, never a new limit
     curve_slack: float = 1.05  # on the speed of the curve between two commands: a cubic is not their source's
-    stamp_jitter_s: float = 5e-4  # by which the spacing of two stamps may be untrue [s]
+    stamp_resolution_s: float = (
+        1e-6  # to which a commander keeps time; the curve through its points is driven [s]
+    )
     max_ahead_s: float = 0.15  # farthest validity ahead of robot time at reception [s]; more: a foreign clock
     join_fraction: float = 0.2  # of velocity and acceleration limits, kept free to join the commanded curve
     join_s: float = 1.0  # longest join [s]

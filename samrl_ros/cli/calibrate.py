@@ -25,14 +25,12 @@ class CalibrateOptions:
     out: Annotated[Path, typer.Option(help="Folder of calibration.json and calibration.png.")] = Path(
         "out/calibration"
     )
-    resamples: Annotated[int, typer.Option(help="Draws of pairs, for the covariance.", min=20)] = 200
-    seed: Annotated[int, typer.Option(help="Of these draws.", min=0)] = 0
 
 
 def run_calibration(options: CalibrateOptions) -> int:
     """Calibrate, write the result, and tell it."""
-    found = calibrate(options.pairs, options.hand_eye, options.resamples, options.seed)
-    write_calibration(found, options.pairs, options.out, options.seed)
+    found = calibrate(options.pairs, options.hand_eye)
+    write_calibration(found, options.pairs, options.out)
     console = Console()
     deviation = np.sqrt(np.diag(found.covariance))
     x, y, z = 1e3 * found.pose.position

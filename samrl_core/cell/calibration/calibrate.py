@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.cell.calibration.chain_of_poses import ChainSolution, resample, solve_chain
+from samrl_core.cell.calibration.chain_of_poses import ChainSolution, influence, response, solve_chain
 from samrl_core.cell.calibration.recorded_poses import (
     MAX_BYTES,
     HandEyeFile,
     Kind,
     base_pairs,
+    change_with_camera,
     hand_eye_pairs,
     read_recorded,
 )
@@ -32,8 +33,8 @@ ALSO = {"hand_eye": "board_in_base", "base_to_base": "board_in_flange"}
 class Calibration:
     """A calibrated pose.
 
-    `draws` (R, 6) are its displacements over resamples: position in the parent's axes [m], rotation in the
-    child's axes [rad].
+    `influence` (N, 6) is how far it moves without one of the pairs: position in the parent's axes [m],
+    rotation in the child's axes [rad].
     """
 
     kind: Kind
@@ -41,23 +42,30 @@ class Calibration:
     board: Pose  # board in base, or board in the tool arm's flange
     residual_m: np.ndarray  # (N,) [m]
     residual_rad: np.ndarray  # (N,) [rad]
-    draws: np.ndarray
+    influence: np.ndarray
     camera_in_flange: Pose  # found, or taken from the hand-eye file
+    inherited: np.ndarray  # (6, 6) covariance that comes with the hand-eye calibration, zero for one
 
     @property
     def covariance(self) -> np.ndarray:
         """(6, 6) of position [m] and rotation [rad]."""
-        return np.cov(self.draws.T)
+        return self.influence.T @ self.influence + self.inherited
 
 
-def calibrate(pairs_file: Path, hand_eye: Path | None, draws: int, seed: int) -> Calibration:
+@dataclass(frozen=True, eq=False)
+class HandEye:
+    """Result of a hand-eye calibration, read back."""
+
+    camera_in_flange: Pose
+    covariance: np.ndarray  # (6, 6) as of `Calibration`
+
+
+def calibrate(pairs_file: Path, hand_eye: Path | None) -> Calibration:
     """Calibrate from a file of pairs.
 
     Args:
         pairs_file: as `read_recorded` reads it.
         hand_eye: result of a hand-eye calibration; base-to-base calibration needs it, hand-eye takes none.
-        draws: resamples for the covariance.
-        seed: of the resamples.
 
     Raises:
         InputError: a file that does not fit, too few pairs, or too little rotation.
@@ -69,40 +77,63 @@ def calibrate(pairs_file: Path, hand_eye: Path | None, draws: int, seed: int) ->
             raise InputError(f"{pairs_file} is for hand-eye calibration, which takes no --hand-eye")
         pairs = hand_eye_pairs(recorded)
         solution = solve_chain(pairs)
-        _, moved = resample(pairs, solution, draws, seed)
+        _, moved = influence(pairs, solution)
         board = solution.outer.inverse()
-        return _calibration("hand_eye", solution, solution.inner, board, moved, solution.inner)
+        return _calibration("hand_eye", solution, board, moved, solution.inner, np.zeros((6, 6)))
     if hand_eye is None:
         raise InputError(
             f"{pairs_file} is for base-to-base calibration: give --hand-eye FILE, the result of a "
             "hand-eye calibration"
         )
-    camera_in_flange = read_hand_eye(hand_eye)
-    pairs = base_pairs(recorded, camera_in_flange)
+    known = read_hand_eye(hand_eye)
+    pairs = base_pairs(recorded, known.camera_in_flange)
     solution = solve_chain(pairs)
-    moved, _ = resample(pairs, solution, draws, seed)
-    return _calibration("base_to_base", solution, solution.outer, solution.inner, moved, camera_in_flange)
+    moved, _ = influence(pairs, solution)
+    slope, _ = response(pairs, solution, change_with_camera(recorded, known.camera_in_flange))
+    inherited = slope @ known.covariance @ slope.T
+    return _calibration("base_to_base", solution, solution.inner, moved, known.camera_in_flange, inherited)
 
 
 def _calibration(
-    kind: Kind, solution: ChainSolution, pose: Pose, board: Pose, draws: np.ndarray, camera: Pose
+    kind: Kind, solution: ChainSolution, board: Pose, moved: np.ndarray, camera: Pose, inherited: np.ndarray
 ) -> Calibration:
-    return Calibration(kind, pose, board, solution.residual_m, solution.residual_rad, draws, camera)
+    pose = solution.inner if kind == "hand_eye" else solution.outer
+    return Calibration(
+        kind, pose, board, solution.residual_m, solution.residual_rad, moved, camera, inherited
+    )
 
 
-def read_hand_eye(path: Path) -> Pose:
-    """Camera in flange of a result of `write_calibration`. Raises InputError."""
+def read_hand_eye(path: Path) -> HandEye:
+    """Result of a hand-eye calibration by `write_calibration`. Raises InputError."""
+    data = read_result(path, "hand_eye")
+    covariance = np.array(data.get("covariance"), dtype=np.float64)
+    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
+        raise InputError(f"{path} has no covariance of 6x6 finite numbers; calibrate anew")
+    return HandEye(pose_of(data, FOUND["hand_eye"], path), covariance)
+
+
+def read_result(path: Path, kind: Kind) -> dict[str, Any]:
+    """A `calibration.json` of a kind. Raises InputError."""
     try:
         data = json.loads(read_whole(path, MAX_BYTES).decode())
-        entry = data["camera_in_flange"]
-        return Pose(np.array(entry["position"]), np.array(entry["quat_xyzw"]))
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(
-            f"{path} is no hand-eye calibration ({error!r}); make one with samrl calibrate"
-        ) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no JSON ({error}); make one with samrl calibrate") from error
+    found = data.get("kind") if isinstance(data, dict) else None
+    if found != kind:
+        raise InputError(f"{path} is of kind {found!r}, needed is {kind}; make one with samrl calibrate")
+    return data
 
 
-def as_json(found: Calibration, pairs_file: Path, seed: int) -> dict[str, Any]:
+def pose_of(data: dict[str, Any], name: str, path: Path) -> Pose:
+    """A pose of a `calibration.json`. Raises InputError."""
+    try:
+        entry = data[name]
+        return Pose(np.array(entry["position"], dtype=float), np.array(entry["quat_xyzw"], dtype=float))
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: {name} is no pose ({error!r}); calibrate anew") from error
+
+
+def as_json(found: Calibration, pairs_file: Path) -> dict[str, Any]:
     """Contents of `calibration.json`; lengths in metres, angles in radians."""
     deviation = np.sqrt(np.diag(found.covariance))
     data: dict[str, Any] = {
@@ -115,8 +146,6 @@ def as_json(found: Calibration, pairs_file: Path, seed: int) -> dict[str, Any]:
         "residual_rms": {"position": _rms(found.residual_m), "rotation": _rms(found.residual_rad)},
         "residuals": {"position": found.residual_m.tolist(), "rotation": found.residual_rad.tolist()},
         "pairs": len(found.residual_m),
-        "resamples": len(found.draws),
-        "seed": seed,
         "source": {
             "file": pairs_file.name,
             "sha256": hashlib.sha256(read_whole(pairs_file, MAX_BYTES)).hexdigest(),
@@ -127,11 +156,11 @@ def as_json(found: Calibration, pairs_file: Path, seed: int) -> dict[str, Any]:
     return data
 
 
-def write_calibration(found: Calibration, pairs_file: Path, out: Path, seed: int) -> None:
+def write_calibration(found: Calibration, pairs_file: Path, out: Path) -> None:
     """`calibration.json` and `calibration.png` into a folder. Raises InputError if it cannot be written."""
     try:
         _draw(found, out)
-        text = json.dumps(as_json(found, pairs_file, seed), indent=1) + "\n"
+        text = json.dumps(as_json(found, pairs_file), indent=1) + "\n"
         write_whole(out / "calibration.json", text)
     except OSError as error:
         raise InputError(f"cannot write to {out} ({error.strerror}); give another --out") from error
@@ -151,8 +180,10 @@ def _draw(found: Calibration, out: Path) -> None:
         axes.axhline(_rms(values), color="black", linewidth=1, label=f"rms {_rms(values):.2f} {unit}")
         axes.set(xlabel="pair", ylabel=f"residual [{unit}]")
         axes.legend()
-    right.boxplot(1e3 * found.draws[:, :3], tick_labels=["x", "y", "z"])
-    right.set(ylabel="position over resamples [mm]", title=FOUND[found.kind])
+    for k, name in enumerate("xyz"):
+        right.plot(index, 1e3 * found.influence[:, k], ".-", linewidth=0.5, label=name)
+    right.set(xlabel="pair left out", ylabel="moves the position by [mm]", title=FOUND[found.kind])
+    right.legend()
     out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "calibration.png", dpi=120)
 

@@ -93,3 +93,21 @@ def base_pairs(file: BaseFile, camera_in_flange: Pose) -> PosePairs:
             for pair in file.pairs
         ),
     )
+
+
+def change_with_camera(file: BaseFile, camera_in_flange: Pose) -> np.ndarray:
+    """(N, 6, 6): how the measured poses of `base_pairs` move with the camera in its flange.
+
+    Rows and columns are position in the parent's axes [m], then rotation in the child's axes [rad].
+    """
+    changes = []
+    for pair in file.pairs:
+        flange, board = pair.camera_flange_in_base.pose().rotation, pair.board_in_camera.pose()
+        camera = flange @ camera_in_flange.rotation
+        x, y, z = board.position
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        change = np.zeros((6, 6))
+        change[:3, :3], change[:3, 3:] = flange, -camera @ cross
+        change[3:, 3:] = board.rotation.T
+        changes.append(change)
+    return np.array(changes)

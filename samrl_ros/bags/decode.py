@@ -1,7 +1,7 @@
 """CDR bytes to objects with the message's fields as attributes, by the schema that the bag carries.
 
 rosbags decodes; numbers in sequences and arrays become NumPy arrays. What is added is strictness: bytes that
-end early, or many left over, mean that schema and message do not belong together.
+end early, or more than a serialiser leaves over, mean that schema and message do not belong together.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ _BUILTIN = {
     "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec\n",
     "builtin_interfaces/msg/Duration": "int32 sec\nuint32 nanosec\n",
 }
-_PADDING = 8  # [B] rclpy's serialize_message leaves up to that much behind a message
 
 
 class Decoders:
@@ -78,10 +77,10 @@ def _message_decoder(topic: str, schema: Schema) -> Decoder:
         raise InputError(f"{where}: a type contains itself") from error
     except (TypesysError, UnicodeDecodeError) as error:
         raise InputError(f"{where}: {' '.join(str(error).split())}") from error
-    return partial(_decode, definition, store)
+    return partial(_decode, schema.name, definition, store)
 
 
-def _decode(definition: Any, store: Typestore, data: bytes) -> Any:
+def _decode(type_name: str, definition: Any, store: Typestore, data: bytes) -> Any:
     if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
         raise struct.error(f"the header {data[:4].hex()} is not plain CDR")
     read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
@@ -89,6 +88,9 @@ def _decode(definition: Any, store: Typestore, data: bytes) -> Any:
     left = len(data) - 4 - end
     if left < 0:
         raise struct.error(f"{-left} bytes are missing")
-    if left > _PADDING:
-        raise struct.error(f"{left} bytes are left over")
+    if left:
+        from samrl_ros.bags.over_allocation import rightful_ends
+
+        if len(data) - 4 not in rightful_ends(store, type_name, message, end):
+            raise struct.error(f"{left} bytes are left over")
     return message

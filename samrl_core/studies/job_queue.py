@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.errors import InputError, SolveError
 
 Tell = Callable[[str], None]  # hears a line of progress
@@ -128,6 +129,7 @@ class JobQueue:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # a terminal's Ctrl-C reaches this process, which passes it on
+                preexec_fn=ends_with_parent(signal.SIGINT),
             )
         self._tell(f"{job.name}: started, {filled[WORKERS]} processes, {device}")
         return _Running(job, process, gpu, time.monotonic())

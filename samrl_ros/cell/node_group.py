@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -12,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from samrl_core.common.child_process import ends_with_parent
 from samrl_ros.hosting.threads import one_thread_per_library
 
 STOP_TIMEOUT_S = 15.0
@@ -118,7 +118,7 @@ class ProcessGroup:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # a terminal's Ctrl-C reaches us alone; we stop them in order
-                preexec_fn=_die_with_parent,
+                preexec_fn=ends_with_parent(signal.SIGINT),  # no arm is commanded by an orphan
             )
 
     def pids(self) -> dict[str, int]:
@@ -153,11 +153,3 @@ class ProcessGroup:
     def _tail(self, name: str) -> str:
         lines = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
         return "\n  " + "\n  ".join(lines[-5:]) if lines else ""
-
-
-def _die_with_parent() -> None:
-    """Linux: SIGINT when the parent dies, so that no arm is commanded by an orphan (prctl(2))."""
-    pr_set_pdeathsig = 1
-    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGINT)
-    if os.getppid() == 1:
-        os.kill(os.getpid(), signal.SIGINT)

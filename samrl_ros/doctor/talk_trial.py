@@ -15,6 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 
+from samrl_core.common.child_process import ends_with_parent
 from samrl_ros.contract.exit_codes import FAILED, OK
 from samrl_ros.hosting.host import start_ros, stop_ros
 
@@ -30,7 +31,8 @@ def main() -> int:
         return _talk(sys.argv[2])
     topic = f"/samrl_doctor_{os.getpid()}/image"
     command = [sys.executable, "-m", "samrl_ros.doctor.talk_trial", "talk", topic]
-    speaker = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    nowhere = subprocess.DEVNULL
+    speaker = subprocess.Popen(command, stdout=nowhere, stderr=nowhere, preexec_fn=ends_with_parent())
     start_ros([])
     try:
         heard, took = _listen(topic)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.errors import SolveError
 
 STOP_S = 6.0  # to finish an update and save; less than a node may take to stop
@@ -37,6 +38,7 @@ class TrainingProcess:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # a terminal's Ctrl-C reaches its node alone, which stops it
+                preexec_fn=ends_with_parent(signal.SIGTERM),  # it saves first
             )
 
     def check(self) -> None:

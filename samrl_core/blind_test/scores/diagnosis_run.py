@@ -19,6 +19,7 @@ from typing import Any
 import yaml
 
 from samrl_core.blind_test.scores.study import SETS, Study, move_folder
+from samrl_core.common.child_process import ends_with_parent
 
 STAGE, LEFT_OUT_STAGE = "diagnosis", "left_out"
 INTERRUPTED = (130, -signal.SIGINT, -signal.SIGTERM)  # somebody stopped it: no result, neither good nor bad
@@ -125,6 +126,7 @@ def _run(command: list[str], place: Path, job: DiagnosisJob) -> tuple[int, str]:
         stderr=subprocess.STDOUT,
         text=True,
         errors="replace",
+        preexec_fn=ends_with_parent(),
     )
     try:
         output, _ = process.communicate(timeout=job.timeout_s)

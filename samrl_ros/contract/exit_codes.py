@@ -5,4 +5,4 @@ FAILED = 1  # the run could not go on: a node died, a fault, a stall
 USAGE = 2
 INPUT_REFUSED = 3
 GAP_FOUND = 4  # `samrl diagnose --fail-on-gap` found one
-INTERRUPTED = 130
+INTERRUPTED = 130  # by Ctrl-C, SIGTERM or a closed terminal; a node that was asked to stop ends with OK

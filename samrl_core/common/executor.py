@@ -6,12 +6,9 @@ begins; what is finished is the caller's to keep, so that the same command goes 
 
 from __future__ import annotations
 
-import ctypes
 import importlib
-import multiprocessing
 import os
 import signal
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -24,11 +21,11 @@ from concurrent.futures import (
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
+from samrl_core.common.child_process import end_with
 from samrl_core.common.errors import InputError, SolveError
-
-_PR_SET_PDEATHSIG = 1  # prctl(2)
 
 
 @dataclass(frozen=True)
@@ -70,9 +67,17 @@ def run_in_processes(work: Callable[[Any], Any], items: Sequence[Any], workers: 
 
 
 def run_in_threads(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -> Iterator[Done]:
-    """Each item in a thread, for work that itself starts a subprocess."""
-    with ThreadPoolExecutor(max_workers=workers) as pool:
+    """Each item in a thread, for work that itself starts a subprocess, which ends with this process."""
+    pool = ThreadPoolExecutor(max_workers=workers)
+    try:
         yield from _as_they_come(pool, work, items)
+    except KeyboardInterrupt:
+        pool.shutdown(wait=False, cancel_futures=True)  # the end of this process ends their subprocesses
+        raise
+    except BaseException:
+        pool.shutdown(wait=True)
+        raise
+    pool.shutdown(wait=True)
 
 
 def run_on_ray(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -> Iterator[Done]:
@@ -111,17 +116,21 @@ def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
     """A pool of processes with one thread each, which end with this process, whatever ends it.
 
     They start as a new Python (spawn) and inherit nothing. Work that has not begun is given up where the
-    block fails.
+    block fails, and an interrupt ends what has begun: a terminal's Ctrl-C reaches this process alone.
 
     Raises:
         SolveError: a process was ended from outside.
     """
-    context = multiprocessing.get_context("spawn")
+    context = _DeafContext()
     pool = ProcessPoolExecutor(count, context, initializer=_begin, initargs=(os.getpid(),))
     try:
         yield pool
     except BrokenProcessPool as error:
         raise _worker_ended(count) from error
+    except KeyboardInterrupt:
+        for process in context.started:
+            process.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -157,11 +166,37 @@ def _worker_ended(count: int) -> SolveError:
     )
 
 
+class _DeafContext(SpawnContext):
+    """Starts processes that a terminal's Ctrl-C or hang-up does not reach, from their first moment on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started: list[SpawnProcess] = []
+
+    def Process(self, *arguments: Any, **named: Any) -> SpawnProcess:
+        """A process that is not started yet; it inherits the mask of the thread that will start it."""
+        process = _DeafProcess(*arguments, **named)
+        self.started.append(process)
+        return process
+
+
+class _DeafProcess(SpawnProcess):
+    def start(self) -> None:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin(parent: int) -> None:
+    end_with(parent)
+    signal.signal(signal.SIGTERM, _give_up)
     import torch
 
     torch.set_num_threads(1)
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it died before this was asked for
-            os._exit(1)
+
+
+def _give_up(number: int, frame: object) -> None:
+    """Leave the present work by an exception, so that no half file stays behind."""
+    raise SystemExit(1)

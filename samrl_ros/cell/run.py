@@ -62,19 +62,22 @@ def run_cell(
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
         try:
-            watch, trouble = _watch_run(options, arguments, stop, screen, on_tick, on_figures)
+            watch, trouble, late = _watch_run(options, arguments, stop, screen, on_tick, on_figures)
         finally:
             stop_ros()
         if keep is not None:
             keep["watch"] = watch
-        code = INTERRUPTED if stop.is_set() and not trouble else FAILED if trouble else OK
-        if trouble:
+        # Whoever interrupts gets 130, also when a node then needs too long.
+        interrupted = stop.is_set() and not trouble
+        code = INTERRUPTED if interrupted else FAILED if trouble or late else OK
+        trouble = "; ".join(filter(None, ["interrupted" if interrupted else trouble, late]))
+        if code == FAILED:
             text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
             screen.print(text, highlight=False, soft_wrap=True)
         elif code == INTERRUPTED:
-            screen.print("interrupted; the bag is closed", highlight=False)
+            screen.print(f"{escape(trouble)}; the bag is closed", highlight=False, soft_wrap=True)
         # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
-        _sum_up(options, watch, "interrupted" if code == INTERRUPTED else trouble, screen)
+        _sum_up(options, watch, trouble, screen)
         _write_page(options, screen)
     return code
 
@@ -115,8 +118,12 @@ def _watch_run(
     console: Console,
     on_tick: Callable[[dict[str, int]], None],
     on_figures: Callable[[str, dict[str, str]], None],
-) -> tuple[Any, str]:
-    """Start everything, wait for the end, stop everything; returns what was seen and what went wrong."""
+) -> tuple[Any, str, str]:
+    """Start everything, wait for the end, stop everything.
+
+    Returns:
+        What was seen, what went wrong before the end or an interrupt, and what did not stop afterwards.
+    """
     from samrl_ros.cell.monitor import Monitor
     from samrl_ros.cell.node_group import MixedGroup, ProcessGroup, ThreadGroup
 
@@ -141,21 +148,27 @@ def _watch_run(
                 monitor.spin()
                 compilations.tell()
                 on_tick(group.pids())
-                trouble = group.trouble() or monitor.trouble()
+                trouble = _trouble(group, monitor, stop)
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
                 progress.update(bar, completed=len(monitor.watch.outcomes), description=description)
             deadline = time.monotonic() + (BRAKING_S if trouble else SETTLING_S)
             while not stop.is_set() and time.monotonic() < deadline:
                 monitor.spin()
-            trouble = trouble or monitor.arms_stopped()
+            trouble = trouble or ("" if stop.is_set() else monitor.arms_stopped())
         except SamrlError as error:
             trouble = str(error)
         finally:
-            trouble = "; ".join(filter(None, [trouble, group.stop()]))
+            late = group.stop()
             if view is not None:
                 view.close()
             monitor.close()
-    return monitor.watch, trouble
+    return monitor.watch, trouble, late
+
+
+def _trouble(group: Any, monitor: Any, stop: Any) -> str:
+    """Why the run cannot go on; nodes that an interrupt reached as well are no trouble."""
+    found = group.trouble() or monitor.trouble()
+    return "" if stop.is_set() else found
 
 
 def _bring_up(group: Any, monitor: Any, stop: Any, compilations: CompilationTeller) -> str:
@@ -166,7 +179,7 @@ def _bring_up(group: Any, monitor: Any, stop: Any, compilations: CompilationTell
     while not all(monitor.is_active(name) for name in others):
         monitor.spin()
         compilations.tell()
-        trouble = group.trouble() or monitor.trouble()
+        trouble = _trouble(group, monitor, stop)
         if trouble or stop.is_set():
             return trouble
         if time.monotonic() > deadline:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import queue
-import signal
 import sys
 import threading
 import time
@@ -22,6 +21,8 @@ from rclpy.utilities import try_shutdown
 
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, OK
+from samrl_ros.contract.interrupts import handled
+from samrl_ros.contract.quiet_end import let_go_of_terminal
 from samrl_ros.hosting.behaviour_node import BehaviourNode, MakeBehaviour
 from samrl_ros.hosting.cell_node import ACTIVE, FINALIZED, CellNode
 from samrl_ros.hosting.dds import configure_dds
@@ -165,15 +166,15 @@ def bring_up(node: CellNode) -> bool:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set, however often: terminal and launcher both send SIGINT."""
+    """An event that SIGINT, SIGTERM and SIGHUP set, however often: terminal and launcher both send SIGINT."""
     stop = threading.Event()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, lambda *_: stop.set()) for number in numbers}
-    try:
+
+    def ask(number: int, frame: object) -> None:
+        let_go_of_terminal(number)
+        stop.set()
+
+    with handled(ask):
         yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def run_nodes(threads: Sequence[NodeThread], stop: threading.Event) -> list[str]:
@@ -207,7 +208,7 @@ def run_node(
 def run_process(make_nodes: Sequence[Callable[[], CellNode]], arguments: Sequence[str] | None = None) -> int:
     """Main of an executable: each node with a thread of its own.
 
-    Returns 0 after SIGINT or SIGTERM, 1 when a node failed, 3 when its parameters were refused.
+    Returns 0 after SIGINT, SIGTERM or SIGHUP, 1 when a node failed, 3 when its parameters were refused.
     """
     threads: list[NodeThread] = []
     with stop_signals() as stop:

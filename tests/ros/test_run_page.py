@@ -15,7 +15,8 @@ from samrl_core.common.errors import InputError
 from samrl_ros.cell.report.figures import extremes, view_figure
 from samrl_ros.cell.report.page import write_run_page
 from samrl_ros.cell.report.run_record import read_run
-from tests.ros.small_run import ERROR_RAD, small_run
+from tests.ros.bag_files import record
+from tests.ros.small_run import ERROR_RAD, new, small_run
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
@@ -111,6 +112,13 @@ def test_without_a_summary_the_bag_alone_makes_a_page(tmp_path: Path) -> None:
     page = write_run_page(tmp_path)[0].read_text()
     assert "Unfinished run: 0 episodes ended" in page
     assert "no summary.json" in page and "not ended" in page and "tracking-1" in page
+
+
+def test_a_run_interrupted_before_its_first_phase_has_a_page(tmp_path: Path) -> None:
+    clock = "/clock"
+    record(tmp_path / "bag", [(k * 10**9, clock, new(clock)) for k in (1, 2)])
+    assert not read_run(tmp_path / "bag").phases
+    assert "Interrupted: 0 of 0" in summarised(tmp_path, error="interrupted", episodes=[], successes=0)
 
 
 def test_a_bag_cut_by_a_kill_is_shown_up_to_the_cut(folder: Path) -> None:

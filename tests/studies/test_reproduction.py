@@ -13,7 +13,7 @@ from samrl_core.policy.networks.weights import weights_name
 from samrl_core.studies.job_queue import DEVICE, WORKERS, JobQueue, Machine
 from samrl_core.studies.registry import experiment_named
 from samrl_core.studies.reproduction import KINDS, SEEDS, Reproduction
-from samrl_ros.cli.main import app
+from samrl_ros.cli.commands import app
 
 TRAININGS = len(TASKS) * len(SEEDS) + len(OCCLUDED_TASKS)
 

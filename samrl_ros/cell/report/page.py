@@ -156,7 +156,7 @@ def _headline(run: RunRecord, summary: dict[str, Any]) -> tuple[str, str]:
     episodes, error = summary.get("episodes", []), summary.get("error", "")
     good = sum(bool(e.get("success")) for e in episodes)
     count = f"{good} of {len(episodes)} episode{'s' if len(episodes) != 1 else ''} succeeded"
-    if error == "interrupted":
+    if error.startswith("interrupted"):
         return "ambiguous", f"Interrupted: {count}"
     if error:
         return "failed", f"The cell stopped: {count}"

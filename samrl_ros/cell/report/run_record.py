@@ -138,8 +138,8 @@ def read_run(bag_path: Path) -> RunRecord:
     topics = (STATE, TARGET, NOMINAL, *former, PHASE, SAFETY, READY, OUTCOME, ROSOUT, *STATUS)
     for raw, message in bag.decoded(topics):
         _take(run, marks, events, raw, message)
-    ends = [time for time, _ in marks[1:]] + [bag.end_ns * 1e-9]
-    run.phases.extend(Phase(name, time, end) for (time, name), end in zip(marks, ends, strict=True))
+    ends = [time for time, _ in marks[1:]] + [bag.end_ns * 1e-9]  # one too many where no phase came
+    run.phases.extend(Phase(name, time, end) for (time, name), end in zip(marks, ends, strict=False))
     # The first ones tell the cause.
     run.events.extend(_grouped(events)[:EVENTS])
     run.tracking.extend(filter(None, (_tracking(bag, role) for role in ROLES)))

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_ros.cli import train as train_command
-from samrl_ros.cli.main import app
+from samrl_ros.cli.commands import app
 
 
 @pytest.mark.parametrize(("explained", "warned"), [(-0.01, True), (0.04, True), (0.4, False)])

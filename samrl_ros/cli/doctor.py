@@ -15,6 +15,7 @@ from rich.markup import escape
 
 from samrl_ros.contract.exit_codes import FAILED, OK
 from samrl_ros.doctor.check import Check, Level
+from samrl_ros.doctor.reach import check_reach, check_security
 from samrl_ros.doctor.ros import (
     check_middleware,
     check_profile,
@@ -57,6 +58,8 @@ def checks(out: Path) -> Iterator[Check]:
     yield check_shared_memory()
     if found.level is not Level.PROBLEM:
         yield check_talk()
+        yield check_reach(environment)
+    yield check_security(environment)
     rest: tuple[Callable[[], Check], ...] = (check_processors, check_gpu, check_weights, check_kernel_cache)
     for check in rest:
         yield check()

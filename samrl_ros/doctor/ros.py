@@ -11,7 +11,7 @@ from pathlib import Path
 
 from samrl_core.common.errors import SamrlError
 from samrl_ros.doctor.check import Check, ok, problem, warning
-from samrl_ros.hosting.dds import PROFILE, configure_dds
+from samrl_ros.hosting.dds import LOCAL, REACH, configure_dds, profile_for
 from samrl_ros.hosting.ros_check import require_ros
 
 MIDDLEWARE = "rmw_fastrtps_cpp"
@@ -40,17 +40,17 @@ def check_middleware(environment: Mapping[str, str]) -> Check:
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdecimal() or int(domain) > 101:
         return problem("middleware", f"ROS_DOMAIN_ID={domain}", "set it to a number of 0 to 101")
-    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if reach not in ("LOCALHOST", "OFF"):
+    reach = environment.get(REACH, LOCAL[0])
+    if reach not in LOCAL:
         return warning(
             "middleware",
             f"{chosen}, domain {domain}; discovery {reach}: other computers can command the arms",
-            "unset ROS_AUTOMATIC_DISCOVERY_RANGE unless the cell runs on several computers",
+            f"unset {REACH} unless the cell runs on several computers",
         )
     return ok("middleware", f"{chosen}, domain {domain}, discovery {reach}")
 
 
-def check_profile(environment: Mapping[str, str], ours: Path = PROFILE) -> Check:
+def check_profile(environment: Mapping[str, str]) -> Check:
     """Room for images in the middleware's shared memory."""
     if "FASTDDS_BUILTIN_TRANSPORTS" in environment:
         return warning(
@@ -58,7 +58,7 @@ def check_profile(environment: Mapping[str, str], ours: Path = PROFILE) -> Check
             f"FASTDDS_BUILTIN_TRANSPORTS={environment['FASTDDS_BUILTIN_TRANSPORTS']} replaces the profile",
             "unset it: built-in transports lose images of 640x480",
         )
-    path = Path(environment.get(PROFILE_VARIABLE, str(ours)))
+    path = Path(environment.get(PROFILE_VARIABLE, str(profile_for(environment))))
     try:
         root = ElementTree.parse(path).getroot()
     except (OSError, ElementTree.ParseError) as error:

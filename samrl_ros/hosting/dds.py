@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
-PROFILE = Path(__file__).resolve().parent / "dds_profile.xml"
+HERE = Path(__file__).resolve().parent
+LOCAL_PROFILE, NETWORK_PROFILE = HERE / "dds_profile_local.xml", HERE / "dds_profile.xml"
+REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LOCAL = ("LOCALHOST", "OFF")  # of its values: nobody on another computer is wanted
+
+
+def profile_for(environment: Mapping[str, str]) -> Path:
+    """The Fast DDS profile for the reach that is asked for: this computer, unless said otherwise."""
+    return LOCAL_PROFILE if environment.get(REACH, LOCAL[0]) in LOCAL else NETWORK_PROFILE
 
 
 def configure_dds() -> None:
     """Set defaults that the user's own environment overrides. Call before `rclpy.init`.
 
-    - A Fast DDS profile with room for large images; left out when the user chose other transports.
-    - Discovery on this computer alone, so that no other machine disturbs the control loop. For a cell over
-      several computers set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET on each.
+    - Discovery on this computer alone, and sockets on its loopback interface alone, so that no other machine
+      reaches the control loop. For a cell over several computers set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET on
+      each.
+    - A Fast DDS profile with room for large images; left out when the user chose other transports, which
+      listen on every interface.
     - This Python environment as ament prefix, which the ROS wheels do not announce.
     """
+    os.environ.setdefault(REACH, LOCAL[0])
     if "FASTDDS_BUILTIN_TRANSPORTS" not in os.environ:
-        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(PROFILE))
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile_for(os.environ)))
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)

@@ -2,6 +2,7 @@
 #   make cell    one recorded episode of the cell      make test   fast tests, then check
 #   make slow    the slow tests                        make check  ruff, pyright
 #   make fuzz    100,000 damaged inputs to every reader (FUZZ: their number, SEED)
+#   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts)
 #   make bench   the cell's benchmark                  make docs   documents generated from code
 #   make bench-model   the model beside its peers, which it installs (Mitsuba needs Debian's libllvm19)
 #   make clean   remove .venv and caches (recordings in out/ stay)
@@ -12,6 +13,7 @@ TASK     ?= peg_insertion
 SEED     ?= 0
 EPISODES ?= 1
 FUZZ     ?= 100000
+ONLY     ?=
 WORKERS  ?= $(shell n=$$(nproc); echo $$((n < 8 ? n : 8)))
 
 VENV  := .venv
@@ -29,7 +31,7 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: setup cell test check slow fuzz bench bench-model docs clean
+.PHONY: setup cell test check slow fuzz faults bench bench-model docs clean
 .DELETE_ON_ERROR:
 
 setup: $(BUILT)
@@ -66,6 +68,9 @@ slow: $(BUILT)
 
 fuzz: $(BUILT)
 	$(BIN)/python -m tests.fuzz.attack --count $(FUZZ) --seed $(SEED)
+
+faults: $(BUILT)
+	$(BIN)/python -m tests.faults.bench --only "$(ONLY)"
 
 bench: $(BUILT)
 	@mkdir -p out

@@ -15,6 +15,8 @@ import struct
 import subprocess
 import sys
 
+from tests.faults.processes import DOES
+
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
 ADDRESSES = ("10.99.0.1", "10.99.0.2")
 LONGEST = 65536
@@ -52,6 +54,7 @@ def main() -> int:
             if not line:
                 return 0
             mode, amount = line[0], float(line[1]) if len(line) > 1 else 0.0
+            print(DOES, flush=True)
         for here, there in (ends, ends[::-1]):
             if here not in ready:
                 continue

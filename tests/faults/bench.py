@@ -1,0 +1,98 @@
+"""`make faults`: faults x moments over the live graph; each cell of the table a promise, measured.
+
+python -m tests.faults.bench [--out DIR] [--only TEXT] [--moment TEXT] [--again] [--list]
+Results are files in DIR/cells; what has one is left alone, so that a bench can be stopped and resumed. As
+root it works in a network and shared memory of its own, and tries two hosts and a full disk; else it leaves
+those out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from tests.faults.arms_faults import FAULTS
+from tests.faults.cell_faults import CELL_FAULTS
+from tests.faults.page import draw, write_page
+from tests.faults.processes import ROOT
+from tests.faults.trial import Trial
+
+PRIVATE = 'ip link set lo up && mount -t tmpfs tmpfs /dev/shm && exec "$@"'
+LONGEST_S = 1500.0  # wall time of a session that hangs
+
+
+def table(only: str, moment: str) -> list[tuple[str, str, str]]:
+    """Setting, fault and moment of all cells that are asked for."""
+    root = os.geteuid() == 0
+    return [
+        (fault.setting, fault.name, at)
+        for fault in (*FAULTS, *CELL_FAULTS)
+        for at in fault.moments
+        if only in fault.name and moment in at
+        if root or not (fault.setting == "hosts" or getattr(fault, "disk", ""))
+    ]
+
+
+def commit() -> str:
+    """What is tried."""
+    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty"]
+    return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
+
+
+def run_session(out: Path, cells: Sequence[str]) -> None:
+    """Some cells in one session, isolated as far as this user may."""
+    command = [sys.executable, "-m", "tests.faults.session", str(out), commit(), *cells]
+    if os.geteuid() == 0:
+        command = ["unshare", "-n", "-m", "sh", "-c", PRIVATE, "sh", *command]
+    try:
+        subprocess.run(command, timeout=LONGEST_S, check=False)
+    except subprocess.TimeoutExpired:
+        print("the session hung", flush=True)
+
+
+def main() -> int:
+    """Run what is missing, then write table and picture; 1 when a cell failed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "faults")
+    parser.add_argument("--only", default="", help="faults whose name holds this")
+    parser.add_argument("--moment", default="", help="before, motion, contact or stopping")
+    parser.add_argument("--again", action="store_true", help="also those that have a result")
+    parser.add_argument("--list", action="store_true", help="only list the cells")
+    options = parser.parse_args()
+    cells, results = table(options.only, options.moment), options.out / "cells"
+    if options.list:
+        print("\n".join(f"{setting:8} {fault} @ {moment}" for setting, fault, moment in cells))
+        return 0
+    results.mkdir(parents=True, exist_ok=True)
+    if options.again:
+        for _, fault, moment in cells:
+            (results / f"{fault}@{moment}.json").unlink(missing_ok=True)
+    tried: dict[str, int] = {}
+    for setting in dict.fromkeys(setting for setting, _, _ in cells):
+        mine = [f"{fault}@{moment}" for s, fault, moment in cells if s == setting]
+        while missing := [name for name in mine if not (results / f"{name}.json").exists()]:
+            if setting == "cell":
+                missing = missing[:1]
+            first = missing[0]
+            tried[first] = tried.get(first, 0) + 1
+            run_session(options.out, missing)
+            if tried[first] > 1 and not (results / f"{first}.json").exists():
+                _note_no_result(first, results)
+    draw(results, options.out / "faults.png")
+    print(write_page(results, options.out / "faults.md"))
+    return 0 if all('"passed": true' in path.read_text() for path in results.glob("*.json")) else 1
+
+
+def _note_no_result(name: str, results: Path) -> None:
+    fault, moment = name.split("@")
+    trial = Trial(fault, moment, "", results / "none", str)
+    trial.check("the bench came to a result", False, "two sessions ended without one")
+    trial.save(results, commit())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -16,6 +16,7 @@ from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world import DEFAULT_WORLD, make_world
 from samrl_core.cell.world.evaluation import TruthLog
+from samrl_core.common.errors import SamrlError
 from samrl_ros.contract.behaviour import Behaviour
 from samrl_ros.contract.topics import LATCHED, STATIC_TF, TOPICS, arm_topic, cell_topic
 from samrl_ros.nodes.arm_guards import COMMAND_TIMEOUT_S
@@ -105,8 +106,12 @@ class LocalGraph:
         while self.calls:
             service, request, on_response = self.calls.popleft()
             assert service == START_EPISODE
-            self.bridge.start_episode(request.episode, request.seed)
-            on_response(type("Response", (), {"success": True, "message": ""})())
+            refusal = ""
+            try:
+                self.bridge.start_episode(request.episode, request.seed)
+            except SamrlError as error:  # as `sim_bridge` answers
+                refusal = str(error)
+            on_response(type("Response", (), {"success": not refusal, "message": refusal})())
             self.drain()
 
     def drain(self) -> None:

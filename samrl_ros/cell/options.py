@@ -18,7 +18,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_ros.cell.parameter_file import load_parameters
-from samrl_ros.contract.settings import REAL_TIME_FACTOR
+from samrl_ros.contract.settings import OUTLASTS_STOPS, REAL_TIME_FACTOR
 from samrl_ros.nodes.registry import NODES
 
 LAYOUTS = ("split", "processes", "threads")
@@ -205,6 +205,8 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     supervisor = merged["/cell/supervisor"]["ros__parameters"]
     supervisor.setdefault("done_confirmations", LoopSettings.done_confirmations)
     merged["/cell/model_updater"]["ros__parameters"].setdefault("repeat_answers", True)
+    supervisor.setdefault("wait_for_reset", OUTLASTS_STOPS)
+    merged["/cell/manipulator"]["ros__parameters"].setdefault("heed_stops", OUTLASTS_STOPS)
     return merged
 
 

@@ -12,6 +12,7 @@ from dataclasses import field
 from typing import Any
 
 REAL_TIME_FACTOR = 1.0  # default upper bound of simulated over wall time, 0 for none
+OUTLASTS_STOPS = True  # default: an emergency stop is waited out; false as in runs from before it was
 
 
 def setting(

@@ -170,6 +170,14 @@ _ALL: list[Topic] = [
         LATCHED,
         "on change",
     ),
+    _own(
+        "node_watch",
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        "cell",
+        "a node is away, with the reason (level 2), or back (level 0); name: the node",
+        STATE,
+        "on change",
+    ),
     _own("supervisor/request", "samrl_msgs/msg/StepRequest", "supervisor", "asks a stage of the loop"),
     _own(
         "supervisor/outcome",

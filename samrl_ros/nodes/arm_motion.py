@@ -65,6 +65,7 @@ class ArmMotion:
         self._tracking_error = 0.0
         self._ahead: list[tuple[int, np.ndarray]] = []  # commands not yet valid, to compare with readings
         self.busy = False
+        self.stands = 0  # how often it was set to where it is measured
         self.reading: ArmReading | None = None
         self.commanded = np.zeros(len(spec.joint_names))
 
@@ -93,11 +94,7 @@ class ArmMotion:
         gap = reading.stamp_ns - self._last_ns
         self.reading = reading
         if self._last_ns < 0 or gap > _GAP_NS or gap < 0:
-            self._last_ns = self._set_ns = reading.stamp_ns
-            self._smoother.reset(reading.position)
-            self._ahead.clear()
-            self.commanded = reading.position.copy()
-            void, self.busy = self.busy, False
+            void = self.stand(reading)
             return self._command(reading.stamp_ns, np.zeros_like(reading.position)), None, void
         self._last_ns = reading.stamp_ns
         steps = (reading.stamp_ns - self._set_ns + PERIOD_NS // 2) // PERIOD_NS
@@ -113,6 +110,17 @@ class ArmMotion:
         self._track(reading, stamp)
         command = ArmCommand(stamp, position, velocity, acceleration, effort)
         return command, self._end(reading), False
+
+    def stand(self, reading: ArmReading) -> bool:
+        """Set the set point to where the arm is measured, at rest; returns whether a motion is void by it."""
+        self.reading = reading
+        self.stands += 1
+        self._last_ns = self._set_ns = reading.stamp_ns
+        self._smoother.reset(reading.position)
+        self._ahead.clear()
+        self.commanded = reading.position.copy()
+        void, self.busy = self.busy, False
+        return void
 
     def _command(self, stamp_ns: int, zeros: np.ndarray) -> ArmCommand:
         return ArmCommand(stamp_ns + self._settings.horizon_ns, self.commanded, zeros, zeros, zeros)

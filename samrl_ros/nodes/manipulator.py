@@ -19,13 +19,14 @@ from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, LimitError, ReachError
 from samrl_ros.contract.behaviour import Behaviour, Outbox
-from samrl_ros.contract.settings import setting
+from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.arm_motion import ArmMotion, MotionEnd, MotionSettings
+from samrl_ros.nodes.standstill import ESTOP, STOPPED, stopped_arms
 
 TARGET, ACTION = cell_topic("view_planner/target"), cell_topic("policy/nominal_action")
-EXECUTED = cell_topic("manipulator/executed_action")
+EXECUTED, SAFETY = cell_topic("manipulator/executed_action"), cell_topic("safety_state")
 JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
 TRAJECTORY = {arm_topic(role, "joint_trajectory"): role for role in ROLES}
 
@@ -47,13 +48,16 @@ class ManipulatorSettings:
     task_action_limit: float = setting(
         LONGEST_DISPLACEMENT, "longest displacement accepted", "m", (1e-3, 0.2)
     )
+    heed_stops: bool = setting(
+        OUTLASTS_STOPS, "an arm that its command guard stopped gives up its motion at once; false as it once did"
+    )
 
 
 class Manipulator(Behaviour):
     """Inverse kinematics, smoothing and the command guard, ticking on joint states."""
 
     name = "manipulator"
-    inputs = (TARGET, ACTION, *JOINTS, *TRAJECTORY)
+    inputs = (TARGET, ACTION, SAFETY, *JOINTS, *TRAJECTORY)
     outputs = (EXECUTED, *(arm_topic(r, n) for r in ROLES for n in ("command", "motion_status")))
 
     def __init__(self, settings: ManipulatorSettings, outbox: Outbox) -> None:
@@ -78,12 +82,21 @@ class Manipulator(Behaviour):
         self._guards = {r: CommandGuard(cell.arm(r).limits, cell.arm(r).joint_names) for r in ROLES}
         self._ids: dict[str, tuple[int, int]] = dict.fromkeys(ROLES, (0, 0))
         self._action: tuple[Any, np.ndarray] | None = None  # request and tip before it
+        self._taken: tuple[int, ...] = ()  # the newest action begun or done, see `_place`
+        self._stopped: tuple[str, ...] = ()  # arms that the guard has stopped until a reset
+        self._estopped = False
+        self._reset_ns = -1  # when the newest emergency stop was reset
         self._rejected = 0
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
         if topic in JOINTS:
             self._tick(JOINTS[topic], message)
+        elif topic == SAFETY:
+            if self._settings.heed_stops:
+                self._on_safety(message)
+        elif topic == ACTION and self._place(message) == self._taken:
+            self._outbox.log("warn", f"action {message.step} was asked for twice; it is done once")
         else:
             role = "tool_arm" if topic == ACTION else "camera_arm" if topic == TARGET else TRAJECTORY[topic]
             if topic in (ACTION, TARGET):
@@ -110,10 +123,13 @@ class Manipulator(Behaviour):
     def _tick(self, role: str, message: Any) -> None:
         arm = self._arms[role]
         reading = from_message.arm_reading(message, arm.spec.joint_names)
+        if role in self._stopped:
+            if arm.stand(reading):
+                self._give_up(role, "stopped by the command guard: motion given up")
+            return
         command, end, void = arm.tick(reading)
         if void:
-            self._action = None if role == "tool_arm" else self._action
-            self._report(role, MotionStatus.STOPPED, "joint states paused: motion given up", None)
+            self._give_up(role, "joint states paused: motion given up")
         if command is not None:
             # The same library that the bridge applies: a set point that it refuses is never sent.
             self._guards[role].check(command, reading)
@@ -121,6 +137,27 @@ class Manipulator(Behaviour):
             self._outbox.publish(topic, to_message.command(command, arm.spec.joint_names))
         if end is not None:
             self._on_end(role, end)
+
+    def _give_up(self, role: str, reason: str) -> None:
+        if role == "tool_arm":
+            self._action = None
+        self._report(role, MotionStatus.STOPPED, reason, None)
+
+    def _on_safety(self, message: Any) -> None:
+        """What the guards brake, the set points must not run away from; a late answer must not move it then."""
+        self._stopped = stopped_arms(message, STOPPED)
+        estopped = bool(stopped_arms(message, (ESTOP,)))
+        if self._estopped and not estopped:
+            self._reset_ns = max(self._now_ns(role) for role in ROLES)
+        self._estopped = estopped
+
+    def _place(self, action: Any) -> tuple[int, ...]:
+        """Episode and step, and how often the arm was set to where it is: an action cut off may come again."""
+        return (action.episode, action.step, self._arms["tool_arm"].stands)
+
+    def _refuse_stale(self, message: Any) -> None:
+        if from_message.stamp_ns(message) < self._reset_ns:
+            raise InputError("it answers an image from before the emergency stop's reset")
 
     def _on_end(self, role: str, end: MotionEnd) -> None:
         if end.reached:
@@ -141,10 +178,12 @@ class Manipulator(Behaviour):
     def _on_target(self, message: Any) -> None:
         if message.move:
             arm = self._ready("camera_arm")
+            self._refuse_stale(message)
             arm.move([np.asarray(message.joint_position, dtype=np.float64)])
 
     def _on_action(self, message: Any) -> None:
         arm = self._ready("tool_arm")
+        self._refuse_stale(message)
         displacement = from_message.vector(message.nominal) + from_message.vector(message.residual)
         length, limit = float(np.linalg.norm(displacement)), self._settings.task_action_limit
         if not np.isfinite(length) or length > limit:
@@ -161,6 +200,7 @@ class Manipulator(Behaviour):
             )
         )
         self._action = (message, tip)
+        self._taken = self._place(message)
 
     def _on_trajectory(self, role: str, message: Any) -> None:
         arm = self._ready(role)
@@ -187,6 +227,8 @@ class Manipulator(Behaviour):
     def _ready(self, role: str) -> ArmMotion:
         if self._arms[role].reading is None:
             raise InputError(f"no joint state of {role} yet; start its driver first")
+        if role in self._stopped:
+            raise InputError(f"the command guard has stopped {role}; reset it first")
         return self._arms[role]
 
     def _leashed(self, measured_tip: np.ndarray) -> Pose:

@@ -17,17 +17,22 @@ from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings, LoopState, stage_after_update
 from samrl_ros.contract.behaviour import Behaviour, Outbox
-from samrl_ros.contract.settings import setting
+from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
+from samrl_ros.nodes.standstill import MOVED_M, SETTLE_NS, Standstill
 
 READY, PHASE = cell_topic("sim_bridge/ready"), cell_topic("phase")
 REQUEST, OUTCOME = cell_topic("supervisor/request"), cell_topic("supervisor/outcome")
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
 EXECUTED, SAFETY = cell_topic("manipulator/executed_action"), cell_topic("safety_state")
+WATCH = cell_topic("node_watch")
 TOOL_JOINTS = arm_topic("tool_arm", "joint_states")
 STATUS = {arm_topic(role, "motion_status"): role for role in ROLES}
 START_EPISODE = cell_topic("sim_bridge/start_episode")
+UNDER_WAY = ("update", "view", "camera", "act")  # what an episode waits for
+ANSWERS = {"update": "model_updater", "view": "view_planner", "act": "policy"}  # who, by stage
+REMEMBERS = "model_updater"  # its belief dies with it: an episode cannot go on with another one
 
 
 @dataclass(frozen=True)
@@ -66,17 +71,22 @@ class SupervisorSettings:
         3.0, "an update or view not answered is asked for again", "s of robot time", (0.5, 60.0)
     )
     stage_timeout: float = setting(30.0, "longest wait for one answer", "s of robot time", (1.0, 3600.0))
+    wait_for_reset: bool = setting(
+        OUTLASTS_STOPS, "an emergency stop holds the episode until its reset; false ends the run, as it once did"
+    )
 
 
 class Supervisor(Behaviour):
     """A chain of stages: update, view (update again if the camera moved), act, and from the start. What says
     "done" is asked for once more.
 
-    `waiting_for` names the stage whose answer is due. Answers of another episode or step are ignored.
+    `waiting_for` names the stage whose answer is due. Answers of another episode or step are ignored. After
+    the reset of an emergency stop ("reset") the model is updated anew and the episode goes on; the next
+    episode is held back ("hold") while nodes are away or a stop is in force.
     """
 
     name = "supervisor"
-    inputs = (READY, STATE, TARGET, EXECUTED, SAFETY, TOOL_JOINTS, *STATUS)
+    inputs = (READY, STATE, TARGET, EXECUTED, SAFETY, WATCH, TOOL_JOINTS, *STATUS)
     outputs = (REQUEST, PHASE, OUTCOME)
 
     def __init__(self, settings: SupervisorSettings, outbox: Outbox) -> None:
@@ -100,11 +110,13 @@ class Supervisor(Behaviour):
         self._episode = -1
         self._state = LoopState()
         self._waiting_for = "start"
-        self._asked_ns = self._published_ns = 0
+        self._asked_ns = self._published_ns = self._patient_since_ns = 0
         self._now_ns = self._state_ns = 0  # of the joint states; of the newest model state
         self._tip = np.zeros(3)
         self._sigma = float("nan")
         self._successes = 0
+        self._standstill = Standstill()
+        self._doubt: tuple[int, str] | None = None  # since when [ns], and why the episode may have to end
         self.finished = False
 
     def start(self) -> None:
@@ -117,6 +129,8 @@ class Supervisor(Behaviour):
             self._on_joints(message)
         elif topic == SAFETY:
             self._on_safety(message)
+        elif topic == WATCH:
+            self._on_node(message)
         elif topic == READY:
             self._on_ready(message)
         elif topic == STATE and self._due("update", message):
@@ -149,8 +163,18 @@ class Supervisor(Behaviour):
         reading = from_message.arm_reading(message, self._names)
         self._now_ns = reading.stamp_ns
         self._tip = (self._arm.flange_in_base(reading.position) @ self._tip_in_flange).position
+        self._standstill.see(self._tip, reading.velocity)
+        doubtful = self._doubt is not None and self._now_ns - self._doubt[0] >= SETTLE_NS
+        if self._waiting_for in ("reset", "hold"):
+            self._go_on()
+        elif doubtful and self._doubt is not None:
+            self._resolve(self._doubt[1])
+        elif self._waiting_for in UNDER_WAY and not self._standstill.away:
+            self._look_after_answer()
+
+    def _look_after_answer(self) -> None:
         timeout_ns = int(self._settings.stage_timeout * 1e9)
-        if self._waiting_for not in ("start", "ready", "end") and self._now_ns - self._asked_ns > timeout_ns:
+        if self._now_ns - self._patient_since_ns > timeout_ns:
             waited = f"within {self._settings.stage_timeout:g} s"
             self._end(False, f"error: no answer to {self._waiting_for!r} {waited}")
         elif self._waiting_for in ("update", "view"):
@@ -159,8 +183,53 @@ class Supervisor(Behaviour):
                 self._publish_request(self._waiting_for)
 
     def _on_safety(self, message: Any) -> None:
-        if message.level >= b"\x02" and self._waiting_for not in ("start", "ready", "end"):
+        if self._settings.wait_for_reset:
+            self._standstill.hear_safety(message, self._now_ns)
+            if self._standstill.estop:
+                if self._waiting_for in UNDER_WAY:
+                    self._stop_here()
+                return
+        if message.level >= b"\x02" and self._waiting_for in UNDER_WAY:
             self._end(False, f"error: {message.message}")
+
+    def _stop_here(self) -> None:
+        self._outbox.log("warn", f"episode {self._episode}: {self._standstill.estop}; waiting for the reset")
+        self._waiting_for, self._doubt = "reset", None
+        self._mark("stopped")
+
+    def _go_on(self) -> None:
+        """After a standstill: with the next episode, or with this one from a new image."""
+        if not self._standstill.is_over(self._now_ns):
+            return
+        if self._waiting_for == "hold":
+            self._call_start()
+        elif self._standstill.displacement > MOVED_M:
+            moved = f"{1e3 * self._standstill.displacement:.0f} mm"
+            self._end(False, f"error: the tool was moved by {moved} while it was stopped")
+        else:
+            self._outbox.log("info", f"episode {self._episode}: goes on after the reset")
+            self._state = self._state.interrupted()
+            self._ask("update")
+
+    def _on_node(self, message: Any) -> None:
+        self._standstill.hear_node(message, self._now_ns)
+        stage = self._waiting_for
+        if message.name in self._standstill.away:
+            if message.name == REMEMBERS and stage in (*UNDER_WAY, "reset"):
+                self._end(False, f"error: {message.name} {message.message}; its belief is lost")
+            return
+        self._patient_since_ns = self._now_ns
+        if ANSWERS.get(stage) == message.name:
+            self._publish_request(stage)
+
+    def _resolve(self, reason: str) -> None:
+        self._doubt = None
+        if self._waiting_for != "start":
+            self._end(False, reason)
+        elif self._standstill.estop:
+            self._waiting_for = "hold"
+        else:
+            self._fail(reason)
 
     def _on_ready(self, message: Any) -> None:
         if message.episode != self._episode or self._waiting_for not in ("start", "ready"):
@@ -171,7 +240,10 @@ class Supervisor(Behaviour):
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
         self._state, self._state_ns = LoopState(), 0
         self._mark(f"episode {self._episode}")
-        self._ask("update")
+        if self._standstill.estop:
+            self._stop_here()
+        else:
+            self._ask("update")
 
     def _on_state(self, message: Any) -> None:
         self._state_ns = from_message.stamp_ns(message)
@@ -204,7 +276,11 @@ class Supervisor(Behaviour):
         if self._waiting_for not in ("camera", "act"):
             return
         if message.status in (MotionStatus.REJECTED, MotionStatus.STOPPED):
-            self._end(False, f"error: {role} {message.message}")
+            reason = f"error: {role} {message.message}"
+            if self._settings.wait_for_reset:  # word of the emergency stop behind it may be under way
+                self._doubt = self._doubt or (self._now_ns, reason)
+            else:
+                self._end(False, reason)
         elif self._waiting_for == "camera" and role == "camera_arm":
             if message.status == MotionStatus.TIMEOUT:
                 self._outbox.log("warn", f"camera arm: {message.message}; looking from where it is")
@@ -212,10 +288,10 @@ class Supervisor(Behaviour):
             self._ask("update")
 
     def _ask(self, stage: str) -> None:
-        self._waiting_for = stage
+        self._waiting_for, self._doubt = stage, None
         # Joint states that waited in the queue are older than the state that is asked about.
         self._now_ns = max(self._now_ns, self._state_ns)
-        self._asked_ns = self._now_ns
+        self._asked_ns = self._patient_since_ns = self._now_ns
         self._mark(stage)
         self._publish_request(stage)
 
@@ -233,7 +309,7 @@ class Supervisor(Behaviour):
         self._outbox.publish(PHASE, String(data=phase))
 
     def _end(self, detected: bool, reason: str) -> None:
-        self._waiting_for = "end"
+        self._waiting_for, self._doubt = "end", None
         self._successes += int(detected)
         level = "error" if reason.startswith("error") else "info"
         self._outbox.log(level, f"episode {self._episode}: {reason}")
@@ -249,13 +325,22 @@ class Supervisor(Behaviour):
             self.finished = True
             return
         self._episode += 1
-        self._waiting_for = "start"
+        if self._standstill.estop or self._standstill.away:
+            self._waiting_for = "hold"
+        else:
+            self._call_start()
+
+    def _call_start(self) -> None:
+        self._waiting_for, self._doubt = "start", None
         request = StartEpisode.Request(episode=self._episode, seed=self._settings.seed + self._episode)
         self._outbox.call(START_EPISODE, request, self._on_started)
 
     def _on_started(self, response: Any) -> None:
         if not response.success:
-            self._fail(f"the cell cannot start an episode: {response.message}")
+            reason = f"the cell cannot start an episode: {response.message}"
+            if not self._settings.wait_for_reset:
+                self._fail(reason)
+            self._doubt = (self._now_ns, reason)  # an emergency stop may be why
         elif self._waiting_for == "start":
             self._waiting_for = "ready"
 

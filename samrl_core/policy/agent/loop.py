@@ -58,6 +58,10 @@ class LoopState:
         """After an update that said "done", and was not the last that has to."""
         return replace(self, confirmed=self.confirmed + 1)
 
+    def interrupted(self) -> LoopState:
+        """After a stop in the middle of whatever it was: the action that was cut off does not count."""
+        return replace(self, confirmed=0)
+
     def fits(self, most: float) -> bool:
         """Whether the last fit's misfit is at most so many times the episode's median."""
         return not self.misfits or self.misfits[-1] <= most * float(np.median(self.misfits))

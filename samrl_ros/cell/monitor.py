@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,9 +11,11 @@ from typing import Any
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
+from samrl_ros.cell.incidents import Incident
 from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.topics import NAMESPACE, TOPICS, arm_topic, cell_topic
+from samrl_ros.nodes.standstill import ESTOP
 
 CLOCK_SILENCE_S = 10.0  # wall time without joint states, once they have come, that means the bridge is gone
 PROGRESS_SILENCE_S = 180.0  # wall time without a new phase that means the cell is stuck
@@ -42,10 +45,21 @@ class Watch:
     phases: int = 0
     safety: str = ""
     safety_level: int = 0
+    estop: str = ""  # reason of the emergency stop in force
+    estop_since: float = 0.0  # monotonic [s]
+    incidents: list[Incident] = field(default_factory=list)
+    begun: float = field(default_factory=time.monotonic)
     nodes: dict[str, NodeFigures] = field(default_factory=dict)
     last_joints: float = 0.0
     last_progress: float = 0.0
     episode_since: float = field(default_factory=time.monotonic)
+
+
+def reset_command() -> str:
+    """The command line that resets an emergency stop of this run, from another shell."""
+    named = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS")
+    given = [f"{name}={os.environ[name]}" for name in named if os.environ.get(name)]
+    return " ".join([*given, "samrl estop --reset"])
 
 
 class Monitor:
@@ -96,6 +110,8 @@ class Monitor:
                 return f"{name}: {figures.text}"
         if watch.last_joints and now - watch.last_joints > CLOCK_SILENCE_S:
             return f"no joint states for {CLOCK_SILENCE_S:.0f} s: sim_bridge (or the arm's driver) is gone"
+        if watch.estop:
+            return ""
         if watch.last_progress and now - watch.last_progress > PROGRESS_SILENCE_S:
             return f"no progress for {PROGRESS_SILENCE_S:.0f} s in phase {watch.phase!r}"
         return ""
@@ -134,12 +150,32 @@ class Monitor:
         self.watch.wall_time_s[int(message.episode)] = now - self.watch.episode_since
         self._on_event(f"episode {message.episode}: {message.reason}, {message.actions} actions")
 
+    def note(self, what: str, text: str) -> None:
+        """Keep and tell an incident."""
+        watch = self.watch
+        episode = max(watch.marks, default=-1)
+        watch.incidents.append(Incident(time.monotonic() - watch.begun, episode, what, text))
+        self._on_event(text)
+
     def _on_safety(self, message: Any) -> None:
+        self._on_estop(message.message if any(v.value == ESTOP for v in message.values) else "")
         self.watch.safety_level = message.level[0]
         if message.message != self.watch.safety:
             self.watch.safety = message.message
-            if message.level != b"\x00":
+            if message.level != b"\x00" and not self.watch.estop:
                 self._on_event(f"safety: {message.message}")
+
+    def _on_estop(self, reason: str) -> None:
+        watch = self.watch
+        if reason and not watch.estop:
+            watch.estop_since = time.monotonic()
+            self.note("estop", f"emergency stop: {reason}; the arms brake and hold, the run waits")
+            self._on_event(f"  to go on:  {reset_command()}")
+        elif watch.estop and not reason:
+            waited = time.monotonic() - watch.estop_since
+            watch.last_progress = time.monotonic()
+            self.note("reset", f"emergency stop reset after {waited:.0f} s; the run goes on")
+        watch.estop = reason
 
     def _on_diagnostics(self, message: Any) -> None:
         now = time.monotonic()

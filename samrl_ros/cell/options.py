@@ -61,6 +61,9 @@ class CellOptions:
     max_actions: Annotated[int, typer.Option(help="Actions per episode, 0 for the task's limit.", min=0)] = 0
     world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = DEFAULT_WORLD
     cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL
+    estop_wait: Annotated[
+        float, typer.Option(help="Longest wait for an emergency stop's reset [s], 0 for ever.", min=0.0)
+    ] = 0.0
     params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None
     node_args: tuple[str, ...] = ()  # further --ros-args
 

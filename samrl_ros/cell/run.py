@@ -20,6 +20,7 @@ from samrl_core.common.errors import InputError, SamrlError
 from samrl_ros.cell.options import CellOptions, prepare
 from samrl_ros.cell.start_up import CompilationTeller
 from samrl_ros.contract.exit_codes import FAILED, INTERRUPTED, OK
+from samrl_ros.contract.outcomes import given_up_episodes
 from samrl_ros.hosting.ros_check import require_ros
 from samrl_ros.nodes.registry import NODES
 
@@ -67,15 +68,19 @@ def run_cell(
             stop_ros()
         if keep is not None:
             keep["watch"] = watch
+        given_up = given_up_episodes(watch.outcomes)
         # Whoever interrupts gets 130, also when a node then needs too long.
         interrupted = stop.is_set() and not trouble
-        code = INTERRUPTED if interrupted else FAILED if trouble or late else OK
+        code = INTERRUPTED if interrupted else FAILED if trouble or late or given_up else OK
         trouble = "; ".join(filter(None, ["interrupted" if interrupted else trouble, late]))
-        if code == FAILED:
+        if trouble and code == FAILED:
             text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
             screen.print(text, highlight=False, soft_wrap=True)
         elif code == INTERRUPTED:
             screen.print(f"{escape(trouble)}; the bag is closed", highlight=False, soft_wrap=True)
+        for episode, reason in given_up.items():
+            text = f"[bold red]episode {episode} was given up:[/] {escape(reason)}"
+            screen.print(text, highlight=False, soft_wrap=True)
         # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
         _sum_up(options, watch, trouble, screen)
         _write_page(options, screen)
@@ -126,6 +131,7 @@ def _watch_run(
     """
     from samrl_ros.cell.monitor import Monitor
     from samrl_ros.cell.node_group import MixedGroup, ProcessGroup, ThreadGroup
+    from samrl_ros.cell.supervision import Supervision
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
@@ -143,12 +149,13 @@ def _watch_run(
         trouble = ""
         compilations = CompilationTeller(logs)
         try:
-            trouble = _bring_up(group, monitor, stop, compilations)
+            care = Supervision(group, monitor, options.estop_wait)
+            trouble = _bring_up(group, monitor, care, stop, compilations)
             while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
                 monitor.spin()
                 compilations.tell()
                 on_tick(group.pids())
-                trouble = _trouble(group, monitor, stop)
+                trouble = _trouble(care.trouble, stop)
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
                 progress.update(bar, completed=len(monitor.watch.outcomes), description=description)
             deadline = time.monotonic() + (BRAKING_S if trouble else SETTLING_S)
@@ -165,13 +172,13 @@ def _watch_run(
     return monitor.watch, trouble, late
 
 
-def _trouble(group: Any, monitor: Any, stop: Any) -> str:
+def _trouble(find: Callable[[], str], stop: Any) -> str:
     """Why the run cannot go on; nodes that an interrupt reached as well are no trouble."""
-    found = group.trouble() or monitor.trouble()
+    found = find()
     return "" if stop.is_set() else found
 
 
-def _bring_up(group: Any, monitor: Any, stop: Any, compilations: CompilationTeller) -> str:
+def _bring_up(group: Any, monitor: Any, care: Any, stop: Any, compilations: CompilationTeller) -> str:
     """Start all nodes but the supervisor, wait until they are active, then start the supervisor."""
     others = NODES[:-1]
     group.start(others)
@@ -179,7 +186,7 @@ def _bring_up(group: Any, monitor: Any, stop: Any, compilations: CompilationTell
     while not all(monitor.is_active(name) for name in others):
         monitor.spin()
         compilations.tell()
-        trouble = _trouble(group, monitor, stop)
+        trouble = _trouble(care.trouble, stop)
         if trouble or stop.is_set():
             return trouble
         if time.monotonic() > deadline:
@@ -204,7 +211,9 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
 
     task, out = task_named(options.task), options.out
     try:
-        summary = summarise(out, task, options.as_dict(), watch.wall_time_s, watch.marks, trouble)
+        summary = summarise(
+            out, task, options.as_dict(), watch.wall_time_s, watch.marks, trouble, watch.incidents
+        )
     except InputError as error:
         console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,8 @@ from samrl_core.common.files import write_whole
 from samrl_core.common.statistics import wilson_interval
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
+from samrl_ros.cell.incidents import Incident
+from samrl_ros.contract.outcomes import is_given_up
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions.from_message import stamp_ns
 
@@ -46,6 +50,7 @@ def summarise(
     wall_time_s: dict[int, float],
     marks: dict[int, list[tuple[float, str]]],
     error: str = "",
+    incidents: Sequence[Incident] = (),
 ) -> dict[str, Any]:
     """Read `folder/bag` and `folder/evaluation/truth.jsonl` and join them per episode.
 
@@ -57,6 +62,7 @@ def summarise(
         marks: per episode, when by the wall clock each of its phases began: seconds since it was laid out,
             and a mark of the topic `phase`, or "move" when the action was known.
         error: why the run ended early, empty when it did not.
+        incidents: stops, restarts and the like, as they came.
 
     Raises:
         InputError: a run that did not end early has no readable bag.
@@ -83,6 +89,8 @@ def summarise(
         "version": samrl_version(),
         "settings": settings,
         "error": error,
+        "given_up": sum(is_given_up(e["reason"]) for e in episodes),
+        "incidents": [asdict(one) for one in incidents],
         "successes": successes,
         "success_rate_wilson95": wilson_interval(successes, len(episodes)),
         "detector": _detector(episodes),

@@ -33,6 +33,12 @@ add_command(
 )
 add_command(
     app,
+    "estop",
+    "samrl_ros.cli.estop:estop",
+    "Stop both arms of the running cell at once; --reset lets them go on.",
+)
+add_command(
+    app,
     "run-report",
     "samrl_ros.cli.run_report:report_run",
     "Make the page and the video of a run anew, also of an interrupted one.",

@@ -76,8 +76,12 @@ class ArmGuards:
 
     def waits_for_commands(self, robot_s: float, within_s: float) -> bool:
         """Whether simulated time should stand still: an arm's next commands are due and still under way."""
-        steady = self._steady_s()
-        return any(guard.waits_for_command(steady, robot_s, within_s) for guard in self._guards.values())
+        return any(guard.waits_for_command(robot_s, within_s) for guard in self._guards.values())
+
+    @property
+    def taken(self) -> int:
+        """Commands taken so far."""
+        return sum(guard.status.accepted for guard in self._guards.values())
 
     def is_estopped(self) -> bool:
         """Whether an emergency stop is latched."""

@@ -22,6 +22,10 @@ class Commanders:
         self._known: dict[str, str] = {}  # node name by publisher id
         self._matched = self._age = 0
 
+    def is_there(self) -> bool:
+        """Whether anybody publishes commands."""
+        return self._subscription.get_publisher_count() > 0
+
     def find_publishers(self) -> dict[str, str]:
         """Node name by publisher id; empty while a matched publisher is not in the graph yet."""
         matched = self._subscription.get_publisher_count()

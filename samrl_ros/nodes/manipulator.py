@@ -49,7 +49,8 @@ class ManipulatorSettings:
         LONGEST_DISPLACEMENT, "longest displacement accepted", "m", (1e-3, 0.2)
     )
     heed_stops: bool = setting(
-        OUTLASTS_STOPS, "an arm that its command guard stopped gives up its motion at once; false as it once did"
+        OUTLASTS_STOPS,
+        "an arm that its command guard stopped gives up its motion at once; false as it once did",
     )
 
 
@@ -144,7 +145,7 @@ class Manipulator(Behaviour):
         self._report(role, MotionStatus.STOPPED, reason, None)
 
     def _on_safety(self, message: Any) -> None:
-        """What the guards brake, the set points must not run away from; a late answer must not move it then."""
+        """The set points must not run away from what the guards brake; late answers move nothing later."""
         self._stopped = stopped_arms(message, STOPPED)
         estopped = bool(stopped_arms(message, (ESTOP,)))
         if self._estopped and not estopped:
@@ -152,7 +153,7 @@ class Manipulator(Behaviour):
         self._estopped = estopped
 
     def _place(self, action: Any) -> tuple[int, ...]:
-        """Episode and step, and how often the arm was set to where it is: an action cut off may come again."""
+        """Episode, step, and how often the arm was set to where it is: what was cut off may come again."""
         return (action.episode, action.step, self._arms["tool_arm"].stands)
 
     def _refuse_stale(self, message: Any) -> None:

@@ -27,8 +27,9 @@ from samrl_ros.hosting import CellNode
 from samrl_ros.nodes.arm_guards import COMMAND_TIMEOUT_S
 from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
 from samrl_ros.nodes.commanders import Commanders
+from samrl_ros.nodes.lockstep import Lockstep
 
-OUTCOME = cell_topic("supervisor/outcome")
+OUTCOME, WATCH = cell_topic("supervisor/outcome"), cell_topic("node_watch")
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,9 @@ class SimBridgeSettings:
     command_timeout: float = setting(
         COMMAND_TIMEOUT_S, "age of a command, by reception, at which the arm brakes", "s", (0.01, 5.0)
     )
+    patience: float = setting(
+        5.0, "simulated time stands still so long for late commands, by the wall clock", "s", (0.0, 60.0)
+    )
     evaluation_file: str = setting("", "where evaluation truth is written, empty for nowhere")
 
 
@@ -66,6 +70,7 @@ class SimBridge(CellNode):
         self._publishers_by_topic: dict[str, Any] = {}
         self._handles: list[Any] = []
         self._commanders: dict[str, Commanders] = {}
+        self._commander_away = False
         self._published = 0
         self._rate = 0.0
         self._longest_gap_s = 0.0
@@ -108,11 +113,12 @@ class SimBridge(CellNode):
             log,
             time.monotonic,
         )
-        self._factor = settings.real_time_factor
+        self._factor, self._patience_s = settings.real_time_factor, settings.patience
         for role in ROLES:
             subscription = self._subscribe(arm_topic(role, "command"), partial(self._on_command, role))
             self._commanders[role] = Commanders(self, subscription)
         self._subscribe(OUTCOME, self._on_outcome)
+        self._subscribe(WATCH, self._on_watch)
         handlers = {
             cell_topic("sim_bridge/start_episode"): self._on_start,
             cell_topic("estop"): self._on_estop,
@@ -188,9 +194,10 @@ class SimBridge(CellNode):
         due = window_wall = time.monotonic()
         window_sim = core.time_ns
         last = due
+        lockstep = Lockstep(self._patience_s)
         while not self._stop.is_set():
             # In lockstep: a simulation that outran the manipulator would make every command late.
-            while self._waits(core, 2 * period) and not self._stop.is_set():
+            while self._waits(core, lockstep, 2 * period) and not self._stop.is_set():
                 self._stop.wait(0.0005)
             end_ns = core.time_ns + round(period * 1e9)
             while core.time_ns < end_ns and not self._stop.is_set():
@@ -208,9 +215,16 @@ class SimBridge(CellNode):
                 time.sleep(0)  # let the other threads of this process run
             last = time.monotonic()
 
-    def _waits(self, core: BridgeCore, within_s: float) -> bool:
+    def _waits(self, core: BridgeCore, lockstep: Lockstep, within_s: float) -> bool:
         with self._lock:
-            return core.waits_for_commands(within_s)
+            short, taken = core.waits_for_commands(within_s), core.guards.taken
+        if short and (self._commander_away or not any(c.is_there() for c in self._commanders.values())):
+            short = False
+        return lockstep.waits(short, taken, time.monotonic())
+
+    def _on_watch(self, message: Any) -> None:
+        if message.name == "manipulator":
+            self._commander_away = message.level >= b"\x02"
 
     def _on_command(self, role: str, message: Any) -> None:
         publishers = self._commanders[role].find_publishers()

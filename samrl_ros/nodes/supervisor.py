@@ -17,6 +17,7 @@ from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings, LoopState, stage_after_update
 from samrl_ros.contract.behaviour import Behaviour, Outbox
+from samrl_ros.contract.outcomes import TARGET_LOST
 from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
@@ -72,7 +73,8 @@ class SupervisorSettings:
     )
     stage_timeout: float = setting(30.0, "longest wait for one answer", "s of robot time", (1.0, 3600.0))
     wait_for_reset: bool = setting(
-        OUTLASTS_STOPS, "an emergency stop holds the episode until its reset; false ends the run, as it once did"
+        OUTLASTS_STOPS,
+        "an emergency stop holds the episode until its reset; false ends the run, as it once did",
     )
 
 
@@ -256,7 +258,7 @@ class Supervisor(Behaviour):
             self._state = self._state.confirmed_once()
             self._ask("update")
         elif stage == "lost":
-            self._end(False, f"error: target not seen in {self._state.lost_updates} updates in a row")
+            self._end(False, f"{TARGET_LOST} in {self._state.lost_updates} updates in a row")
         elif stage in ("view", "act"):
             self._ask(stage)
         else:

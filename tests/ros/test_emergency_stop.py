@@ -55,7 +55,7 @@ class StoppedRun:
             return
         if not self.stopped_ns and now - self._asked_ns >= self._after_ns:
             self.stopped_ns = now
-            self.graph.bridge.estop("asked for")
+            self.graph.bridge.guards.estop("asked for")
             self.refusals.append(self.graph.bridge.reset_safety())
         elif self.stopped_ns and not self.reset_ns and now - self.stopped_ns >= STANDS_NS:
             self._while_stopped(self)
@@ -81,7 +81,7 @@ def test_the_episode_goes_on_and_the_next_one_is_run(run: StoppedRun) -> None:
 
 
 def test_the_motion_is_given_up_and_told(run: StoppedRun) -> None:
-    (status,) = [m for m in run.on(STATUS, run.stopped_ns, run.reset_ns)]
+    (status,) = run.on(STATUS, run.stopped_ns, run.reset_ns)
     assert status.status == status.STOPPED and "stopped by the command guard" in status.message
     phases = [m.data for m in run.on(PHASE, run.stopped_ns)]
     assert phases[:2] == ["stopped", "update"]
@@ -129,7 +129,7 @@ def test_a_stop_between_two_episodes_holds_the_next_one(tmp_path: Path) -> None:
 
 
 def test_an_answer_from_before_the_reset_moves_nothing(tmp_path: Path) -> None:
-    """A policy that was computing when the stop came speaks while the arm stands, and again after the reset."""
+    """A policy that was computing when the stop came speaks while the arm stands."""
     late: list[Any] = []
 
     def answer_late(run: StoppedRun) -> None:

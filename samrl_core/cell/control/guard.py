@@ -56,15 +56,15 @@ class CommandGuard:
             self._state, self._reason, self._accepted, self._ignored, self._refused, self._late, self._since_s
         )
 
-    def waits_for_command(self, steady_s: float, robot_s: float, within_s: float) -> bool:
-        """Whether commands are being tracked, none reaches `within_s` ahead, and the newest is still fresh.
+    def waits_for_command(self, robot_s: float, within_s: float) -> bool:
+        """Whether commands are being tracked and none reaches `within_s` ahead.
 
-        A simulation asks this before it advances, so as not to outrun the sender of the commands.
+        A simulation asks this before it advances, so as not to outrun the sender of the commands. How long it
+        waits is its own affair: while it does, robot time and with it the age of the commands stands still.
         """
         if self._state is not GuardState.TRACKING:
             return False
-        ahead = self._curve.last.stamp_ns * 1e-9 - robot_s
-        return ahead < within_s and steady_s - self._received[0] < self._s.timeout_s
+        return self._curve.last.stamp_ns * 1e-9 - robot_s < within_s
 
     def restart(self) -> None:
         """Forget everything but the counters: the arm was placed anew, or robot time was set."""

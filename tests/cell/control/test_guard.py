@@ -166,13 +166,14 @@ def test_pause_of_either_clock_alone_is_not_stale() -> None:
     assert rig.guard.status.state is GuardState.TRACKING
 
 
-def test_waits_for_command_only_while_a_fresh_one_is_short() -> None:
+def test_waits_for_command_only_while_tracking_and_short_of_one() -> None:
     guard = CommandGuard(LIMITS, NAMES)
-    assert not guard.waits_for_command(0.0, 0.0, 0.005)
+    assert not guard.waits_for_command(0.0, 0.005)
     guard.accept(command(20), reading(), 0.0, 0.0)
-    assert not guard.waits_for_command(0.0, 0.010, 0.005)
-    assert guard.waits_for_command(0.0, 0.016, 0.005)
-    assert not guard.waits_for_command(0.2, 0.016, 0.005)  # the sender is gone
+    assert not guard.waits_for_command(0.010, 0.005)
+    assert guard.waits_for_command(0.016, 0.005)
+    guard.estop("asked for")
+    assert not guard.waits_for_command(0.016, 0.005)
 
 
 def test_estop_brakes_latches_and_outranks_a_fault() -> None:

@@ -108,6 +108,17 @@ class Bag:
         Raises `InputError` if a schema, now, or a message, when it comes, is broken.
         """
         wanted = self._selected(topics)
+        return self._decoded(wanted, self._decoders(wanted))
+
+    def decoder(self, topic: str) -> Decoder:
+        """Decoder of a topic's messages, see `decode`; for readers that decode some of them.
+
+        Raises:
+            InputError: no such topic, or a schema that is broken.
+        """
+        return self._decoders({self.topic(topic).name})[topic]
+
+    def _decoders(self, wanted: set[str]) -> dict[str, Decoder]:
         decoders = Decoders()
         by_topic: dict[str, Decoder] = {}
         for index in self._indexes:
@@ -120,7 +131,7 @@ class Bag:
                             f"bag {self.path}: topic {channel.topic} was recorded with two definitions of its"
                             " type; read the files one by one"
                         )
-        return self._decoded(wanted, by_topic)
+        return by_topic
 
     def _selected(self, topics: Iterable[str] | None) -> set[str]:
         present = {topic.name for topic in self.topics}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
@@ -16,11 +17,23 @@ class LiveView:
     Messages that are sent once (robot descriptions, calibration, static frames) are kept, and sent again
     whenever a client subscribes to their topic.
 
+    Args:
+        host: address to serve at.
+        port: 0 lets the system choose.
+        name: shown by Foxglove.
+        asset: content of a `package://` file that a client asks for, None if there is none.
+
     Raises:
         InputError: the extra `viz` is not installed, or the port is taken.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 8765, name: str = "samrl cell") -> None:
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 8765,
+        name: str = "samrl cell",
+        asset: Callable[[str], bytes | None] | None = None,
+    ) -> None:
         self._foxglove = _foxglove()
         self._context = self._foxglove.Context()
         self._channels: dict[str, Any] = {}
@@ -28,7 +41,12 @@ class LiveView:
         self._lock = threading.Lock()  # clients subscribe in the server's thread
         try:
             self._server = self._foxglove.start_server(
-                name=name, host=host, port=port, context=self._context, server_listener=_Listener(self)
+                name=name,
+                host=host,
+                port=port,
+                context=self._context,
+                server_listener=_Listener(self),
+                asset_handler=asset,
             )
         except (RuntimeError, OSError) as error:
             raise InputError(f"cannot serve at {host}:{port}: {error}; choose another port") from error
@@ -37,6 +55,20 @@ class LiveView:
     def port(self) -> int:
         """The port in use; with port 0 the system chose it."""
         return self._server.port
+
+    def offer(self, topic: str, type_name: str, described: Definition | None = None) -> None:
+        """Let clients subscribe to a topic before its first message.
+
+        Raises:
+            InputError: a type without definition.
+        """
+        with self._lock:
+            self._channel(topic, type_name, described)
+
+    def is_watched(self, topic: str) -> bool:
+        """Whether a client subscribes to a topic."""
+        with self._lock:
+            return topic in self._channels and self._channels[topic].has_sinks()
 
     def show(
         self,
@@ -53,7 +85,7 @@ class LiveView:
             InputError: a type without definition.
         """
         with self._lock:
-            self._log(topic, type_name, data, time_ns, described)
+            self._channel(topic, type_name, described).log(data, log_time=time_ns)
             if latched:
                 self._kept[topic] = (data, time_ns)
 
@@ -64,9 +96,7 @@ class LiveView:
                 data, time_ns = self._kept[topic]
                 self._channels[topic].log(data, log_time=time_ns)
 
-    def _log(
-        self, topic: str, type_name: str, data: bytes, time_ns: int, described: Definition | None
-    ) -> None:
+    def _channel(self, topic: str, type_name: str, described: Definition | None) -> Any:
         channel = self._channels.get(topic)
         if channel is None:
             found = described or definition(type_name)
@@ -75,7 +105,7 @@ class LiveView:
                 topic, schema=schema, message_encoding="cdr", context=self._context
             )
             self._channels[topic] = channel
-        channel.log(data, log_time=time_ns)
+        return channel
 
     def close(self) -> None:
         """Stop serving."""

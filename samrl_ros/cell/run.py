@@ -201,7 +201,7 @@ def _start_view(options: CellOptions) -> Any:
         return None
     from samrl_ros.cell.live_view import start_live_view
 
-    return start_live_view()
+    return start_live_view(options.task, options.cell)
 
 
 def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) -> None:

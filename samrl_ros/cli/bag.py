@@ -1,4 +1,4 @@
-"""`samrl bag info`, `samrl bag repair` and `samrl bag import`."""
+"""`samrl bag info`, `samrl bag repair`, `samrl bag view` and `samrl bag import`."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from samrl_core.common.errors import SamrlError
 from samrl_ros.bags.info import describe, render
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import default_destination, repair
+from samrl_ros.hosting.ros_check import require_ros
 
 INPUT_REFUSED = 3
 
@@ -70,6 +71,26 @@ def repair_command(
     typer.echo(f"{report.messages} messages up to {report.end_ns * 1e-9:.3f} s kept in {report.destination}")
     for line in report.damage:
         typer.echo(f"stopped at: {line} ({report.lost_bytes} bytes not readable in all)")
+
+
+@bag_app.command("view")
+def view_command(
+    path: BagPath,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="New bag folder [default: BAG_view].")
+    ] = None,
+) -> None:
+    """Copy a bag for Foxglove, with clouds, differences, chosen views and the arms' meshes."""
+    with _refusals(), Progress(console=Console(stderr=True), transient=True) as progress:
+        require_ros()
+        from samrl_ros.cell.viewer import view_file
+
+        destination = out if out is not None else view_file.default_destination(path)
+        task = progress.add_task("copying", total=None)
+        added = view_file.write_view(
+            path, destination, lambda done, total: progress.update(task, completed=done, total=total)
+        )
+    typer.echo(f"{destination}: {added} messages added; open its .mcap in Foxglove")
 
 
 @bag_app.command("import")

@@ -195,6 +195,15 @@ _ALL: list[Topic] = [
         "rgb8: the model rendered at the update, for people to compare",
     ),
     _own("view_planner/target", "samrl_msgs/msg/ViewTarget", "view_planner", "chosen view"),
+    Topic(
+        f"{NAMESPACE}/view_planner/candidates",
+        "sensor_msgs/msg/PointCloud2",
+        STATE,
+        "view_planner",
+        "per step",
+        "world",
+        "views that were scored: x, y, z of the camera [m] and score, as that of the chosen view",
+    ),
     _own("policy/nominal_action", "samrl_msgs/msg/ToolAction", "policy", "nominal action and residual"),
     _own("manipulator/executed_action", "samrl_msgs/msg/ToolAction", "manipulator", "what was executed"),
     _own(
@@ -241,6 +250,9 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ALL}
 
 # Names in bags from before `policy` acted, and what they are called since. A replay understands both.
 FORMER_NAMES = {f"{NAMESPACE}/view_planner/nominal_action": f"{NAMESPACE}/policy/nominal_action"}
+
+# Topics that bags from before have not. What a replay says there does not change such a bag's digest.
+LATER_TOPICS = frozenset({f"{NAMESPACE}/view_planner/candidates"})
 
 SERVICES: tuple[Service, ...] = (
     Service(

@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Pose as PoseMsg
 from geometry_msgs.msg import TransformStamped, Vector3
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2, PointField
 from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -77,6 +77,29 @@ def camera_info(intrinsics: Intrinsics, stamp_ns: int, frame: str) -> CameraInfo
     message.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
     message.p = [k[0], 0.0, k[2], 0.0, 0.0, k[4], k[5], 0.0, 0.0, 0.0, 1.0, 0.0]
     return message
+
+
+def cloud(points: np.ndarray, fields: tuple[str, ...], stamp_ns: int, frame: str) -> PointCloud2:
+    """Points (N, F) as sensor_msgs/PointCloud2 of float32 fields; the first three are x, y, z [m].
+
+    A field `rgb` holds what `packed_rgb` gives.
+    """
+    rows = np.ascontiguousarray(points, dtype=np.float32)
+    message = PointCloud2(header=header(stamp_ns, frame), height=1, width=len(rows), is_dense=True)
+    message.fields = [
+        PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
+        for i, name in enumerate(fields)
+    ]
+    message.point_step = 4 * len(fields)
+    message.row_step = message.point_step * len(rows)
+    message.data = rows.tobytes()
+    return message
+
+
+def packed_rgb(colors: np.ndarray) -> np.ndarray:
+    """Colours (N, 3) uint8 as float32 (N,) whose bytes are b, g, r, 0: what PCL and RViz call `rgb`."""
+    wide = np.asarray(colors, dtype=np.uint32)
+    return (wide[:, 0] << 16 | wide[:, 1] << 8 | wide[:, 2]).astype("<u4").view("<f4")
 
 
 def pose(value: Pose) -> PoseMsg:

@@ -15,6 +15,7 @@ from samrl_core.model.model import Model
 from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.policies import STRATEGIES
 from samrl_core.policy.agent.settings import AgentSettings, trained_networks
+from samrl_core.policy.view.view_planning import ViewChoice
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.settings import setting
 from samrl_ros.contract.topics import cell_topic
@@ -23,7 +24,7 @@ from samrl_ros.nodes import step_inputs
 from samrl_ros.nodes.assembly import MAX_BAD_FRAMES
 from samrl_ros.nodes.step_inputs import StepInput, StepInputs
 
-TARGET = cell_topic("view_planner/target")
+TARGET, CANDIDATES = cell_topic("view_planner/target"), cell_topic("view_planner/candidates")
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class ViewPlannerNode(Behaviour):
 
     name = "view_planner"
     inputs = step_inputs.INPUTS
-    outputs = (TARGET,)
+    outputs = (TARGET, CANDIDATES)
     queues = step_inputs.QUEUES
 
     def __init__(self, settings: ViewPlannerSettings, outbox: Outbox) -> None:
@@ -102,4 +103,11 @@ class ViewPlannerNode(Behaviour):
         message.visibility = float(choice.visibility)
         message.candidates = int(choice.candidates)
         message.reason = choice.reason
+        self._publish_candidates(choice, from_message.stamp_ns(found.state))
         return message
+
+    def _publish_candidates(self, choice: ViewChoice, stamp_ns: int) -> None:
+        fields = ("x", "y", "z", "score")
+        scored = np.array([[*view.camera_in_world.position, view.score] for view in choice.scored])
+        cloud = to_message.cloud(scored.reshape(-1, len(fields)), fields, stamp_ns, "world")
+        self._outbox.publish(CANDIDATES, cloud)

@@ -39,8 +39,10 @@ def panels(node: Any) -> Iterator[str]:
         yield from panels(node["second"])
 
 
-LIVE = {"/cell/live_view/difference"}  # made for clients of --view alone
-PATHS = sorted({text for text in texts(LAYOUT["configById"]) if text.startswith("/")} - LIVE)
+LIVE = {f"/cell/live_view/{name}" for name in ("difference", "camera_cloud", "model_cloud", "view")}
+IN_3D = LAYOUT["configById"]["3D!cell"]["topics"]
+SHOWN = {text for text in [*texts(LAYOUT["configById"]), *IN_3D] if text.startswith("/")}
+PATHS = sorted(SHOWN - LIVE)  # the others are made for clients of --view and by `samrl bag view`
 
 
 def test_every_panel_is_defined_and_laid_out_once() -> None:
@@ -60,11 +62,9 @@ def test_what_a_panel_shows_exists(path: str) -> None:
 
 def test_what_is_made_for_clients_is_shown_to_them() -> None:
     pytest.importorskip("rclpy")
-    from samrl_ros.cell.live_view import DIFFERENCE
+    from samrl_ros.cell.viewer.viewer_messages import MADE
 
-    assert (
-        LIVE == {DIFFERENCE} and DIFFERENCE in set(texts(LAYOUT["configById"])) and DIFFERENCE not in TOPICS
-    )
+    assert LIVE == set(MADE) and LIVE <= SHOWN and not LIVE & set(TOPICS)
 
 
 def test_both_arms_are_shown() -> None:

@@ -173,3 +173,22 @@ def test_views_lie_on_the_sphere_as_the_camera_did(folder: Path) -> None:
     marks = [trace for trace in traces if trace.mode == "markers+text"]
     assert {trace.name for trace in marks} == {"taken", "not worth its time"}
     assert all(np.hypot(trace.x, trace.y).max() < 1.3 for trace in marks)
+
+
+def test_stops_and_restarts_of_the_summary_are_told(folder: Path) -> None:
+    stop = {"wall_s": 12.34, "episode": 0, "what": "estop", "text": "by <hand>"}
+    away = {"wall_s": 1.0, "episode": -1, "what": "restart", "text": "policy was started again"}
+    page = summarised(folder, incidents=[away, stop])
+    (section,) = re.findall(r'<section id="incidents">(.*?)</section>', page, re.DOTALL)
+    cells = re.findall(r"<td[^>]*>(?:<span>)?(.*?)(?:</span>)?</td>", section)
+    assert cells == [
+        "1.0",
+        "-",
+        "restart",
+        "policy was started again",
+        "12.3",
+        "0",
+        "estop",
+        "by &lt;hand&gt;",
+    ]
+    assert 'id="incidents"' not in summarised(folder)

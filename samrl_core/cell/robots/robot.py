@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,8 @@ class RobotSpec:
     controller: JointImpedance
     home: np.ndarray  # (J,) [rad]
     armature: np.ndarray  # (J,) rotor inertia seen at the joint [kg m2]
+    # Of links, `package://NAME/path` of a mesh, z up, in the link's frame: for viewers where it is installed.
+    meshes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

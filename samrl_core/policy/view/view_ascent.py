@@ -15,7 +15,7 @@ from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import Estimate
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
 from samrl_core.policy.view.sensing_value import Networks, SensingValue
-from samrl_core.policy.view.view_planning import ViewChoice
+from samrl_core.policy.view.view_planning import ViewChoice, ViewScore
 from samrl_core.policy.view.view_reach import ViewReach
 from samrl_core.policy.view.view_search import (
     Answer,
@@ -98,7 +98,17 @@ class ViewAscent:
             pose, joints, q = best.view.camera_in_world, best.view.joint_position, best.q
             gain = best.utility - present
             reason = f"the best of {found.views} views gains {gain:.3f} after the price of moving"
-        return ViewChoice(bool(found.moves), pose, joints, q, present, visibility(pose), found.views, reason)
+        return ViewChoice(
+            move=bool(found.moves),
+            camera_in_world=pose,
+            joint_position=joints,
+            score=q,
+            present_score=present,
+            visibility=visibility(pose),
+            candidates=found.views,
+            reason=reason,
+            scored=tuple(ViewScore(look.view.camera_in_world, look.q) for look in found.looks),
+        )
 
     def _answered(self, asking: Generator[Request, Answer, Found], value: SensingValue) -> Found:
         """The search's end, each of its requests drawn in one rendering."""

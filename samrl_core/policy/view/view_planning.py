@@ -42,6 +42,14 @@ class ViewPlanningSettings:
 
 
 @dataclass(frozen=True, eq=False)
+class ViewScore:
+    """A view that was considered, and what it is worth before the price of moving."""
+
+    camera_in_world: Pose  # optical frame
+    score: float  # as of `ViewChoice`
+
+
+@dataclass(frozen=True, eq=False)
 class ViewChoice:
     """The answer: move there, or stay."""
 
@@ -53,6 +61,7 @@ class ViewChoice:
     visibility: float  # expected visible share of the target's surface that faces the camera, 0..1
     candidates: int  # views that were scored
     reason: str
+    scored: tuple[ViewScore, ...] = ()  # these views, the present one left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +118,7 @@ class ViewPlanner:
         present = self._score(self._model, present_pose, estimate, tool_arm_position, 1)
         stay = _Scored(present_pose, here, present, present)
         if strategy == "fixed":
-            return self._choice(False, stay, present, 0, estimate, tool_arm_position, "fixed view")
+            return self._choice(False, stay, present, [], estimate, tool_arm_position, "fixed view")
         obstacles = self._reach.obstacles(tool_arm_position, estimate.values)
         free = self._reach.clear_views(obstacles)
         if strategy == "random":
@@ -122,24 +131,25 @@ class ViewPlanner:
         self, free: list[View], obstacles: Capsules, stay: _Scored, estimate: Estimate, tool: np.ndarray
     ) -> ViewChoice:
         s = self._settings
-        coarse = [self._scored(self._small_model, v, stay, estimate, tool, s.coarse_scale) for v in free]
-        order = sorted(range(len(free)), key=lambda i: -coarse[i].utility)
+        seen = [self._scored(self._small_model, v, stay, estimate, tool, s.coarse_scale) for v in free]
+        order = sorted(range(len(free)), key=lambda i: -seen[i].utility)
         finalists: list[_Scored] = []
         for i in order:
             if len(finalists) == s.finalists:
                 break
             if self._reach.way_is_clear(stay.joint_position, free[i].joint_position, obstacles):
-                finalists.append(self._scored(self._model, free[i], stay, estimate, tool, 1))
+                seen[i] = self._scored(self._model, free[i], stay, estimate, tool, 1)
+                finalists.append(seen[i])
         if not finalists:
             reason = f"stays: none of {len(free)} views can be reached without collision"
-            return self._choice(False, stay, stay.score, len(free), estimate, tool, reason)
+            return self._choice(False, stay, stay.score, seen, estimate, tool, reason)
         best = max(finalists, key=lambda f: f.utility)
         gain = best.utility - stay.utility
         if gain <= s.min_gain:
             reason = f"stays: the best of {len(free)} views gains {gain:.2f} nat, below {s.min_gain:.2f}"
-            return self._choice(False, stay, stay.score, len(free), estimate, tool, reason)
+            return self._choice(False, stay, stay.score, seen, estimate, tool, reason)
         reason = f"the best of {len(free)} views gains {gain:.2f} nat after the price of its motion"
-        return self._choice(True, best, stay.score, len(free), estimate, tool, reason)
+        return self._choice(True, best, stay.score, seen, estimate, tool, reason)
 
     def _random(
         self,
@@ -154,9 +164,9 @@ class ViewPlanner:
             if self._reach.way_is_clear(stay.joint_position, free[i].joint_position, obstacles):
                 drawn = self._scored(self._model, free[i], stay, estimate, tool, 1)
                 reason = f"drawn among {len(free)} views"
-                return self._choice(True, drawn, stay.score, 1, estimate, tool, reason)
+                return self._choice(True, drawn, stay.score, [drawn], estimate, tool, reason)
         reason = f"stays: none of {len(free)} views can be reached without collision"
-        return self._choice(False, stay, stay.score, 0, estimate, tool, reason)
+        return self._choice(False, stay, stay.score, [], estimate, tool, reason)
 
     def _scored(
         self, model: Model, view: View, stay: _Scored, estimate: Estimate, tool: np.ndarray, scale: int
@@ -195,7 +205,7 @@ class ViewPlanner:
         move: bool,
         view: _Scored,
         present: float,
-        count: int,
+        seen: list[_Scored],
         estimate: Estimate,
         tool: np.ndarray,
         reason: str,
@@ -208,6 +218,7 @@ class ViewPlanner:
             score=view.score,
             present_score=present,
             visibility=TargetRenderer(self._model, camera, tool).visibility(estimate.values, estimate.colors),
-            candidates=count,
+            candidates=len(seen),
             reason=reason,
+            scored=tuple(ViewScore(s.camera_in_world, s.score) for s in seen),
         )

@@ -106,6 +106,7 @@ class Found:
     moves: tuple[Look, ...]  # the best view, if it gains enough and the way to it is clear; else none
     most: float  # highest gain of all looks over the present view, less the price [Q]
     views: int  # looked at, the present one included
+    looks: tuple[Look, ...]  # all of them but the present one, in their order
 
 
 Asking = Generator[Request, Answer, list[Look]]
@@ -129,7 +130,7 @@ class ViewSearch:
         self._here, self._obstacles = here, obstacles
         self._seeds = [here, cell.camera_arm.home]
         self._scale = np.array(settings.scale)
-        self._views = 1
+        self._looks: list[Look] = []
 
     def found(
         self,
@@ -159,7 +160,8 @@ class ViewSearch:
         if best is None:
             best = self._best(found, present, lambda look: shown(look) >= present_visibility)
         most = found[0].utility - present if found else 0.0
-        return Found(() if best is None else (best,), most, self._views)
+        looks = tuple(self._looks)
+        return Found(() if best is None else (best,), most, 1 + len(looks), looks)
 
     def _best(self, found: Sequence[Look], worth: float, shows: Callable[[Look], bool]) -> Look | None:
         """The first that gains enough over `worth`, shows the target, and has a clear way to it."""
@@ -229,11 +231,11 @@ class ViewSearch:
         """All of them in one request."""
         if not places:
             return []
-        self._views += len(places)
         answer = yield Request(np.stack(places), with_slope)
         found = []
         for place, view, q, slope in zip(places, views, answer.q.tolist(), answer.slopes, strict=True):
             share = self._settings.speed_share
             seconds = motion_seconds(self._here, view.joint_position, self._velocity, share)
             found.append(Look(place, view, q, q - self._settings.time_price * seconds, slope))
+        self._looks += found
         return found

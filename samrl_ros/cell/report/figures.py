@@ -10,7 +10,8 @@ import plotly.graph_objects as go
 
 from samrl_core.cell.tasks.task import ViewRegion
 from samrl_core.diagnosis.report.figures import AXIS, INK, NAMED, NOMINAL, ROW_COLORS, plot_layout
-from samrl_ros.cell.report.run_record import RunRecord, Tracking, View
+from samrl_ros.cell.report.run_record import ConsideredView, RunRecord
+from samrl_ros.cell.report.tracking import Tracking
 
 STAGES = ("update", "view", "look", "act", "move")  # of Algorithm 1, in their order; others follow
 POINTS = 1500  # of a joint's curve: twice the pixels of a phone, about those of a wide screen
@@ -124,7 +125,7 @@ def extremes(signal: np.ndarray, points: int) -> np.ndarray:
     return np.unique(keep)
 
 
-def view_figure(views: list[View], region: ViewRegion) -> go.Figure:
+def view_figure(views: list[ConsideredView], region: ViewRegion) -> go.Figure:
     """Views on the sphere about the target, drawn without WebGL: a parallel projection from a raised camera.
 
     A marker is a view that was considered, its colour the score; a line joins those that the camera took.
@@ -163,7 +164,7 @@ def view_figure(views: list[View], region: ViewRegion) -> go.Figure:
 
 
 def _add_views(
-    fig: go.Figure, views: list[View], region: ViewRegion, axes: np.ndarray, radius: float
+    fig: go.Figure, views: list[ConsideredView], region: ViewRegion, axes: np.ndarray, radius: float
 ) -> None:
     on_sphere = np.array([v.position - region.target for v in views]).reshape(-1, 3) / radius
     flat = np.round(on_sphere @ axes[:2].T, 4)

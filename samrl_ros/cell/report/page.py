@@ -18,7 +18,7 @@ from samrl_core.diagnosis.report.figures import figure_json
 from samrl_core.diagnosis.report.html_report import TEMPLATES as SHARED
 from samrl_core.diagnosis.report.html_report import packed_plotly
 from samrl_ros.cell.report import figures
-from samrl_ros.cell.report.pictures import Card, make_video, update_cards
+from samrl_ros.cell.report.pictures import Card, Cards, Video
 from samrl_ros.cell.report.run_record import RunRecord, empty_run, read_run, task_of
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -48,10 +48,11 @@ def write_run_page(folder: Path) -> list[Path]:
     cards: dict[int, list[Card]] = {}
     video, speed = b"", 1.0
     try:
-        run = read_run(bag)
-        shown = _episodes_to_show(run, summary)
-        cards = update_cards(bag, shown)
-        video, speed = make_video(bag)
+        watched = Cards({e["episode"] for e in summary.get("episodes", []) if e.get("success")}, EPISODES)
+        with Video(bag) as filmed:
+            run = read_run(bag, (watched, filmed))
+            video, speed = filmed.made()
+        cards = watched.shown()
     except InputError as error:
         run = empty_run(error)
     page = _render(folder, run, summary, cards, video, speed, notes)
@@ -78,13 +79,6 @@ def _read_summary(path: Path) -> dict[str, Any]:
             " remove it, and the page is made from the bag"
         )
     return summary
-
-
-def _episodes_to_show(run: RunRecord, summary: dict[str, Any]) -> list[int]:
-    """Failures and unfinished episodes first, then the others; in their order."""
-    good = {e["episode"] for e in summary.get("episodes", []) if e.get("success")}
-    known = sorted({f.episode for f in run.fits})
-    return sorted([*(e for e in known if e not in good), *(e for e in known if e in good)][:EPISODES])
 
 
 def _render(
@@ -117,6 +111,7 @@ def _render(
             version=summary.get("version", ""),
             chosen=summary.get("settings", {}),
             rows=_episode_rows(run, summary),
+            incidents=_incident_rows(summary),
             cards=cards,
             fitted=len({f.episode for f in run.fits}),
             notes=notes,
@@ -220,6 +215,16 @@ def _episode_rows(run: RunRecord, summary: dict[str, Any]) -> list[tuple[str, ..
                 _number(e.get("final_error_m"), 1e3, 2),
             )
         )
+    return rows
+
+
+def _incident_rows(summary: dict[str, Any]) -> list[tuple[str, ...]]:
+    """One row per incident: wall time, episode, what, in words. Emergency stops, restarts of nodes, drops."""
+    rows = []
+    for one in summary.get("incidents", []):
+        episode = one.get("episode", -1)
+        number = "-" if episode < 0 else str(episode)
+        rows.append((_number(one.get("wall_s"), 1.0, 1), number, one.get("what", ""), one.get("text", "")))
     return rows
 
 

@@ -5,19 +5,22 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_ros.bags.reader import Bag, open_bag
+from samrl_ros.bags.reader import RawMessage, open_bag
+from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.cell.report.run_record import PHASE, READY, STATE
 from samrl_ros.contract.topics import camera_topic, cell_topic
-from samrl_ros.conversions.from_message import image, stamp_ns
+from samrl_ros.conversions.from_message import image
 
 COLOR, MODEL = camera_topic("color/image_raw"), cell_topic("model_updater/image")
 
@@ -26,6 +29,7 @@ QUALITY = 88  # of JPEG pictures, per cent
 PANEL = 240  # height and width of a video's picture [px]
 CAPTION = 32  # height of a video's caption [px]
 FRAMES = 300  # of a video, at most
+RECENT = 100  # camera images kept for the model that belongs to one of them: 10 s
 RATE = 10.0  # pictures per second of a video
 
 
@@ -48,37 +52,69 @@ def difference_image(real: np.ndarray, model: np.ndarray) -> np.ndarray:
     return np.clip(2 * np.abs(real.astype(np.int16) - model.astype(np.int16)), 0, 255).astype(np.uint8)
 
 
-def update_cards(bag_path: Path, episodes: list[int]) -> dict[int, list[Card]]:
-    """At most `CARDS` updates of each episode.
+class Cards:
+    """Keeps pictures of updates while a bag is read: of failures first, of all their updates `CARDS`."""
 
-    Raises:
-        InputError: the bag cannot be read.
-    """
-    bag = open_bag(bag_path)
-    chosen: dict[int, tuple[int, int, float, float]] = {}
-    by_episode: dict[int, dict[int, tuple[int, int, float, float]]] = {e: {} for e in episodes}
-    for _, m in bag.decoded((STATE,)):
-        if int(m.episode) in by_episode:
-            about = (int(m.episode), int(m.step), float(m.loss_before), float(m.loss_after))
-            by_episode[int(m.episode)][stamp_ns(m)] = about
-    for updates in by_episode.values():
-        stamps = sorted(updates)
-        at = np.unique(np.linspace(0, len(stamps) - 1, CARDS).round().astype(int)) if stamps else []
-        chosen.update({stamps[i]: updates[stamps[i]] for i in at})
-    pictures: dict[str, dict[int, np.ndarray]] = {COLOR: {}, MODEL: {}}
-    for raw, m in bag.decoded((COLOR, MODEL)):
-        if stamp_ns(m) in chosen:
-            pictures[raw.topic][stamp_ns(m)] = image(m)
-    cards: dict[int, list[Card]] = {e: [] for e in episodes}
-    for stamp in sorted(pictures[COLOR].keys() & pictures[MODEL].keys()):
-        real, model = pictures[COLOR][stamp], pictures[MODEL][stamp]
+    topics = frozenset({COLOR, MODEL, STATE, READY})
+
+    def __init__(self, succeeded: Collection[int], most: int) -> None:
+        """Args:
+        succeeded: numbers of the episodes that did.
+        most: episodes that are shown.
+        """
+        self._succeeded, self._most = frozenset(succeeded), most
+        self._images: OrderedDict[int, RawMessage] = OrderedDict()  # of the last seconds, by stamp
+        self._states: dict[int, Any] = {}  # of this episode, by stamp
+        self._found: dict[int, list[Card]] = {}
+
+    def take(self, raw: RawMessage, decoded: Callable[[RawMessage], Any]) -> None:
+        """See `Watcher`."""
+        if raw.topic == READY:
+            self._thin()
+            self._states = {}
+        elif raw.topic == STATE:
+            self._states[header_stamp_ns(raw.type, raw.data) or 0] = decoded(raw)
+        elif raw.topic == COLOR:
+            self._images[header_stamp_ns(raw.type, raw.data) or 0] = raw
+            while len(self._images) > RECENT:
+                self._images.popitem(last=False)
+        else:
+            self._add(raw, decoded)
+
+    def shown(self) -> dict[int, list[Card]]:
+        """Cards of the episodes that are shown, failures first chosen, in their order."""
+        self._thin()
+        return {e: self._found[e] for e in sorted(self._chosen()) if self._found[e]}
+
+    def _chosen(self) -> list[int]:
+        return sorted(self._found, key=lambda e: (e in self._succeeded, e))[: self._most]
+
+    def _add(self, raw: RawMessage, decoded: Callable[[RawMessage], Any]) -> None:
+        stamp = header_stamp_ns(raw.type, raw.data) or 0
+        state, color = self._states.get(stamp), self._images.get(stamp)
+        if state is None:
+            return
+        episode = int(state.episode)
+        self._found.setdefault(episode, [])
+        if color is None or episode not in self._chosen():
+            return
+        real, model = image(decoded(color)), image(decoded(raw))
         if real.shape != model.shape:
-            continue
-        episode, step, before, after = chosen[stamp]
-        first = min(by_episode[episode])
+            return
+        time = (stamp - min(self._states)) * 1e-9
         jpegs = [_jpeg(p) for p in (real, model, difference_image(real, model))]
-        cards[episode].append(Card(episode, step, (stamp - first) * 1e-9, before, after, *jpegs))
-    return {episode: found for episode, found in cards.items() if found}
+        losses = (float(state.loss_before), float(state.loss_after))
+        self._found[episode].append(Card(episode, int(state.step), time, *losses, *jpegs))
+
+    def _thin(self) -> None:
+        """Keep some of the updates of each episode, and no pictures of those that are not shown."""
+        chosen = self._chosen()
+        for episode, cards in self._found.items():
+            if episode not in chosen:
+                cards.clear()
+            elif len(cards) > CARDS:
+                at = np.unique(np.linspace(0, len(cards) - 1, CARDS).round().astype(int))
+                self._found[episode] = [cards[i] for i in at]
 
 
 def _jpeg(rgb: np.ndarray) -> bytes:
@@ -88,67 +124,96 @@ def _jpeg(rgb: np.ndarray) -> bytes:
     return data.tobytes()
 
 
-def make_video(bag_path: Path) -> tuple[bytes, float]:
-    """A WebM (VP8) of camera, model and difference, as they were in force, from the first episode on.
+class Video:
+    """Makes a WebM (VP8) of camera, model and difference while a bag is read, from the first episode on."""
 
-    Returns:
-        The file, and how much faster than robot time it runs; no bytes where the bag has fewer than two
-        camera images.
+    topics = frozenset({COLOR, MODEL, PHASE, READY})
 
-    Raises:
-        InputError: the bag cannot be read, or this OpenCV has no VP8.
-    """
-    bag = open_bag(bag_path)
-    begin = next((r.log_time_ns for r in bag.messages((READY,))), bag.start_ns)
-    stamps = [r.log_time_ns for r in bag.messages((COLOR,)) if r.log_time_ns >= begin]
-    if len(stamps) < 2:
-        return b"", 1.0
-    stride = -(-len(stamps) // FRAMES)
-    seconds = (stamps[-1] - stamps[0]) * 1e-9
-    speed = max(seconds * RATE / max(len(stamps) // stride, 1), 0.1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "run.webm"
-        size = (3 * PANEL, PANEL + CAPTION)
-        with _quiet_stderr():
-            writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), RATE, size)
-        if not writer.isOpened():
-            raise InputError("this OpenCV cannot write VP8 video; install opencv-python-headless from PyPI")
-        try:
-            for frame in _frames(bag, begin, stride):
-                writer.write(frame)
-        finally:
-            writer.release()
-        return path.read_bytes(), speed
+    def __init__(self, bag_path: Path) -> None:
+        """Raises `InputError` if the bag cannot be read."""
+        bag = open_bag(bag_path)
+        count = next((t.count for t in bag.topics if t.name == COLOR), 0)
+        self._stride = max(-(-count // FRAMES), 1)
+        begun = any(t.name == READY and t.count for t in bag.topics)
+        self._begin, self._first, self._end = (-1 if begun else bag.start_ns), -1, -1  # [ns]
+        self._seen = self._frames = 0
+        self._caption = ""
+        black = np.zeros((PANEL, PANEL, 3), np.uint8)
+        self._model, self._difference = black, black
+        self._recent: OrderedDict[int, RawMessage] = OrderedDict()  # camera images by stamp
+        self._folder = tempfile.TemporaryDirectory()
+        self._writer: cv2.VideoWriter | None = None
 
+    def __enter__(self) -> Video:
+        return self
 
-def _frames(bag: Bag, begin: int, stride: int) -> Iterator[np.ndarray]:
-    """BGR frames in recorded order; model and difference are those of the last update."""
-    black = np.zeros((PANEL, PANEL, 3), np.uint8)
-    model, difference, caption, count = black, black, "", 0
-    recent: dict[int, np.ndarray] = {}  # images of the last seconds, by stamp
-    for raw, m in bag.decoded((COLOR, MODEL, PHASE)):
-        if raw.topic == PHASE:
-            caption = m.data
+    def __exit__(self, *ignored: object) -> None:
+        if self._writer is not None:
+            self._writer.release()
+        self._folder.cleanup()
+
+    def take(self, raw: RawMessage, decoded: Callable[[RawMessage], Any]) -> None:
+        """See `Watcher`."""
+        if raw.topic == READY:
+            self._begin = raw.log_time_ns if self._begin < 0 else self._begin
+        elif raw.topic == PHASE:
+            self._caption = decoded(raw).data
         elif raw.topic == MODEL:
-            drawn, real = image(m), recent.get(stamp_ns(m))
-            model = _panel(drawn)
-            same = real is not None and real.shape == drawn.shape
-            difference = _panel(difference_image(real, drawn)) if real is not None and same else black
+            self._take_model(raw, decoded)
         else:
-            recent[stamp_ns(m)] = image(m)
-            while len(recent) > 100:
-                del recent[next(iter(recent))]
-            if raw.log_time_ns < begin:
-                continue
-            count += 1
-            if (count - 1) % stride:
-                continue
-            bar = np.zeros((CAPTION, 3 * PANEL, 3), np.uint8)
-            now = (raw.log_time_ns - begin) * 1e-9
-            for i, text in enumerate((f"camera  {now:.1f} s  {caption}", "model", "difference x2")):
-                place = (i * PANEL + 8, 21)
-                cv2.putText(bar, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (235, 235, 235), 1, cv2.LINE_AA)
-            yield np.vstack([bar, np.hstack([_panel(image(m)), model, difference])])
+            self._recent[header_stamp_ns(raw.type, raw.data) or 0] = raw
+            while len(self._recent) > RECENT:
+                self._recent.popitem(last=False)
+            if self._begin >= 0:
+                self._take_camera(raw, decoded)
+
+    def made(self) -> tuple[bytes, float]:
+        """The file, and how much faster than robot time it runs; no bytes of fewer than two images."""
+        if self._writer is None or self._seen < 2:
+            return b"", 1.0
+        self._writer.release()
+        seconds = (self._end - self._first) * 1e-9
+        return self._path.read_bytes(), max(seconds * RATE / self._frames, 0.1)
+
+    @property
+    def _path(self) -> Path:
+        return Path(self._folder.name) / "run.webm"
+
+    def _take_model(self, raw: RawMessage, decoded: Callable[[RawMessage], Any]) -> None:
+        drawn = image(decoded(raw))
+        self._model = _panel(drawn)
+        color = self._recent.get(header_stamp_ns(raw.type, raw.data) or 0)
+        real = image(decoded(color)) if color is not None else drawn[:0]
+        same = real.shape == drawn.shape
+        self._difference = _panel(difference_image(real, drawn) if same else np.zeros_like(drawn))
+
+    def _take_camera(self, raw: RawMessage, decoded: Callable[[RawMessage], Any]) -> None:
+        if not self._seen:
+            self._first = raw.log_time_ns
+        self._end = raw.log_time_ns
+        self._seen += 1
+        if (self._seen - 1) % self._stride:
+            return
+        bar = np.zeros((CAPTION, 3 * PANEL, 3), np.uint8)
+        now = (raw.log_time_ns - self._begin) * 1e-9
+        for i, text in enumerate((f"camera  {now:.1f} s  {self._caption}", "model", "difference x2")):
+            place = (i * PANEL + 8, 21)
+            cv2.putText(bar, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (235, 235, 235), 1, cv2.LINE_AA)
+        pictures = np.hstack([_panel(image(decoded(raw))), self._model, self._difference])
+        if self._writer is None:
+            self._writer = _open_writer(self._path)
+        self._writer.write(np.vstack([bar, pictures]))
+        self._frames += 1
+
+
+def _open_writer(path: Path) -> cv2.VideoWriter:
+    with _quiet_stderr():
+        writer = cv2.VideoWriter(
+            str(path), cv2.VideoWriter.fourcc(*"VP80"), RATE, (3 * PANEL, PANEL + CAPTION)
+        )
+    if not writer.isOpened():
+        raise InputError("this OpenCV cannot write VP8 video; install opencv-python-headless from PyPI")
+    return writer
 
 
 def _panel(rgb: np.ndarray) -> np.ndarray:

@@ -1,20 +1,21 @@
-"""What a run's page shows, read from its bag: one pass for the loop, one for the joints."""
+"""What a run's page shows, read from its bag in one pass, which others may watch."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
-from samrl_ros.bags.decode import Decoder, Decoders, decode
+from samrl_ros.bags.decode import Decoder, decode
 from samrl_ros.bags.reader import Bag, RawMessage, open_bag
-from samrl_ros.bags.recorder import header_stamp_ns
+from samrl_ros.cell.report.tracking import JointSamples, Tracking, tracking_of
 from samrl_ros.contract.topics import FORMER_NAMES, arm_topic, cell_topic
 from samrl_ros.conversions.from_message import stamp_ns
 
@@ -24,8 +25,6 @@ SAFETY, READY = cell_topic("safety_state"), cell_topic("sim_bridge/ready")
 OUTCOME, ROSOUT = cell_topic("supervisor/outcome"), "/rosout"
 STATUS = tuple(arm_topic(role, "motion_status") for role in ROLES)
 
-GRID_NS = 4_000_000  # period of joint states; long bags are read on a multiple of it
-JOINT_SAMPLES = 12_000  # per arm, at most
 EVENTS = 200  # kinds of event, at most
 GUARD = "command guard"
 WARN = 30  # level of rcl_interfaces/msg/Log
@@ -56,7 +55,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class View:
+class ConsideredView:
     """A view that was considered."""
 
     time: float  # [s]
@@ -70,7 +69,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Action:
+class ChosenAction:
     """An action as the policy chose it."""
 
     time: float  # [s]
@@ -79,7 +78,7 @@ class Action:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ModelUpdate:
     """A model update."""
 
     time: float  # [s], of the image
@@ -87,16 +86,6 @@ class Fit:
     step: int
     before: float  # eq. 6
     after: float
-
-
-@dataclass(frozen=True, eq=False)
-class Tracking:
-    """Commanded minus measured position of one arm."""
-
-    role: str
-    joints: tuple[str, ...]
-    time: np.ndarray  # (N,) [s]
-    error: np.ndarray  # (N, J) [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +99,30 @@ class RunRecord:
     task: str = ""
     phases: list[Phase] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
-    views: list[View] = field(default_factory=list)
-    actions: list[Action] = field(default_factory=list)
-    fits: list[Fit] = field(default_factory=list)
+    views: list[ConsideredView] = field(default_factory=list)
+    actions: list[ChosenAction] = field(default_factory=list)
+    fits: list[ModelUpdate] = field(default_factory=list)
     outcomes: dict[int, str] = field(default_factory=dict)
     episodes: list[int] = field(default_factory=list)  # laid out
     tracking: list[Tracking] = field(default_factory=list)
 
 
-def read_run(bag_path: Path) -> RunRecord:
+class Watcher(Protocol):
+    """Sees messages of a bag while it is read."""
+
+    topics: frozenset[str]
+
+    def take(self, raw: RawMessage, decoded: Callable[[RawMessage], Any]) -> None:
+        """Take one message of `topics`, in log-time order.
+
+        Args:
+            raw: as recorded.
+            decoded: makes an object of this message or of an earlier one.
+        """
+        ...
+
+
+def read_run(bag_path: Path, watchers: Sequence[Watcher] = ()) -> RunRecord:
     """Read what the page shows.
 
     Raises:
@@ -135,15 +139,47 @@ def read_run(bag_path: Path) -> RunRecord:
     marks: list[tuple[float, str]] = []
     events: list[Event] = []
     former = tuple(old for old, new in FORMER_NAMES.items() if new == NOMINAL)
-    topics = (STATE, TARGET, NOMINAL, *former, PHASE, SAFETY, READY, OUTCOME, ROSOUT, *STATUS)
-    for raw, message in bag.decoded(topics):
-        _take(run, marks, events, raw, message)
+    told = {STATE, TARGET, NOMINAL, *former, PHASE, SAFETY, READY, OUTCOME, ROSOUT, *STATUS}
+    samples = {
+        arm_topic(role, name): JointSamples(bag, arm_topic(role, name))
+        for role in ROLES
+        for name in ("joint_states", "command")
+    }
+    decoders = _Decoding(bag)
+    for raw in bag.messages(told.union(samples, *(w.topics for w in watchers))):
+        if raw.topic in samples:
+            samples[raw.topic].take(raw, decoders.decoded)
+        elif raw.topic in told:
+            _take(run, marks, events, raw, decoders.decoded(raw))
+        for watcher in watchers:
+            if raw.topic in watcher.topics:
+                watcher.take(raw, decoders.decoded)
     ends = [time for time, _ in marks[1:]] + [bag.end_ns * 1e-9]  # one too many where no phase came
     run.phases.extend(Phase(name, time, end) for (time, name), end in zip(marks, ends, strict=False))
     # The first ones tell the cause.
     run.events.extend(_grouped(events)[:EVENTS])
-    run.tracking.extend(filter(None, (_tracking(bag, role) for role in ROLES)))
+    for role in ROLES:
+        measured, commanded = (samples[arm_topic(role, name)] for name in ("joint_states", "command"))
+        run.tracking.extend(tracking_of(role, measured, commanded))
     return run
+
+
+class _Decoding:
+    """Decoders of a bag's topics, each made when it is needed; the last message is kept."""
+
+    def __init__(self, bag: Bag) -> None:
+        self._bag = bag
+        self._decoders: dict[str, Decoder] = {}
+        self._last: tuple[RawMessage, Any] | None = None
+
+    def decoded(self, raw: RawMessage) -> Any:
+        if self._last is not None and self._last[0] is raw:
+            return self._last[1]
+        if raw.topic not in self._decoders:
+            self._decoders[raw.topic] = self._bag.decoder(raw.topic)
+        message = decode(self._decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
+        self._last = (raw, message)
+        return message
 
 
 def _take(
@@ -155,13 +191,15 @@ def _take(
         marks.append((now, m.data))
     elif topic == STATE:
         when = stamp_ns(m) * 1e-9
-        run.fits.append(Fit(when, int(m.episode), int(m.step), float(m.loss_before), float(m.loss_after)))
+        run.fits.append(
+            ModelUpdate(when, int(m.episode), int(m.step), float(m.loss_before), float(m.loss_after))
+        )
     elif topic == TARGET:
         p = m.camera_in_world.position
         position = np.array([p.x, p.y, p.z])
         if np.isfinite(position).all():
             run.views.append(
-                View(
+                ConsideredView(
                     now,
                     int(m.episode),
                     int(m.step),
@@ -173,7 +211,7 @@ def _take(
                 )
             )
     elif topic == NOMINAL:
-        run.actions.append(Action(now, _length(m.nominal), _length(m.residual)))
+        run.actions.append(ChosenAction(now, _length(m.nominal), _length(m.residual)))
     elif topic == READY:
         run.episodes.append(int(m.episode))
     elif topic == OUTCOME:
@@ -213,63 +251,6 @@ def _grouped(events: list[Event]) -> list[Event]:
 
 def _length(v: Any) -> float:
     return math.sqrt(v.x**2 + v.y**2 + v.z**2)
-
-
-def _tracking(bag: Bag, role: str) -> Tracking | None:
-    """Errors at the stamps of the joint states; the command is interpolated between its stamps."""
-    states = _joint_samples(bag, arm_topic(role, "joint_states"))
-    commands = _joint_samples(bag, arm_topic(role, "command"))
-    if states is None or commands is None:
-        return None
-    names, time, position = states
-    commanded_names, valid, target = commands
-    if sorted(names) != sorted(commanded_names):
-        return None
-    target = target[:, [commanded_names.index(name) for name in names]]
-    inside = (time >= valid[0]) & (time <= valid[-1])
-    if inside.sum() < 2:
-        return None
-    time, position = time[inside], position[inside]
-    wanted = np.column_stack([np.interp(time, valid, column) for column in target.T])
-    return Tracking(role, names, time * 1e-9, wanted - position)
-
-
-def _joint_samples(bag: Bag, topic: str) -> tuple[tuple[str, ...], np.ndarray, np.ndarray] | None:
-    """Names, stamps (N,) [ns] and positions (N, J) [rad]; None without usable messages."""
-    found = next((t for t in bag.topics if t.name == topic), None)
-    if found is None or not found.count:
-        return None
-    stride = -(-found.count // JOINT_SAMPLES)
-    decoder = _decoder(bag, topic)
-    names: tuple[str, ...] = ()
-    rows: dict[int, np.ndarray] = {}
-    for raw in bag.messages((topic,)):
-        stamp = header_stamp_ns(raw.type, raw.data)
-        # By the stamp, not by counting: measured and commanded samples of one instant stay together.
-        if stamp is None or (stamp // GRID_NS) % stride:
-            continue
-        message = decode(decoder, topic, raw.log_time_ns, raw.data)
-        trajectory = hasattr(message, "points")
-        if trajectory and len(message.points) != 1:
-            continue
-        here = tuple(message.joint_names if trajectory else message.name)
-        row = np.asarray(message.points[0].positions if trajectory else message.position, dtype=float)
-        names = names or here
-        if here == names and row.shape == (len(names),):
-            rows[stamp] = row
-    if not rows:
-        return None
-    stamps = np.array(sorted(rows), dtype=np.int64)
-    return names, stamps, np.array([rows[s] for s in stamps.tolist()])
-
-
-def _decoder(bag: Bag, topic: str) -> Decoder:
-    from mcap.records import Schema
-
-    about = bag.topic(topic)
-    text = about.definition
-    schema = Schema(id=1, name=about.type, encoding=text.encoding, data=text.text.encode())
-    return Decoders().get(topic, about.serialization, schema)
 
 
 def task_of(run: RunRecord, summary: dict[str, Any]) -> str:

@@ -8,6 +8,7 @@ import json
 import os
 import socket
 import struct
+from typing import Any
 
 import pytest
 
@@ -32,7 +33,7 @@ class FoxgloveClient:
         assert b" 101 " in self._file.readline()
         while self._file.readline().strip():
             pass
-        self._topics: dict[int, str] = {}  # by subscription
+        self.channels: dict[int, dict[str, Any]] = {}  # by number, which is the subscription's as well
 
     def __enter__(self) -> FoxgloveClient:
         return self
@@ -43,22 +44,30 @@ class FoxgloveClient:
 
     def subscribe_to_all(self, count: int) -> list[str]:
         """Wait for as many topics, and subscribe to each."""
-        channels: dict[int, str] = {}
-        while len(channels) < count:
+        while len(self.channels) < count:
             code, data = self._frame()
             if code == 1 and json.loads(data)["op"] == "advertise":
-                channels.update({c["id"]: c["topic"] for c in json.loads(data)["channels"]})
-        self._topics = channels
-        wanted = [{"id": channel, "channelId": channel} for channel in channels]
+                self.channels.update({c["id"]: c for c in json.loads(data)["channels"]})
+        wanted = [{"id": channel, "channelId": channel} for channel in self.channels]
         self._send(json.dumps({"op": "subscribe", "subscriptions": wanted}).encode())
-        return list(channels.values())
+        return [channel["topic"] for channel in self.channels.values()]
 
     def next_message(self) -> tuple[str, bytes]:
         """Topic and content of the next message."""
         while True:
             code, data = self._frame()
             if code == 2 and data[0] == 1:  # message data: subscription, time, content
-                return self._topics[struct.unpack_from("<I", data, 1)[0]], data[13:]
+                return self.channels[struct.unpack_from("<I", data, 1)[0]]["topic"], data[13:]
+
+    def fetch(self, uri: str) -> bytes:
+        """Content of an asset; empty where the server has none."""
+        self._send(json.dumps({"op": "fetchAsset", "uri": uri, "requestId": 7}).encode())
+        while True:
+            code, data = self._frame()
+            if code == 2 and data[0] == 4:  # asset: request, status (0 is success), length of an error text
+                request, status, length = struct.unpack_from("<IBI", data, 1)
+                assert request == 7
+                return b"" if status else data[10 + length :]
 
     def _frame(self) -> tuple[int, bytes]:
         first, second = self._file.read(2)
@@ -107,3 +116,45 @@ def test_a_latched_message_reaches_every_client_however_late(string_cdr) -> None
                 view.show("/cell/phase", "std_msgs/msg/String", phase, 2_000)  # not kept: sent now alone
                 assert client.next_message() == ("/cell/phase", phase)
                 assert set(topics) == {"/cell/phase", "/cell/tool_arm/robot_description"}
+
+
+@pytest.mark.skipif(not INSTALLED, reason="needs Foxglove's SDK")
+def test_every_mesh_of_the_arms_is_served() -> None:
+    import re
+
+    from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
+    from samrl_core.cell.robots.robot import ROLES
+    from samrl_ros.cell.viewer.meshes import asset, with_meshes
+
+    served = 0
+    with LiveView(port=0, asset=asset) as view, FoxgloveClient(view.port) as client:
+        for role in ROLES:
+            arm = cell_named(DEFAULT_CELL).arm(role)
+            urdf = with_meshes(arm.urdf.read_text(), arm.meshes)
+            for uri in re.findall(r'<mesh filename="([^"]+)"', urdf):
+                assert client.fetch(uri)[:4] == b"glTF", uri
+                served += 1
+        assert client.fetch("package://franka_panda/../../pybullet_data/r2d2.urdf") == b""
+    assert served == 8  # of the Panda; no package that samrl installs has the Rizon's
+
+
+@pytest.mark.skipif(not INSTALLED, reason="needs Foxglove's SDK")
+def test_every_channel_can_be_decoded_by_its_schema_alone() -> None:
+    from mcap.records import Schema
+
+    from samrl_ros.bags.decode import Decoders
+    from samrl_ros.cell.viewer.viewer_messages import MADE
+    from samrl_ros.contract.topics import TOPICS
+
+    types = {topic.name: topic.type for topic in TOPICS.values() if topic.recorded} | MADE
+    with LiveView(port=0) as view:
+        for topic, type_name in types.items():
+            view.offer(topic, type_name)
+            assert not view.is_watched(topic)
+        with FoxgloveClient(view.port) as client:
+            assert set(client.subscribe_to_all(len(types))) == set(types)
+            for channel in client.channels.values():
+                assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
+                schema = Schema(1, channel["schema"].encode(), "ros2msg", types[channel["topic"]])
+                assert channel["schemaName"] == schema.name
+                assert callable(Decoders().get(channel["topic"], "cdr", schema))

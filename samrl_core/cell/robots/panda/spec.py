@@ -41,4 +41,9 @@ PANDA = RobotSpec(
     home=np.array([0.0, 0.045898, 0.0, -2.376290, 0.0, 2.422188, 0.0]),
     # The simulated cell has no rotor inertia: PyBullet's multibodies offer none.
     armature=np.zeros(7),
+    # As PyBullet's wheel carries them (Apache-2.0); links 0 and 7 have a collision mesh alone there.
+    meshes={
+        f"panda_link{i}": f"package://franka_panda/meshes/{kind}/link{i}.obj"
+        for i, kind in enumerate(("collision", *["visual"] * 6, "collision"))
+    },
 )

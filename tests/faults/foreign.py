@@ -85,7 +85,7 @@ def _nan_command(stranger: Stranger, t: float) -> None:
 def _joint_states(stranger: Stranger, t: float) -> None:
     """A second driver that says the arm is elsewhere."""
     zeros = np.zeros(len(stranger.position))
-    reading = ArmReading(stranger.now_ns + 1_000_000, stranger.position + 0.3, zeros, zeros)
+    reading = ArmReading(stranger.now_ns + 1_000_000, stranger.position - 0.1, zeros, zeros)
     stranger.say(JOINTS, to_message.joint_state(reading, stranger.names))
 
 

@@ -72,6 +72,7 @@ class CommandGuard:
         self._curve = CommandCurve()
         self._commander = ""
         self._join: Join | None = None
+        self._home: tuple[Join, np.ndarray] | None = None  # after a reset: the way to where the arm is (J,)
         self._received = (0.0, 0.0)  # steady, robot [s]
         self._setpoint: ArmCommand | None = None
         self._robot_s = self._since_s = 0.0
@@ -163,13 +164,26 @@ class CommandGuard:
         return ""
 
     def reset(self, measured: ArmReading) -> str:
-        """Leave a latched stop; returns why that is refused, empty when it is done."""
+        """Leave a latched stop; returns why that is refused, empty when it is done.
+
+        The set point is led to where the arm is: a step of it would be a step of the torque. From too far
+        away it is set there, as the arm has long been elsewhere.
+        """
         refusal = self.why_no_reset(measured)
         if not refusal and self._state in _LATCHED:
-            robot_s = self._robot_s
+            robot_s, present = self._robot_s, self._setpoint
             self.restart()
             self._robot_s = self._since_s = robot_s
+            if present is not None:
+                self._lead_home(present, measured.position.copy())
         return refusal
+
+    def _lead_home(self, present: ArmCommand, position: np.ndarray) -> None:
+        try:
+            join = Join(present, resting(position, present.stamp_ns), self._limits, self._names, self._s)
+        except LimitError:
+            return
+        self._setpoint, self._home = present, (join, position)
 
     def tick(self, measured: ArmReading, steady_s: float, robot_s: float) -> ArmCommand:
         """What the controller tracks now.
@@ -193,6 +207,10 @@ class CommandGuard:
                 self._enter(GuardState.BRAKING, text)
         if self._state is GuardState.TRACKING:
             self._setpoint = self._tracked(present, now_ns)
+        elif self._home is not None:
+            join, position = self._home
+            self._setpoint = join.applied(resting(position, now_ns))
+            self._home = self._home if now_ns < join.end_ns else None
         else:
             self._setpoint = braked(present, now_ns, self._limits, self._s.brake_fraction)
             if self._state is GuardState.BRAKING and not self._setpoint.velocity.any():
@@ -201,6 +219,7 @@ class CommandGuard:
 
     def _enter(self, state: GuardState, reason: str) -> None:
         self._state, self._reason, self._since_s = state, reason, self._robot_s
+        self._home = None
         if state is not GuardState.TRACKING:
             self._curve.clear()
             self._join = None

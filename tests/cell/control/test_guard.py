@@ -211,9 +211,45 @@ def test_reset_is_refused_while_moving_and_then_holds_where_the_arm_is() -> None
     pushed = rig.position + 0.01
     assert rig.guard.reset(reading(pushed)) == ""
     assert rig.guard.status.state is GuardState.HOLD and rig.guard.status.reason == ""
+    held = rig.points[-1].position
     rig.position = pushed
+    np.testing.assert_allclose(rig.tick().position, held, atol=1e-5)
+    rig.follow(400, send=False)
     np.testing.assert_array_equal(rig.tick().position, pushed)
+    assert max(rig.worst()) <= 1.0
     assert rig.accept(command(rig.robot_ms + 20, pushed))
+
+
+def test_after_a_reset_the_set_point_makes_no_step_whatever_comes_next() -> None:
+    for after in ("command", "stop", "nothing"):
+        rig = Rig()
+        rig.follow(600)
+        rig.guard.estop("button")
+        rig.follow(400, send=False)
+        elsewhere = rig.position + 0.03
+        assert rig.guard.reset(reading(elsewhere)) == ""
+        for _ in range(400):
+            if after == "command" and rig.robot_ms % 4 == 0:
+                rig.guard.accept(
+                    command(rig.robot_ms + 20, elsewhere), reading(elsewhere), rig.steady_s, rig.robot_s
+                )
+            if after == "stop" and rig.robot_ms == 1050:
+                rig.guard.estop("once more")
+            rig.tick()
+        assert max(rig.worst()) <= 1.0, after
+        if after != "stop":
+            np.testing.assert_array_equal(rig.points[-1].position, elsewhere)
+
+
+def test_reset_far_from_the_set_point_starts_where_the_arm_is() -> None:
+    rig = Rig()
+    rig.follow(600)
+    rig.guard.estop("button")
+    rig.follow(400, send=False)
+    assert rig.guard.reset(reading(rig.position - 1.0)) == ""
+    rig.position = rig.position - 1.0
+    expected = rig.position
+    np.testing.assert_array_equal(rig.tick().position, expected)
 
 
 def test_reset_without_a_stop_does_nothing() -> None:

@@ -1,6 +1,6 @@
 """`make faults`: faults x moments over the live graph; each cell of the table a promise, measured.
 
-python -m tests.faults.bench [--out DIR] [--only TEXT] [--moment TEXT] [--again] [--list]
+python -m tests.faults.bench [--out DIR] [--only TEXT] [--moment TEXT] [--setting TEXT] [--again] [--list]
 Results are files in DIR/cells; what has one is left alone, so that a bench can be stopped and resumed. As
 root it works in a network and shared memory of its own, and tries two hosts and a full disk; else it leaves
 those out.
@@ -12,27 +12,28 @@ import argparse
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from tests.faults.arms_faults import FAULTS
 from tests.faults.cell_faults import CELL_FAULTS
 from tests.faults.page import draw, write_page
-from tests.faults.processes import ROOT
+from tests.faults.processes import ROOT, kill_marked
 from tests.faults.trial import Trial
 
 PRIVATE = 'ip link set lo up && mount -t tmpfs tmpfs /dev/shm && exec "$@"'
 LONGEST_S = 1500.0  # wall time of a session that hangs
 
 
-def table(only: str, moment: str) -> list[tuple[str, str, str]]:
+def table(only: str, moment: str, setting: str = "") -> list[tuple[str, str, str]]:
     """Setting, fault and moment of all cells that are asked for."""
     root = os.geteuid() == 0
     return [
         (fault.setting, fault.name, at)
         for fault in (*FAULTS, *CELL_FAULTS)
         for at in fault.moments
-        if only in fault.name and moment in at
+        if only in fault.name and moment in at and setting in fault.setting
         if root or not (fault.setting == "hosts" or getattr(fault, "disk", ""))
     ]
 
@@ -45,13 +46,19 @@ def commit() -> str:
 
 def run_session(out: Path, cells: Sequence[str]) -> None:
     """Some cells in one session, isolated as far as this user may."""
-    command = [sys.executable, "-m", "tests.faults.session", str(out), commit(), *cells]
+    folder = Path(tempfile.mkdtemp(prefix="run-", dir=out))
+    command = [sys.executable, "-m", "tests.faults.session", str(out), str(folder), commit(), *cells]
     if os.geteuid() == 0:
         command = ["unshare", "-n", "-m", "sh", "-c", PRIVATE, "sh", *command]
     try:
         subprocess.run(command, timeout=LONGEST_S, check=False)
     except subprocess.TimeoutExpired:
         print("the session hung", flush=True)
+    finally:
+        for run in (folder.name, *(f"{folder.name}-{part.name}" for part in folder.iterdir())):
+            kill_marked(run)
+        for steps in folder.rglob("steps.*"):
+            steps.unlink()  # 0.6 MB a second; what they came to stands in the results
 
 
 def main() -> int:
@@ -60,10 +67,11 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "faults")
     parser.add_argument("--only", default="", help="faults whose name holds this")
     parser.add_argument("--moment", default="", help="before, motion, contact or stopping")
+    parser.add_argument("--setting", default="", help="plain, relayed, hosts or cell")
     parser.add_argument("--again", action="store_true", help="also those that have a result")
     parser.add_argument("--list", action="store_true", help="only list the cells")
     options = parser.parse_args()
-    cells, results = table(options.only, options.moment), options.out / "cells"
+    cells, results = table(options.only, options.moment, options.setting), options.out / "cells"
     if options.list:
         print("\n".join(f"{setting:8} {fault} @ {moment}" for setting, fault, moment in cells))
         return 0

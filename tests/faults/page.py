@@ -53,8 +53,25 @@ def draw(folder: Path, picture: Path) -> None:
     pyplot.close(figure)
 
 
+def _overview(results: list[dict[str, Any]]) -> list[str]:
+    """A line per fault, and how near to the limits the arms came over all of them."""
+    lines = ["| fault | promise | before | motion | contact | stopping |", "|---|---|---|---|---|---|"]
+    verdict = {(r["fault"], r["moment"]): "kept" if r["passed"] else "**broken**" for r in results}
+    for fault, promise in {r["fault"]: r["promise"] for r in results}.items():
+        row = " | ".join(verdict.get((fault, moment), "") for moment in MOMENTS)
+        lines.append(f"| {fault.replace('_', ' ')} | {promise} | {row} |")
+    highest: dict[str, float] = {}
+    for result in results:
+        for what, share in result["shares"].items():
+            highest[what] = max(share, highest.get(what, 0.0))
+    periods = sum(result["periods"] for result in results)
+    lines += ["", f"{periods} controller periods of 1 ms; highest share of a limit over all of them:", ""]
+    lines += ["| limit | highest share |", "|---|---|"]
+    return lines + [f"| {what} | {share:.3f} |" for what, share in highest.items()]
+
+
 def write_page(folder: Path, page: Path) -> str:
-    """A line per cell with what was measured; returns the count in words."""
+    """Overview, and a line per cell with what was measured; returns the count in words."""
     results = read_results(folder)
     kept = sum(r["passed"] for r in results)
     word = {True: "yes", False: "NO"}
@@ -65,7 +82,7 @@ def write_page(folder: Path, page: Path) -> str:
             "; ".join(f"{c['what']}: {c['measured']}" for c in shown).replace("|", "/").replace("\n", " ")
         )
         lines.append(f"| {r['fault']} | {r['moment']} | {r['promise']} | {measured} | {word[r['passed']]} |")
-    page.write_text("\n".join(lines) + "\n")
+    page.write_text("\n".join([*_overview(results), "", *lines]) + "\n")
     said = f"{kept} of {len(results)} promises kept; table: {page}"
     broken = [f"{r['fault']} @ {r['moment']}" for r in results if not r["passed"]]
     return "\n".join([said, *(f"  broken: {name}" for name in broken)])

@@ -24,6 +24,16 @@ def environment(run: str, steps: Path | None = None) -> dict[str, str]:
     return found
 
 
+def kill_marked(run: str) -> None:
+    """End all that is left of a run."""
+    for pid in marked(run):
+        for number in (signal.SIGKILL, signal.SIGCONT):
+            try:
+                os.kill(pid, number)
+            except ProcessLookupError:
+                break
+
+
 def marked(run: str) -> dict[int, list[str]]:
     """Command lines of all living processes of a run, this one left out."""
     wanted, found = f"{MARK}={run}".encode(), {}
@@ -88,11 +98,6 @@ class Processes:
 
     def end(self) -> None:
         """Kill all that is left of the run, and reap it."""
-        for pid in marked(self.run):
-            for number in (signal.SIGKILL, signal.SIGCONT):
-                try:
-                    os.kill(pid, number)
-                except ProcessLookupError:
-                    break
+        kill_marked(self.run)
         for child in self.children.values():
             child.wait()

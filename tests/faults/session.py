@@ -1,4 +1,4 @@
-"""`python -m tests.faults.session OUT COMMIT FAULT@MOMENT...`: some cells of the table, one after the other.
+"""`python -m tests.faults.session OUT FOLDER COMMIT FAULT@MOMENT...`: some cells of the table, in one graph.
 
 One graph serves them all as long as it works. The session ends when it does not: the bench starts another for
 what is left. Each result is a file from the moment it is known.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 from tests.faults.arms_faults import FAULTS, RELAYED, run
@@ -18,9 +17,9 @@ from tests.faults.cell_faults import CELL_FAULTS, run_cell_fault
 
 def main() -> int:
     """Try the cells that were named."""
-    out, commit, wanted = Path(sys.argv[1]), sys.argv[2], [w.split("@") for w in sys.argv[3:]]
+    out, folder, commit = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
+    wanted = [name.split("@") for name in sys.argv[4:]]
     arms, cells = {f.name: f for f in FAULTS}, {f.name: f for f in CELL_FAULTS}
-    folder = Path(tempfile.mkdtemp(prefix="run-", dir=out))
     if wanted[0][0] in cells:
         for name, moment in wanted:
             (folder / name).mkdir()

@@ -49,6 +49,8 @@ class Trial:
     healed_ns: int = 0
     rows_before: int = 0
     said_before: int = 0
+    periods: int = 0  # controller periods that were looked at
+    shares: dict[str, float] = field(default_factory=dict)  # highest share of each limit
 
     def __post_init__(self) -> None:
         self.rows_before = sum(p.stat().st_size for p in self._files())
@@ -75,6 +77,7 @@ class Trial:
         """Position, velocity, acceleration and continuity of both arms at 1 kHz."""
         rows = self.rows()
         found = extremes(rows)
+        self.periods, self.shares = len(rows), {what: round(e.share, 4) for what, e in found.items()}
         broken = [f"{what} {e.share:.3f} of its limit ({e.place})" for what, e in found.items() if not e.kept]
         worst = ", ".join(f"{what} {e.share:.2f}" for what, e in found.items())
         self.check("limits kept in every period", not broken, "; ".join(broken) or f"{len(rows)} ms: {worst}")
@@ -128,6 +131,8 @@ class Trial:
             "moment": self.moment,
             "promise": self.promise,
             "passed": self.passed,
+            "periods": self.periods,
+            "shares": self.shares,
             "checks": [asdict(check) for check in self.checks],
             "wall_s": round(time.monotonic() - self.began, 1),
             "load": os.getloadavg()[0],

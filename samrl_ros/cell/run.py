@@ -60,6 +60,7 @@ def run_cell(
     _refuse_taken_domain()
     params = prepare(options)
     arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
+    _clean_shared_memory(screen)
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
         try:
@@ -85,6 +86,15 @@ def run_cell(
         _sum_up(options, watch, trouble, screen)
         _write_page(options, screen)
     return code
+
+
+def _clean_shared_memory(console: Console) -> None:
+    """What killed processes left is removed before it fills the memory."""
+    from samrl_ros.hosting.shared_memory import remove_leftovers
+
+    size = sum(one.size for one in remove_leftovers()) / 2**20
+    if size >= 1.0:
+        console.print(f"removed {size:.0f} MiB of shared memory that killed processes left", highlight=False)
 
 
 def _refuse_taken_domain() -> None:

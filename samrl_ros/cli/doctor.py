@@ -30,6 +30,7 @@ from samrl_ros.doctor.system import (
     check_processors,
     check_python,
     check_shared_memory,
+    clean_shared_memory,
 )
 from samrl_ros.doctor.versions import check_lock, check_requirements
 from samrl_ros.doctor.weights import check_weights
@@ -42,6 +43,9 @@ class DoctorOptions:
     """Options of `samrl doctor`."""
 
     out: Annotated[Path, typer.Option(help="Where recordings will lie: its disk is looked at.")] = Path("out")
+    clean: Annotated[
+        bool, typer.Option("--clean", help="First remove shared memory that killed processes left.")
+    ] = False
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
 
 
@@ -70,7 +74,7 @@ def doctor(options: DoctorOptions) -> int:
     """Print a line per check; the exit code is 1 when there is a problem."""
     console = Console()
     made = []
-    for check in checks(options.out):
+    for check in (*([clean_shared_memory()] if options.clean else []), *checks(options.out)):
         made.append(check)
         if not options.as_json:
             line = f"[{COLOR[check.level]}]{check.level:8}[/] {check.name}: {escape(check.found)}"

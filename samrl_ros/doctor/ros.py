@@ -79,14 +79,14 @@ def check_talk() -> Check:
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=TRIAL_S, check=False)
     except subprocess.TimeoutExpired:
-        return problem("dds traffic", f"no end after {TRIAL_S:.0f} s", "fastdds shm clean; then try again")
+        return problem("dds traffic", f"no end after {TRIAL_S:.0f} s", "samrl doctor --clean; then try again")
     said = (done.stdout.strip() or done.stderr.strip()).splitlines()
     if done.returncode == 0 and said:
         return ok("dds traffic", said[-1])
     return problem(
         "dds traffic",
         said[-1] if said else f"the trial ended with code {done.returncode}",
-        "fastdds shm clean; check firewall and ROS_DOMAIN_ID; try FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
+        "samrl doctor --clean; check firewall and ROS_DOMAIN_ID; try FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
     )
 
 

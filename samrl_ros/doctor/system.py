@@ -6,13 +6,12 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 
 from samrl_ros.doctor.check import Check, ok, problem, warning
+from samrl_ros.hosting.shared_memory import SHARED_MEMORY, leftovers, remove_leftovers
 
 MIB = 2**20
-SHARED_MEMORY = Path("/dev/shm")
 NEEDED_SHARED_MIB = 256  # five processes with a segment of 16 MiB for each of their participants, and room
 LEFTOVER_MIB = 64  # of segments that no process has open
 LEAST_DISK_MIB = 512  # less, and a bag of one episode may not fit
@@ -68,13 +67,8 @@ def check_disk(folder: Path) -> Check:
     return ok("disk", found)
 
 
-def check_shared_memory(folder: Path = SHARED_MEMORY, opened: Iterable[str] | None = None) -> Check:
-    """Images travel through it; what killed processes left is told.
-
-    Args:
-        folder: where segments lie.
-        opened: names of files there that a process has open; None to look.
-    """
+def check_shared_memory(folder: Path = SHARED_MEMORY) -> Check:
+    """Images travel through it; what killed processes left is told."""
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         return problem(
             "shared memory",
@@ -82,34 +76,30 @@ def check_shared_memory(folder: Path = SHARED_MEMORY, opened: Iterable[str] | No
             "mount it (docker run --shm-size=1g), or set FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
         )
     free = shutil.disk_usage(folder).free // MIB
-    in_use = set(_open_names(folder) if opened is None else opened)
-    left = [p for p in folder.glob("fast*") if p.is_file() and p.name not in in_use]
-    size = sum(p.stat().st_size for p in left) // MIB
+    left = leftovers(folder)
+    size = sum(one.size for one in left) // MIB
     if free < NEEDED_SHARED_MIB:
         return problem(
             "shared memory",
             f"{free} MiB free at {folder}, needed {NEEDED_SHARED_MIB}; {size} MiB are left over",
-            "fastdds shm clean; in a container: --shm-size=1g",
+            "samrl doctor --clean; in a container: --shm-size=1g",
         )
     if size > LEFTOVER_MIB:
         return warning(
             "shared memory",
-            f"{free} MiB free; {size} MiB in {len(left)} segments that no process has open",
-            "fastdds shm clean (while no cell runs)",
+            f"{free} MiB free; {size} MiB in {len(left)} segments of processes that are gone",
+            "samrl doctor --clean; the next `samrl cell` removes them too",
         )
     return ok("shared memory", f"{free} MiB free at {folder}")
 
 
-def _open_names(folder: Path) -> set[str]:
-    """Files of a folder that this user's processes have mapped."""
-    names = set()
-    for maps in Path("/proc").glob("[0-9]*/maps"):
-        try:
-            lines = maps.read_text().splitlines()
-        except OSError:  # another user's process, or one that has just ended
-            continue
-        names |= {Path(line.split()[-1]).name for line in lines if f" {folder}/" in line}
-    return names
+def clean_shared_memory(folder: Path = SHARED_MEMORY) -> Check:
+    """Remove what killed processes left."""
+    gone = remove_leftovers(folder)
+    size = sum(one.size for one in gone) / MIB
+    return ok(
+        "clean", f"{len(gone)} segments of processes that are gone removed from {folder} ({size:.1f} MiB)"
+    )
 
 
 def check_kernel_cache() -> Check:

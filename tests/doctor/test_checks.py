@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,13 @@ from samrl_core.policy.networks import weights
 from samrl_ros.cli import doctor
 from samrl_ros.doctor.check import Check, Level, ok, problem, warning
 from samrl_ros.doctor.ros import PROFILE_VARIABLE, check_middleware, check_profile
-from samrl_ros.doctor.system import check_disk, check_gpu, check_kernel_cache, check_shared_memory
+from samrl_ros.doctor.system import (
+    check_disk,
+    check_gpu,
+    check_kernel_cache,
+    check_shared_memory,
+    clean_shared_memory,
+)
 from samrl_ros.doctor.versions import check_lock, check_requirements
 from samrl_ros.doctor.weights import check_weights
 
@@ -52,11 +60,17 @@ def test_a_profile_of_the_users_own(text: str, level: Level, tmp_path: Path) -> 
 
 
 def test_shared_memory_that_nobody_has_open_is_told(tmp_path: Path) -> None:
-    with (tmp_path / "fastrtps_0123456789abcdef").open("wb") as file:
-        file.truncate(65 * 2**20)
-    assert check_shared_memory(tmp_path, opened=["fastrtps_0123456789abcdef"]).level is Level.OK
-    left = check_shared_memory(tmp_path, opened=[])
-    assert left.level is Level.WARNING and "65 MiB" in left.found and "fastdds shm clean" in left.remedy
+    segment, lock = (tmp_path / f"fastrtps_0123456789abcdef{end}" for end in ("", "_el"))
+    segment.write_bytes(bytes(65 * 2**20))
+    lock.touch()
+    os.utime(lock, (0, 0))
+    with lock.open("ab") as owner:
+        fcntl.flock(owner, fcntl.LOCK_EX)
+        assert check_shared_memory(tmp_path).level is Level.OK
+    left = check_shared_memory(tmp_path)
+    assert left.level is Level.WARNING and "65 MiB" in left.found and "samrl doctor --clean" in left.remedy
+    assert "1 segments" in clean_shared_memory(tmp_path).found and not list(tmp_path.iterdir())
+    assert check_shared_memory(tmp_path).level is Level.OK
     assert check_shared_memory(tmp_path / "none").level is Level.PROBLEM
 
 

@@ -1,0 +1,137 @@
+"""Shared memory that killed processes left goes; what a living participant uses stays."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from samrl_core.blind_test.scores.diagnosis_run import can_hide
+from samrl_ros.hosting.shared_memory import leftovers, remove_leftovers
+
+pytestmark = pytest.mark.ros
+SEGMENT, OTHER = "fastrtps_0123456789abcdef", "fastrtps_fedcba9876543210"
+PORT = "fastrtps_port7410"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A segment with 2 MiB, another one, a port with both kinds of lock, and what is not Fast DDS'."""
+    for name in (SEGMENT, OTHER, PORT):
+        (tmp_path / name).write_bytes(bytes(2**21))
+        (tmp_path / f"{name}_el").touch()
+    (tmp_path / f"{PORT}_sl").touch()
+    (tmp_path / f"sem.{PORT}_mutex").touch()
+    for name in ("psm_1234", "fastrtps_0123456789abcdef_elx", "xfastrtps_port1_el"):
+        (tmp_path / name).touch()
+    for file in tmp_path.iterdir():
+        os.utime(file, (0, 0))
+    return tmp_path
+
+
+@pytest.fixture
+def owned(folder: Path) -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def own(stack: ExitStack, lock: Path, how: int = fcntl.LOCK_EX) -> None:
+    fcntl.flock(stack.enter_context(lock.open("ab")), how)
+
+
+def test_what_nobody_owns_goes_and_nothing_else(folder: Path, owned: ExitStack) -> None:
+    own(owned, folder / f"{OTHER}_el")
+    assert {one.name: one.size for one in leftovers(folder)} == {SEGMENT: 2**21, PORT: 2**21}
+    assert {one.name for one in remove_leftovers(folder)} == {SEGMENT, PORT}
+    rest = {OTHER, f"{OTHER}_el", "psm_1234", "fastrtps_0123456789abcdef_elx", "xfastrtps_port1_el"}
+    assert {file.name for file in folder.iterdir()} == rest
+
+
+@pytest.mark.parametrize(("end", "how"), [("el", fcntl.LOCK_EX), ("sl", fcntl.LOCK_SH)])
+def test_a_port_with_one_listener_stays(folder: Path, owned: ExitStack, end: str, how: int) -> None:
+    own(owned, folder / f"{PORT}_{end}", how)
+    assert PORT not in {one.name for one in remove_leftovers(folder)}
+    assert (folder / PORT).exists() and (folder / f"sem.{PORT}_mutex").exists()
+
+
+def test_what_is_just_being_made_stays(folder: Path) -> None:
+    (folder / f"{SEGMENT}_el").touch()
+    assert SEGMENT not in {one.name for one in remove_leftovers(folder)}
+
+
+def test_another_user_s_stays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: 12345678)
+    assert remove_leftovers(folder) == () and (folder / SEGMENT).exists()
+
+
+# In a name space where /dev/shm is empty: two participants talk, one is killed.
+PARTICIPANTS = """
+import os, signal, subprocess, sys, time
+from pathlib import Path
+
+TALK = '''
+import sys, time
+import rclpy
+from std_msgs.msg import String
+from samrl_ros.hosting.host import start_ros
+start_ros([])
+node = rclpy.create_node(sys.argv[1])
+publisher = node.create_publisher(String, "said", 1)
+heard = []
+node.create_subscription(String, "said", lambda message: heard.append(message.data), 1)
+print("ready", flush=True)
+while True:
+    publisher.publish(String(data=sys.argv[1]))
+    rclpy.spin_once(node, timeout_sec=0.02)
+    if set(heard) - {sys.argv[1]}:
+        print("heard", *sorted(set(heard) - {sys.argv[1]}), flush=True)
+        heard.clear()
+'''
+
+def start(name):
+    return subprocess.Popen([sys.executable, "-c", TALK, name], stdout=subprocess.PIPE, text=True)
+
+def wait_for(process, text):
+    while text not in process.stdout.readline():
+        pass
+
+from samrl_ros.hosting.shared_memory import remove_leftovers
+names = lambda: {p.name for p in Path("/dev/shm").glob("fastrtps_*") if p.name[-3:] not in ("_el", "_sl")}
+living = start("living")
+wait_for(living, "ready")
+of_living = names()
+killed = start("killed")
+wait_for(living, "heard killed")
+assert not remove_leftovers(young_s=0.0), "both live"
+of_killed = names() - of_living
+killed.kill()
+killed.wait()
+gone = {one.name for one in remove_leftovers(young_s=0.0)}
+left = names()
+third = start("third")
+wait_for(living, "heard third")
+wait_for(third, "heard living")
+third.terminate()
+living.terminate()
+print(bool(of_killed), of_killed <= gone, of_living - {n for n in of_living if "port" in n} <= left)
+"""
+
+
+@pytest.mark.live
+@pytest.mark.skipif(not can_hide(), reason="this system gives no mount name space")
+def test_a_living_participant_keeps_talking_when_a_killed_one_is_cleaned_up(tmp_path: Path) -> None:
+    program = tmp_path / "participants.py"
+    program.write_text(PARTICIPANTS)
+    environment = {k: v for k, v in os.environ.items() if k != "FASTDDS_BUILTIN_TRANSPORTS"}
+    script = f"mount -t tmpfs none /dev/shm && exec '{sys.executable}' '{program}'"
+    command = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=600)
+    assert done.stdout.strip() == "True True True", done.stderr

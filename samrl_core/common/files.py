@@ -1,9 +1,11 @@
-"""Files that stay whole when a process is killed, the settings that belong to a folder, and its lock."""
+"""Files that stay whole when a process is killed or the disk is full, settings of a folder, and its lock."""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +16,7 @@ import filelock
 
 from samrl_core.common.errors import InputError
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # disk full, quota used up, `ulimit -f`
 LOCK = ".lock"  # the file in the folder; empty, and left there: removing it would let two in
 
 
@@ -22,17 +25,70 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
     The folder is made if it is missing; text is written as UTF-8. The content is on the disk before it gets
     its name.
+
+    Raises:
+        InputError: there is no room; `path` is as it was.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     half = path.with_name(f"{path.name}.{os.getpid()}.half")
+    with room_for(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with half.open("wb") as file:
+                file.write(content.encode() if isinstance(content, str) else content)
+                file.flush()
+                os.fsync(file.fileno())
+            half.replace(path)
+        finally:
+            half.unlink(missing_ok=True)
+
+
+def append_line(path: Path, line: str, outlives_power: bool = True) -> None:
+    """Add a line to a text file, which is made if it is missing.
+
+    Args:
+        path: of the file.
+        line: without its end.
+        outlives_power: it is on the disk when this returns, which takes a while; else the system has it.
+
+    Raises:
+        InputError: there is no room; the file is as it was, without a part of the line.
+    """
+    with room_for(path), path.open("ab", buffering=0) as file:
+        before = file.seek(0, os.SEEK_END)
+        try:
+            left = memoryview(f"{line}\n".encode())
+            while left:  # a nearly full disk takes a part before it refuses
+                left = left[file.write(left) :]
+            if outlives_power:
+                os.fsync(file.fileno())
+        except OSError:
+            file.truncate(before)
+            raise
+
+
+@contextmanager
+def room_for(path: Path) -> Iterator[None]:
+    """Within the block a file or folder is written; that there is no room for it becomes a refusal.
+
+    Raises:
+        InputError: naming path, free bytes and remedy. Other errors of the system pass.
+    """
     try:
-        with half.open("wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            os.fsync(file.fileno())
-        half.replace(path)
-    finally:
-        half.unlink(missing_ok=True)
+        yield
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        raise InputError(no_room(path, error)) from error
+
+
+def no_room(path: Path, error: OSError) -> str:
+    """What to say where a file has no room."""
+    there = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.is_dir())
+    free = shutil.disk_usage(there).free
+    return (
+        f"cannot write {path}: {error.strerror}; {free} bytes are free at {there}."
+        f" Make room there, or give a folder on another disk"
+    )
 
 
 def read_whole(path: Path, most: int) -> bytes:

@@ -18,7 +18,7 @@ from typing import Any
 from samrl_core.common.devices import checked_device
 from samrl_core.common.errors import InputError
 from samrl_core.common.executor import free_cores, run_calls
-from samrl_core.common.files import folder_lock, keep_to, write_whole
+from samrl_core.common.files import append_line, folder_lock, keep_to, write_whole
 
 Tell = Callable[[str], None]  # hears a line of progress
 Case = dict[str, Any]  # "key" (str), and what was found
@@ -124,10 +124,7 @@ class CaseLog:
 
     def keep(self, case: Case) -> None:
         """Add one; it is on the disk when this returns."""
-        with self._path.open("a") as file:
-            file.write(json.dumps(case) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        append_line(self._path, json.dumps(case))
         self.cases[case["key"]] = case
 
 

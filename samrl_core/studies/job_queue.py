@@ -16,6 +16,7 @@ from pathlib import Path
 
 from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.errors import InputError, SolveError
+from samrl_core.common.files import room_for
 
 Tell = Callable[[str], None]  # hears a line of progress
 DEVICE, WORKERS = "{device}", "{workers}"  # in a command: filled in when it starts
@@ -120,7 +121,8 @@ class JobQueue:
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         if device == "cpu" or DEVICE not in job.command:
             environment["CUDA_VISIBLE_DEVICES"] = ""
-        with (self._folder / "logs" / f"{job.name}.log").open("ab") as log:
+        path = self._folder / "logs" / f"{job.name}.log"
+        with room_for(path), path.open("ab") as log:
             process = subprocess.Popen(
                 command,
                 cwd=self._folder,

@@ -110,11 +110,14 @@ def information(
 def save(folder: Path, content: dict[str, Any]) -> None:
     """Write metadata.yaml so that it is there whole or not at all. Raises `OSError`."""
     temporary = folder / f".{FILE_NAME}.tmp"
-    with temporary.open("w") as stream:
-        yaml.safe_dump({_ROOT: content}, stream, sort_keys=False, allow_unicode=True)
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(folder / FILE_NAME)
+    try:
+        with temporary.open("w") as stream:
+            yaml.safe_dump({_ROOT: content}, stream, sort_keys=False, allow_unicode=True)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(folder / FILE_NAME)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def load(folder: Path) -> dict[str, Any] | None:

@@ -18,6 +18,7 @@ import yaml
 from mcap.writer import CompressionType, Writer
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import NO_ROOM, no_room
 from samrl_ros.bags import metadata
 from samrl_ros.bags.chunk_index import keep_index_on_disk
 from samrl_ros.bags.qos_metadata import QoS, dump_profiles
@@ -234,8 +235,11 @@ class BagWriter:
     def _fail(self, error: OSError) -> InputError:
         """End the writing; the error to raise."""
         self._failure = (
-            f"cannot write the bag {self.folder}: {error.strerror or error}; recording stopped."
-            f" Make room, then `samrl bag repair {self.folder}` keeps what was written"
+            f"{no_room(self.folder, error)}; recording stopped, and"
+            f" `samrl bag repair {self.folder}` keeps what was written"
+            if error.errno in NO_ROOM
+            else f"cannot write the bag {self.folder}: {error.strerror or error}; recording stopped."
+            f" `samrl bag repair {self.folder}` keeps what was written"
         )
         self._sink.close()
         return InputError(self._failure)
@@ -259,7 +263,9 @@ class BagWriter:
             if self._custom_data:
                 self._writer.add_metadata(CUSTOM_DATA, self._custom_data)
         except OSError as error:
-            raise InputError(f"cannot write {self.folder / file.name}: {error.strerror or error}") from error
+            path = self.folder / file.name
+            why = no_room(path, error) if error.errno in NO_ROOM else f"cannot write {path}: {error.strerror}"
+            raise InputError(why) from error
 
     def _register(self, topic: metadata.WrittenTopic) -> int:
         described = topic.definition

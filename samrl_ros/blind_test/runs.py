@@ -18,6 +18,7 @@ from samrl_core.blind_test.scores.study import Study, move_folder, write_atomica
 from samrl_core.blind_test.worlds.plan import PlanItem
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, channel_scales, gap_metric, shrink
 
 
@@ -119,8 +120,8 @@ def ask_baseline(job: BaselineJob) -> dict[str, Any]:
     shutil.rmtree(half, ignore_errors=True)
     half.mkdir(parents=True)
     if report is not None:
-        (half / "report.json").write_text(json.dumps(report) + "\n")
-    (half / "run.json").write_text(json.dumps(run) + "\n")
+        write_whole(half / "report.json", json.dumps(report) + "\n")
+    write_whole(half / "run.json", json.dumps(run) + "\n")
     move_folder(half, study.run_folder(job.stage, job.world))
     return run
 

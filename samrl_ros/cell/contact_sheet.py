@@ -12,6 +12,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.figure_file import save_figure
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.contract.topics import camera_topic, cell_topic
 from samrl_ros.conversions.from_message import image, stamp_ns
@@ -65,6 +66,6 @@ def draw_contact_sheet(bag_path: Path, picture: Path, episode: int = 0, columns:
         axes[row, 0].set_ylabel(name, fontsize=9)
     figure.suptitle(f"episode {episode}: what the camera saw, and the model after each update", fontsize=10)
     figure.tight_layout()
-    figure.savefig(picture, dpi=110)
+    save_figure(figure, picture, dpi=110)
     plt.close(figure)
     return len(stamps)

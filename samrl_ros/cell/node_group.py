@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from samrl_core.common.child_process import ends_with_parent
+from samrl_core.common.files import room_for
 from samrl_ros.hosting.threads import one_thread_per_library
 
 STOP_TIMEOUT_S = 15.0
@@ -111,7 +112,8 @@ class ProcessGroup:
         """Start several nodes in one process, which is called by all their names."""
         command = [sys.executable, "-m", "samrl_ros.ros2_run", *nodes, *self._arguments]
         name = "+".join(nodes)
-        with (self._logs / f"{name}.log").open("wb") as log:
+        path = self._logs / f"{name}.log"
+        with room_for(path), path.open("wb") as log:
             self._children[name] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,

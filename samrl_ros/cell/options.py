@@ -15,6 +15,7 @@ from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.world import DEFAULT_WORLD, WORLDS
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_ros.cell.parameter_file import load_parameters
@@ -120,7 +121,7 @@ def prepare(options: CellOptions) -> Path:
     if not os.access(out, os.W_OK):
         raise InputError(f"{out} is not writable; choose another --out")
     file = out / "params.yaml"
-    file.write_text(yaml.safe_dump(parameters, sort_keys=False))
+    write_whole(file, yaml.safe_dump(parameters, sort_keys=False))
     return file
 
 

@@ -18,6 +18,7 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_ros.cell.options import CellOptions, prepare
+from samrl_ros.cell.reserve import Reserve
 from samrl_ros.cell.start_up import CompilationTeller
 from samrl_ros.contract.exit_codes import FAILED, INTERRUPTED, OK
 from samrl_ros.contract.outcomes import given_up_episodes
@@ -61,6 +62,7 @@ def run_cell(
     params = prepare(options)
     arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
     _clean_shared_memory(screen)
+    reserve = Reserve(options.out)
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
         try:
@@ -83,9 +85,10 @@ def run_cell(
             text = f"[bold red]episode {episode} was given up:[/] {escape(reason)}"
             screen.print(text, highlight=False, soft_wrap=True)
         # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
-        _sum_up(options, watch, trouble, screen)
+        reserve.give_up()
+        told = _sum_up(options, watch, trouble, screen)
         _write_page(options, screen)
-    return code
+    return code or (OK if told else FAILED)
 
 
 def _clean_shared_memory(console: Console) -> None:
@@ -214,8 +217,8 @@ def _start_view(options: CellOptions) -> Any:
     return start_live_view(options.task, options.cell)
 
 
-def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) -> None:
-    """Write `summary.json` and the picture from what was recorded; say where they are."""
+def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) -> bool:
+    """Write `summary.json` and the picture from what was recorded; say where they are. False: no summary."""
     from samrl_ros.cell.contact_sheet import draw_contact_sheet
     from samrl_ros.cell.summary import summarise, write_json
 
@@ -224,10 +227,10 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         summary = summarise(
             out, task, options.as_dict(), watch.wall_time_s, watch.marks, trouble, watch.incidents
         )
+        write_json(out / "summary.json", summary)
     except InputError as error:
         console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
-        return
-    write_json(out / "summary.json", summary)
+        return False
     n = len(summary["episodes"])
     low, high = summary["success_rate_wilson95"]
     interval = f"95 %: {low:.2f}-{high:.2f}"
@@ -248,8 +251,9 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         draw_contact_sheet(out / "bag", picture, episode=summary["episodes"][0]["episode"] if n else 0)
     except InputError as error:
         console.print(f"[yellow]no picture:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
-        return
+        return True
     console.print(f"picture: {picture}", highlight=False)
+    return True
 
 
 def _write_page(options: CellOptions, console: Console) -> None:
@@ -271,11 +275,12 @@ def _keep_visited(options: CellOptions, task: Task, console: Console) -> None:
 
     try:
         found = visited_in_bag(options.out / "bag", task, cell_named(options.cell))
+        if len(found):
+            save_visited(options.out / VISITED, found)
     except InputError as error:
         console.print(f"[yellow]no visited states:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return
     if len(found):
-        save_visited(options.out / VISITED, found)
         console.print(f"visited: {options.out / VISITED}", highlight=False)
 
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
@@ -207,6 +207,4 @@ def _write_resimulation(folder: Path, runs: Sequence) -> None:
         arrays[f"{quantity}_measured"] = values
         for name in names:
             arrays[f"{quantity}_{name}"] = run.simulated[name][quantity]
-    temporary = folder / ".resimulation.npz"
-    np.savez_compressed(temporary, **arrays)
-    temporary.rename(folder / "resimulation.npz")
+    write_arrays(folder / "resimulation.npz", arrays)

@@ -21,7 +21,10 @@ def run(arguments: list[str]) -> int:
 
     What follows `--ros-args` goes to the nodes unread, as with any ROS 2 executable.
     """
+    from pathlib import Path
+
     from samrl_core.common.errors import InputError, SamrlError
+    from samrl_core.common.files import NO_ROOM, no_room
     from samrl_ros.cli.commands import app
     from samrl_ros.contract.interrupts import as_keyboard_interrupts
 
@@ -43,6 +46,8 @@ def run(arguments: list[str]) -> int:
             if isinstance(error, OSError) and error.errno in _OF_PATHS and error.filename:
                 shown = f"{str(error.filename)[:200]}: {error.strerror}; check the path"
                 return _say("refused", shown, INPUT_REFUSED)
+            if isinstance(error, OSError) and error.errno in NO_ROOM:
+                return _say("refused", no_room(Path(error.filename or "."), error), INPUT_REFUSED)
             raise
     return OK
 

@@ -15,7 +15,7 @@ from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_file, is_there
+from samrl_core.common.files import is_file, is_there, write_whole
 from samrl_core.common.text_files import read_text
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
@@ -107,7 +107,7 @@ def import_logs(mapping: Mapping, data: Path, out: Path | None) -> list[Imported
             about[RAW] = ", ".join(each.raw)
         write_recording(each.recording, out / f"{each.recording.name}.mcap", custom_data=about)
     roles = {r: [f"{e.recording.name}.mcap" for e in made if e.role == r] for r in ("fit", "held_out")}
-    index.write_text(json.dumps(roles, indent=2) + "\n")
+    write_whole(index, json.dumps(roles, indent=2) + "\n")
     return made
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.errors import SolveError
+from samrl_core.common.files import room_for
 
 STOP_S = 6.0  # to finish an update and save; less than a node may take to stop
 
@@ -31,7 +32,7 @@ class TrainingProcess:
             cell,
         ]
         command += ["--weights", weights] if weights else []
-        with self._log.open("ab") as log:
+        with room_for(self._log), self._log.open("ab") as log:
             self._child = subprocess.Popen(
                 [*command, "--parent", str(os.getpid())],
                 stdin=subprocess.DEVNULL,

@@ -24,6 +24,7 @@ from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.null_simulations import (
@@ -106,7 +107,7 @@ def main() -> None:
         "quantile": QUANTILE,
         "threshold_nat": threshold(np.array(gains), 0.0),
     }
-    options.out.write_text(json.dumps(result, indent=1) + "\n")
+    write_whole(options.out, json.dumps(result, indent=1) + "\n")
     print(json.dumps({k: v for k, v in result.items() if k != "gains_nat"}))
 
 

@@ -20,6 +20,7 @@ import yaml
 
 from samrl_core.blind_test.scores.study import SETS, Study, move_folder
 from samrl_core.common.child_process import ends_with_parent
+from samrl_core.common.files import write_whole
 
 STAGE, LEFT_OUT_STAGE = "diagnosis", "left_out"
 INTERRUPTED = (130, -signal.SIGINT, -signal.SIGTERM)  # somebody stopped it: no result, neither good nor bad
@@ -81,7 +82,7 @@ def diagnose_world(job: DiagnosisJob) -> dict[str, Any]:
             str(job.seed),
         ]
         if job.library is not None:
-            (place / "library.yaml").write_text(yaml.safe_dump({"families": list(job.library)}))
+            write_whole(place / "library.yaml", yaml.safe_dump({"families": list(job.library)}))
             command += ["--library", "library.yaml"]
         hidden = can_hide()
         began = time.monotonic()
@@ -105,7 +106,7 @@ def diagnose_world(job: DiagnosisJob) -> dict[str, Any]:
         for file in ("report.json", "resimulation.npz"):
             if (place / "out" / file).exists():
                 shutil.copyfile(place / "out" / file, made / file)
-        (made / "run.json").write_text(json.dumps(run, indent=1) + "\n")
+        write_whole(made / "run.json", json.dumps(run, indent=1) + "\n")
         move_folder(made, study.run_folder(job.stage, job.world))
     return run
 

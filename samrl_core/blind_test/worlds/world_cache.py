@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
+import io
 import os
 import zipfile
 from collections.abc import Callable
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from samrl_core.common.files import write_whole
 
 Arrays = dict[str, np.ndarray]
 
@@ -38,10 +41,9 @@ def kept(
     except (OSError, ValueError, zipfile.BadZipFile):  # none yet, or cut short: it only saves time
         pass
     made = work()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    half = path.with_name(f".{path.stem}.{os.getpid()}.npz")
-    np.savez(half, **made)  # type: ignore[arg-type]
-    half.replace(path)  # whole or not at all, also with several processes
+    content = io.BytesIO()
+    np.savez(content, **made)  # type: ignore[arg-type]
+    write_whole(path, content.getvalue())
     return made
 
 

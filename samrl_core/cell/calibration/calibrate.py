@@ -22,6 +22,7 @@ from samrl_core.cell.calibration.recorded_poses import (
 )
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
+from samrl_core.common.figure_file import save_figure
 from samrl_core.common.files import read_whole, write_whole
 
 SCHEMA = 1
@@ -185,7 +186,7 @@ def _draw(found: Calibration, out: Path) -> None:
     right.set(xlabel="pair left out", ylabel="moves the position by [mm]", title=FOUND[found.kind])
     right.legend()
     out.mkdir(parents=True, exist_ok=True)
-    figure.savefig(out / "calibration.png", dpi=120)
+    save_figure(figure, out / "calibration.png", dpi=120)
 
 
 def _rms(values: np.ndarray) -> float:

@@ -13,6 +13,7 @@ import yaml
 from samrl_core.cell.excitation.catalogue import KINDS, ExcitationParameter, Kind
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_core.common.text_files import parse_yaml, read_text
 
 SCHEMA = 1
@@ -88,7 +89,7 @@ class TrajectoryFile:
         text = yaml.safe_dump(
             data | {"parameters": values, "why": self.why}, sort_keys=False, allow_unicode=True
         )
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
 
     @classmethod
     def read(cls, path: Path) -> TrajectoryFile:

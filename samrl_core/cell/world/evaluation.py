@@ -17,6 +17,7 @@ from samrl_core.cell.tasks.task import Ending, Task
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.world.world import SimulatedWorld, Truth
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import append_line
 
 
 class TruthLog:
@@ -44,8 +45,7 @@ class TruthLog:
             "first_contact_ns": truth.first_contact_ns,
             "peak_contact_force": truth.peak_contact_force,
         }
-        with self._path.open("a") as file:
-            file.write(json.dumps(line) + "\n")
+        append_line(self._path, json.dumps(line), outlives_power=False)
 
 
 def read_truth(path: Path) -> dict[int, dict[str, dict[str, Any]]]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import astuple
 from pathlib import Path
@@ -19,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -54,10 +54,7 @@ def simulate_null_evidence(
         recordings = simulate_null_recordings(trials, sample_plant(trials[0], rng), rng)
         found.append(-np.inf if recordings is None else best_log_evidence(recordings, trials, effects))
         if file is not None:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            temporary = file.with_suffix(f".{os.getpid()}")
-            temporary.write_text(json.dumps({"gains": found}))
-            temporary.replace(file)
+            write_whole(file, json.dumps({"gains": found}))
     made = np.array(found[:count])
     return made[np.isfinite(made)]
 

@@ -10,18 +10,19 @@ from __future__ import annotations
 
 import fcntl
 import json
+import os
 import zlib
 from dataclasses import asdict, dataclass
 from enum import IntEnum
 from pathlib import Path
-from typing import Literal
+from typing import IO, Literal
 
 import numpy as np
 
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import write_whole
+from samrl_core.common.files import room_for, write_whole
 from samrl_core.learning.images.packed_images import packed_depth, poses_as_rows
 
 MAGIC = b"samrl-replay-2\n"
@@ -85,7 +86,7 @@ class Replay:
     Open it by `write` or `read`.
     """
 
-    def __init__(self, path: Path, info: ReplayInfo, slots: np.memmap, lock: object) -> None:
+    def __init__(self, path: Path, info: ReplayInfo, slots: np.memmap, lock: IO[bytes] | None) -> None:
         self.path, self.info = path, info
         self._slots = slots
         self._lock = lock  # the open file of the writer; unlocked when the process ends
@@ -140,10 +141,11 @@ class Replay:
         """Add a step whose episode goes on as far as is known; returns its number.
 
         Raises:
-            InputError: images of another size, or a vector that is not three finite numbers.
+            InputError: images of another size, a vector that is not three finite numbers, or no room for it.
         """
         body = self._packed(step)
         number = self.last + 1
+        self._take_room(number)
         slot = self._slots[self._slot(number)]
         slot["number"] = _VOID
         slot["body"] = body
@@ -152,6 +154,13 @@ class Replay:
         slot["number"] = number
         self.last = number
         return number
+
+    def _take_room(self, number: int) -> None:
+        """The file is sparse: on a full disk a slot without room would end this process by SIGBUS."""
+        size = self._slots.itemsize
+        if self._lock is not None:
+            with room_for(self.path):
+                os.posix_fallocate(self._lock.fileno(), HEADER_BYTES + int(self._slot(number)) * size, size)
 
     def end_episode(self, number: int, end: End) -> None:
         """Say how the episode of step `number`, its last, ended.

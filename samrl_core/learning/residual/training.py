@@ -19,7 +19,7 @@ import numpy as np
 
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.common.errors import InputError, SolveError
-from samrl_core.common.files import write_whole
+from samrl_core.common.files import append_line, write_whole
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
 from samrl_core.learning.data.fit import STOPPED
 from samrl_core.learning.residual.learner import Learner, LearnerSettings
@@ -309,8 +309,7 @@ class _Log:
 
     def add(self, update: int, steps: int, metrics: dict[str, float]) -> None:
         values = (f"{v:.6g}" if math.isfinite(v) else "" for v in metrics.values())
-        with self._path.open("a") as file:
-            file.write(",".join((str(update), str(steps), *values)) + "\n")
+        append_line(self._path, ",".join((str(update), str(steps), *values)), outlives_power=False)
 
 
 def _finite_or_none(values: dict[str, float]) -> dict[str, float | None]:

@@ -12,6 +12,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 
+from samrl_core.common.figure_file import save_figure
 from samrl_core.learning.data.fit import LOG
 
 COLUMNS = {
@@ -39,7 +40,7 @@ def write_picture(folder: Path, summary: dict[str, Any], path: Path) -> None:
     axes[2].bar_label(bars, fmt="%.0f %%")
     axes[2].set_xticks(range(len(names)), [n.replace("_", " ") for n in names])
     axes[2].set(ylim=(0, 110), ylabel="success in the model [%]", title="views")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
     plt.close(figure)
 
 

@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.figure_file import save_figure
 from samrl_core.common.statistics import Share, bootstrap_interval, mcnemar_p
 from samrl_core.studies.episodes.stopwatch import GROUPS
 from samrl_core.studies.experiment import Case
@@ -82,7 +83,7 @@ def write_bars(summary: dict[str, dict[str, dict[str, Any]]], title: str, path: 
     axis.set_xticks(range(len(summary)), [task.replace("_", " ") for task in summary])
     axis.set(ylim=(0, 105), ylabel="success by truth [%], 95 % intervals", title=title)
     axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
     plt.close(figure)
 
 

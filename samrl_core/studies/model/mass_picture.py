@@ -8,6 +8,8 @@ from typing import Any
 import matplotlib
 import numpy as np
 
+from samrl_core.common.figure_file import save_figure
+
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
@@ -59,5 +61,5 @@ def write_picture(results: list[dict[str, Any]], path: Path) -> None:
         axis.set_xticklabels([r["case"]["name"] for r in results], rotation=90, fontsize=6)
         axis.set(ylabel=f"{name.replace('_', ' ')} less truth [%], 95 % interval")
         axis.legend(fontsize=8)
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, dpi=120)
     plt.close(figure)

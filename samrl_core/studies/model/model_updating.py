@@ -29,8 +29,9 @@ from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.evaluation import true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.world import Truth
+from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import write_whole
+from samrl_core.common.files import append_line, write_whole
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.pose_fit import PoseFitSettings
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
@@ -207,15 +208,10 @@ def main(arguments: list[str] | None = None) -> int:
         for seed in missing:
             case, pictures = bench.run(seed)
             cases.append(case)
-            with path.open("a") as file:
-                file.write(json.dumps(asdict(case)) + "\n")
+            append_line(path, json.dumps(asdict(case)))
             if seed == options.first_seed:
-                np.savez_compressed(
-                    options.out / f"{study.name}.npz",
-                    before=pictures["before"],
-                    after=pictures["after"],
-                    real=pictures["real"],
-                )
+                kept = {name: pictures[name] for name in ("before", "after", "real")}
+                write_arrays(options.out / f"{study.name}.npz", kept)
             print(
                 f"{study.name} {seed - options.first_seed + 1}/{options.cases}: {line_of(case)}", flush=True
             )

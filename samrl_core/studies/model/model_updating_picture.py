@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from samrl_core.common.figure_file import save_figure
+
 _COLUMNS = ("before", "after", "real")
 _TITLES = {"before": "model before", "after": "model after", "real": "real image"}
 
@@ -53,7 +55,7 @@ def write_picture(
         axes.legend(fontsize=8, loc="upper right")
         if row == rows - 1:
             axes.set_xlabel("iteration (a fit that stopped stays where it is)", fontsize=8)
-    fig.savefig(path)
+    save_figure(fig, path)
 
 
 def padded(curves: list[list[float]], length: int) -> np.ndarray:

@@ -12,6 +12,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from samrl_core.cell.tasks import task_named
+from samrl_core.common.figure_file import save_figure
 from samrl_core.studies.paper.expert_states import PHASES
 from samrl_core.studies.paper.view_maps import view_grid
 
@@ -65,7 +66,7 @@ def write_picture(
         "view; hatched: out of the camera arm's reach; star: best view of the map",
         fontsize=10,
     )
-    fig.savefig(path)
+    save_figure(fig, path)
 
 
 def _map(

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from samrl_core.common.figure_file import save_figure
 from samrl_core.policy.networks.network_image import COLOR_CENTER, COLOR_UNIT
 from samrl_core.studies.paper.saliency import NETWORKS, Examined, SaliencySettings
 
@@ -65,7 +66,7 @@ def write_picture(
     fig.suptitle(
         "Which pixels actor and Q go by: one state per task, half way of an expert's episode", fontsize=10
     )
-    fig.savefig(path)
+    save_figure(fig, path)
 
 
 def _blank(axes: Axes, image: np.ndarray, colors: str | None = None) -> Axes:

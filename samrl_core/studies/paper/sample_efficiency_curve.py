@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from samrl_core.common.figure_file import save_figure
 from samrl_core.common.statistics import Share
 from samrl_core.studies.experiment import Case
 
@@ -67,4 +68,4 @@ def write_picture(tasks: dict[str, dict[str, Any]], path: Path) -> None:
         if number == 0:
             axes.set_ylabel("success without exploration", fontsize=9)
         axes.legend(fontsize=8, loc="lower right")
-    fig.savefig(path)
+    save_figure(fig, path)

@@ -9,6 +9,8 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from samrl_core.common.figure_file import save_figure
+
 _NAMES = ("triangles", "lit", "environments", "points", "batch")  # what tells the rows of one part apart
 
 
@@ -45,7 +47,7 @@ def ratio_picture(report: Mapping[str, Any], path: Path) -> None:
     axes.set_xscale("log")
     axes.margins(x=0.15)
     axes.set_xlabel("times faster than the peer, same run")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
 
 
 def rate_picture(result: Mapping[str, Any], path: Path) -> None:
@@ -64,4 +66,4 @@ def rate_picture(result: Mapping[str, Any], path: Path) -> None:
         axes.grid(True, alpha=0.3)
         axes.legend(fontsize=8)
     figure.suptitle(str(result["device"]))
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)

@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.figure_file import save_figure
 from samrl_core.common.files import write_whole
 from samrl_core.common.statistics import bootstrap_interval
 
@@ -189,4 +190,4 @@ def write_picture(path: Path, found: dict[str, Any], shown: list[ActionTime]) ->
     right.set_xlabel("wall time [s]: mean | median | 95 %")
     right.spines[["top", "right"]].set_visible(False)
     left.spines[["top", "right"]].set_visible(False)
-    fig.savefig(path)
+    save_figure(fig, path)

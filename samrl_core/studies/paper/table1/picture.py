@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from samrl_core.common.figure_file import save_figure
+
 _NAMES = {
     "active": "active (ours)",
     "best_fixed": "best fixed view",
@@ -47,4 +49,4 @@ def write_picture(tasks: dict[str, Any], path: Path) -> None:
         axis.set_axisbelow(True)
         axis.set_xticks(range(len(tasks)), [name.replace("_", " ") for name in tasks], fontsize=9)
     figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, ncols=3, loc="outside upper center")
-    figure.savefig(path)
+    save_figure(figure, path)

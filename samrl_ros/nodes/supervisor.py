@@ -265,7 +265,7 @@ class Supervisor(Behaviour):
             self._end(stage == "done", stage)
 
     def _on_view(self, message: Any) -> None:
-        self._state = self._state.looked_once()
+        self._state = self._state.view_searched()
         if message.move:
             self._waiting_for = "camera"
             self._mark("look")

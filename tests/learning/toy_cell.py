@@ -15,7 +15,7 @@ from samrl_core.learning.images.packed_images import network_images, packed_dept
 from samrl_core.learning.residual.replay import End, Replay, ReplayStep
 from samrl_core.learning.residual.td3 import TD3Settings
 from samrl_core.learning.residual.training import ResidualTraining, TrainingSettings, replay_of
-from samrl_core.policy.agent.exploration import shortened
+from samrl_core.policy.agent.exploration import clip_norm
 from samrl_core.policy.networks.network_image import CHANNELS
 from samrl_core.policy.networks.networks import Encoder
 from tests.learning.small_cell import SIZE, SMALL
@@ -65,7 +65,7 @@ def act(
     """Episodes of one action each into the replay."""
     for _ in range(count):
         state, error = draw_state(rng, replay.next_episode())
-        residual = shortened(residual_of(state) + noise * rng.standard_normal(3), limit)
+        residual = clip_norm(residual_of(state) + noise * rng.standard_normal(3), limit)
         step = ReplayStep(**{**state.__dict__, "residual": residual, "executed": state.nominal + residual})
         ended = End.SUCCESS if succeeds(residual, error) else End.FAILURE
         replay.end_episode(replay.append(step), ended)

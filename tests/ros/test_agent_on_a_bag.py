@@ -85,7 +85,7 @@ class BagPlant:
     def observe(self) -> Observation:
         return next(self._seen)
 
-    def look_from(self, camera_arm_position: np.ndarray) -> None:
+    def move_camera(self, camera_arm_position: np.ndarray) -> None:
         self.told.append((TARGET, camera_arm_position))
 
     def displace_tool(self, displacement: np.ndarray) -> None:

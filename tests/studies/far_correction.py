@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from samrl_core.learning.residual.replay import ReplayStep
-from samrl_core.policy.agent.exploration import shortened
+from samrl_core.policy.agent.exploration import clip_norm
 from samrl_core.studies.episodes.residual_episodes import Order, Played
 from tests.learning import toy_cell
 from tests.learning.small_cell import SIZE
@@ -38,13 +38,13 @@ def _episode(order: Order) -> Played:
     color, depth = scene(np.random.default_rng([order.seed, 1]))
     steps: list[ReplayStep] = []
     while len(steps) < order.max_actions:
-        nominal = shortened(rng.normal(0.0, 0.003, 3), 0.01)
+        nominal = clip_norm(rng.normal(0.0, 0.003, 3), 0.01)
         noisy = color + rng.integers(0, 20, (SIZE, SIZE, 3), dtype=np.uint8)
         state = ReplayStep(
             0, len(steps), noisy, depth, toy_cell.CAMERA, np.zeros(3), nominal, np.zeros(3), np.zeros(3)
         )
         residual = toy_cell.chosen_residual(actor, state) if order.residual else np.zeros(3)
-        residual = shortened(residual + noise.next(), order.limit)
+        residual = clip_norm(residual + noise.next(), order.limit)
         steps.append(ReplayStep(**{**vars(state), "residual": residual, "executed": residual}))
         mean = np.mean([step.residual for step in steps[-COUNTED:]], axis=0)
         if len(steps) >= enough and np.linalg.norm(mean - wanted) < TOLERANCE:

@@ -15,7 +15,7 @@ import torch
 
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.learning.residual.replay import ReplayStep
-from samrl_core.policy.agent.exploration import Exploration, shortened
+from samrl_core.policy.agent.exploration import Exploration, clip_norm
 from samrl_core.policy.networks.networks import ResidualActor
 from samrl_core.studies.episodes.residual_episodes import Order, Played
 from tests.learning import toy_cell
@@ -59,7 +59,7 @@ def _episode(order: Order) -> Played:
         if len(steps) == order.max_actions:
             return Played(tuple(steps), "action_limit", "", False, float(np.linalg.norm(tip[:2] - hole)))
         goal = TASK.sub_goals(seen, tip)[0]
-        nominal = shortened(goal.tip_position - tip, goal.max_step)
+        nominal = clip_norm(goal.tip_position - tip, goal.max_step)
         state = ReplayStep(
             0,
             len(steps),
@@ -72,7 +72,7 @@ def _episode(order: Order) -> Played:
             np.zeros(3),
         )
         residual = toy_cell.chosen_residual(actor, state) if order.residual else np.zeros(3)
-        residual = shortened(residual + noise.next(), order.limit)
+        residual = clip_norm(residual + noise.next(), order.limit)
         after = _moved(tip, nominal + residual, hole)
         steps.append(ReplayStep(**{**vars(state), "residual": residual, "executed": after - tip}))
         tip = after

@@ -11,7 +11,7 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
-from samrl_core.policy.view.view_reach import ReachSettings, ViewReach, place_of
+from samrl_core.policy.view.view_reach import ReachSettings, ViewReach, viewpoint_of
 from samrl_core.studies.experiment import CASES, Options
 from samrl_core.studies.paper import fig6
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
@@ -45,7 +45,7 @@ def test_reachable_views_are_those_of_the_planner() -> None:
     assert 0 < found.sum() < len(found)
     region = MODEL.task.view_region()
     planner = ViewReach(MODEL.cell, MODEL.task, ReachSettings(azimuths=4, elevations=2, distances=3))
-    places = [place_of(view.camera_in_world.position, region) for view in planner.views]
+    places = [viewpoint_of(view.camera_in_world.position, region) for view in planner.views]
     taken = [p for p in places if abs(p[2] - grid.views[0, 2]) < 1e-3]
     expected = [any(np.abs(p[:2] - v[:2]).max() < 1e-3 for p in taken) for v in grid.views]
     np.testing.assert_array_equal(found, expected)

@@ -16,7 +16,7 @@ from samrl_core.learning.data.checkpoint import load_checkpoint
 from samrl_core.learning.data.fit import STOPPED
 from samrl_core.learning.residual.replay import End
 from samrl_core.learning.residual.td3 import TD3, TD3Settings
-from samrl_core.policy.agent.exploration import shortened
+from samrl_core.policy.agent.exploration import clip_norm
 from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Order, Played
 from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated, evaluated_file, weights_of
 from samrl_core.studies.paper.residual_run import KIND, ResidualRun
@@ -51,7 +51,7 @@ class FakeCell:
         for index in range(order.max_actions):
             state, error = toy_cell.draw_state(rng, 0)
             chosen = toy_cell.chosen_residual(actor, state)
-            residual = shortened(chosen + noise.next(), order.limit)
+            residual = clip_norm(chosen + noise.next(), order.limit)
             steps.append(replace(state, step=index, residual=residual, executed=state.nominal + residual))
             good = toy_cell.succeeds(residual, error)
             if good:

@@ -23,7 +23,11 @@ from samrl_core.studies.paper.table1.table1 import EXPERIMENT, TableSettings, ru
 TASK = "peg_insertion"
 SMALL = TableSettings(
     views=ViewAscentSettings(
-        ReachSettings(azimuths=7, elevations=1, distances=1), first_looks=2, starts=1, steps=1, min_gain=-1.0
+        ReachSettings(azimuths=7, elevations=1, distances=1),
+        initial_views=2,
+        starts=1,
+        steps=1,
+        min_gain=-1.0,
     ),
     episodes=2,
     few_share=0.5,

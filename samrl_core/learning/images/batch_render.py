@@ -150,7 +150,7 @@ class BatchRenderer:
         Args:
             frames: (B, F, 12).
             tip_in_base: (B, 3) tool tip in the tool arm's base frame [m].
-            views: (B, 6) as `draw_views` gives them.
+            views: (B, 6) as `sample_views` gives them.
             appearances: of B images; None takes the model's own.
             noise: of the camera; None leaves it out.
             generator: of the noise, on the renderer's device.

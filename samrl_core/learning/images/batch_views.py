@@ -16,11 +16,11 @@ from samrl_core.policy.view.sensing_value import Networks, value_of
 from samrl_core.policy.view.view_reach import ViewReach
 from samrl_core.policy.view.view_search import (
     Answer,
-    Found,
     Request,
+    SearchResult,
     ViewAscentSettings,
     ViewSearch,
-    place_camera,
+    camera_poses,
 )
 
 
@@ -74,7 +74,7 @@ class BatchViewAscent:
         self._settings = settings or ViewAscentSettings()
         self._region = renderer.model.task.view_region()
 
-    def plan(self, scenes: ViewScenes, camera_arm_position: np.ndarray) -> list[Found]:
+    def plan(self, scenes: ViewScenes, camera_arm_position: np.ndarray) -> list[SearchResult]:
         """Choose the next view of each state.
 
         Args:
@@ -87,12 +87,12 @@ class BatchViewAscent:
         count = len(scenes.values)
         present = self._present(scenes, camera_arm_position)
         cell = self._renderer.model.cell
-        asking: list[Generator[Request, Answer, Found]] = []
+        asking: list[Generator[Request, Answer, SearchResult]] = []
         for k, here in enumerate(camera_arm_position):
             obstacles = self._reach.obstacles(scenes.tool_arm_position[k], scenes.values[k])
             search = ViewSearch(cell, self._region, self._reach, self._settings, here, obstacles)
             asking.append(search.found(float(present[k])))
-        found: dict[int, Found] = {}
+        found: dict[int, SearchResult] = {}
         answers: dict[int, Answer | None] = dict.fromkeys(range(count))
         while answers:
             requests: dict[int, Request] = {}
@@ -120,33 +120,36 @@ class BatchViewAscent:
 
     def _answers(self, scenes: ViewScenes, requests: dict[int, Request]) -> dict[int, Answer | None]:
         answers: dict[int, Answer | None] = {}
-        for with_slope in (False, True):
-            some = {k: one for k, one in requests.items() if one.with_slope == with_slope}
+        for with_gradient in (False, True):
+            some = {k: one for k, one in requests.items() if one.with_gradient == with_gradient}
             if not some:
                 continue
-            counts = [len(one.places) for one in some.values()]
+            counts = [len(one.viewpoints) for one in some.values()]
             which = np.repeat(np.array(list(some)), counts)
-            places = np.concatenate([one.places for one in some.values()])
-            parts = [self._looked(scenes, which[f], places[f], with_slope) for f in self._chunks(len(places))]
-            q, slopes = (np.concatenate(part) for part in zip(*parts, strict=True))
+            viewpoints = np.concatenate([one.viewpoints for one in some.values()])
+            parts = [
+                self._looked(scenes, which[f], viewpoints[f], with_gradient)
+                for f in self._chunks(len(viewpoints))
+            ]
+            q, gradients = (np.concatenate(part) for part in zip(*parts, strict=True))
             ends = np.cumsum(counts)[:-1]
-            for k, one, slope in zip(some, np.split(q, ends), np.split(slopes, ends), strict=True):
-                answers[k] = Answer(one, slope)
+            for k, one, gradient in zip(some, np.split(q, ends), np.split(gradients, ends), strict=True):
+                answers[k] = Answer(one, gradient)
         return answers
 
     def _looked(
-        self, scenes: ViewScenes, which: np.ndarray, places: np.ndarray, with_slope: bool
+        self, scenes: ViewScenes, which: np.ndarray, viewpoints: np.ndarray, with_gradient: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Q (N,) and its slopes (N, 3) by the place."""
-        variable = self._tensor(torch.from_numpy(places)).requires_grad_(with_slope)
-        with torch.set_grad_enabled(with_slope):
-            camera = place_camera(variable, self._region.target)
+        variable = self._tensor(torch.from_numpy(viewpoints)).requires_grad_(with_gradient)
+        with torch.set_grad_enabled(with_gradient):
+            camera = camera_poses(variable, self._region.target)
             image = model_images(self._renderer, scenes, which, camera)
             q, _ = value_of(self._networks, image, self._settings.through_action)
-        slopes = np.zeros(places.shape)
-        if with_slope:
-            slopes = torch.autograd.grad(q.sum(), variable)[0].cpu().numpy()
-        return q.detach().cpu().numpy().astype(np.float64), slopes
+        gradients = np.zeros(viewpoints.shape)
+        if with_gradient:
+            gradients = torch.autograd.grad(q.sum(), variable)[0].cpu().numpy()
+        return q.detach().cpu().numpy().astype(np.float64), gradients
 
     def _chunks(self, count: int) -> list[np.ndarray]:
         chunk = self._renderer.chunk

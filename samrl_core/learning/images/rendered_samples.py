@@ -18,7 +18,7 @@ from samrl_core.learning.images.appearance import AppearanceSettings, Appearance
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.states.states import StateSamples
-from samrl_core.policy.view.views import ViewSettings, draw_views
+from samrl_core.policy.view.views import ViewSettings, sample_views
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class RenderedSamples:
         scenes, s = self._scenes, self._settings
         rng = rng_of(self._seed, which)
         if scenes.view is None:
-            views = draw_views(self._region, rng, len(which), s.views)
+            views = sample_views(self._region, rng, len(which), s.views)
         else:
             views = scenes.view[which]
         appearances = s.appearances.sample(self._renderer.model, rng, len(which))

@@ -29,7 +29,7 @@ from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
 from samrl_core.policy.networks.networks import SimActor
-from samrl_core.policy.view.views import draw_views
+from samrl_core.policy.view.views import sample_views
 
 Log = Callable[[dict[str, float]], None]  # hears how many groups there are
 
@@ -118,7 +118,7 @@ def _run(task: str, weights: Weights, group: EpisodeGroup, device: str) -> Actor
     values, appearances, dynamics = begun(model, group, rng)
     starts = Starts(values, np.tile(SceneFrames(model).start_tip, (group.count, 1)))
     region = model.task.view_region()
-    viewer = held(draw_views(region, rng, group.count)) if group.hold else new_each_step(region)
+    viewer = held(sample_views(region, rng, group.count)) if group.hold else new_each_step(region)
     settings = RolloutSettings(
         max_actions=group.max_actions,
         action_noise=group.action_noise,

@@ -25,7 +25,7 @@ from samrl_core.common.files import folder_lock
 from samrl_core.learning.data.shards import DataInfo, ShardFolder
 from samrl_core.learning.images.batch_render import model_of
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
-from samrl_core.learning.sim.sample_states import draw_states
+from samrl_core.learning.sim.sample_states import sample_states
 from samrl_core.learning.states.explore import ExploreSettings, Starts
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.learning.states.states import StateSamples
@@ -177,7 +177,7 @@ def _shard(
     given: Starts | None,
     drawn: ParameterDistribution | None,
 ) -> dict[str, np.ndarray]:
-    return draw_states(model_of(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
+    return sample_states(model_of(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -22,7 +22,7 @@ from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.learning.states.state_batch import joined, moved, rows
 from samrl_core.model.model import Model
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
-from samrl_core.policy.view.views import COORDINATES, ViewSettings, draw_views
+from samrl_core.policy.view.views import COORDINATES, ViewSettings, sample_views
 
 Actor = Callable[[torch.Tensor], torch.Tensor]  # images (B, 6, H, W) to actions (B, 3) [m]
 
@@ -51,7 +51,7 @@ def held(views: np.ndarray) -> Viewer:
 
 def new_each_step(region: ViewRegion, settings: ViewSettings | None = None) -> Viewer:
     """A random view for every action."""
-    return lambda moment: draw_views(region, moment.rng, len(moment.episodes), settings)
+    return lambda moment: sample_views(region, moment.rng, len(moment.episodes), settings)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class ActorRollouts:
     values: np.ndarray  # (M, P) before the action
     tip_in_base: np.ndarray  # (M, 3) [m]
     frames: np.ndarray  # (M, F, 12) float32, as in `StateSamples`
-    view: np.ndarray  # (M, 6) that the image was taken from, as `draw_views` gives them
+    view: np.ndarray  # (M, 6) that the image was taken from, as `sample_views` gives them
     action: np.ndarray  # (M, 3) that was taken [m]
     returns: np.ndarray  # (M,) discount^(actions still to come) of a success, 0 of a failure
     episode: np.ndarray  # (M,) int64

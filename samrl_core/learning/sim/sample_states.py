@@ -16,7 +16,7 @@ from samrl_core.learning.states.states import StateSamples
 from samrl_core.model.model import Model
 
 
-def draw_states(
+def sample_states(
     model: Model,
     rng: np.random.Generator,
     count: int,

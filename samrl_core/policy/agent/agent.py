@@ -14,7 +14,7 @@ from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.prediction import likeliest, predictions
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
-from samrl_core.policy.agent.exploration import Exploration, shortened, within_reach
+from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.networks import ResidualActor
@@ -44,8 +44,8 @@ class ActionChoice:
 class Agent:
     """Algorithm 1 in three verbs. A node of the cell uses one of them, `run_episode` all.
 
-    What it remembers: the belief `estimate`, the tip of the last image, the residual policy, the exploration
-    noise, and the generator of strategy "random".
+    Its state: `estimate`, the tip at the last image, the residual policy, the exploration noise and the random
+    generator of strategy "random".
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Agent:
             model: of the task and the cell.
             settings: what to do in each verb.
             networks: where the settings need them, as from `trained_networks`.
-            log: takes, in words, what did not go as it should.
+            log: receives messages about what went wrong.
             verbs: that will be used.
 
         Raises:
@@ -117,7 +117,7 @@ class Agent:
         self._exploration = Exploration(s.exploration, s.exploration_memory, rng)
 
     def update_model(self, observation: Observation) -> Estimate:
-        """Lines 3 and 8: the belief after an image.
+        """Lines 3 and 8: the estimate after an image.
 
         Eq. 8 predicts each way that the last action may have gone, eq. 7 corrects each of them.
         """
@@ -210,7 +210,7 @@ class Agent:
         s = self.settings
         if s.exploration > 0.0:
             limit = s.exploration_limit if self.residual is None else self.residual.limit
-            residual = shortened(residual + self._exploration.next(), limit)
+            residual = clip_norm(residual + self._exploration.next(), limit)
         return within_reach(nominal, residual, s.longest)
 
 

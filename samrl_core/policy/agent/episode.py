@@ -19,7 +19,7 @@ Watch = Callable[[Part], AbstractContextManager[None]]  # is entered around each
 
 
 def unwatched(part: Part) -> AbstractContextManager[None]:
-    """Nobody watches."""
+    """No measurement."""
     return nullcontext()
 
 
@@ -30,7 +30,7 @@ class Plant(Protocol):
         """Cam(P): an image and joints of now, with everything at rest."""
         ...
 
-    def look_from(self, camera_arm_position: np.ndarray, /) -> None:
+    def move_camera(self, camera_arm_position: np.ndarray, /) -> None:
         """Move the camera arm there (J,) [rad] and wait until it rests."""
         ...
 
@@ -50,7 +50,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """What `run_episode` did."""
+    """Result of `run_episode`."""
 
     steps: tuple[Step, ...]
     last: Observation
@@ -63,7 +63,8 @@ def run_episode(
 ) -> Episode:
     """Algorithm 1 from line 1 on, until consecutive updates report success, or a limit.
 
-    `watch` sees the parts: "observe", "look" and "move" are the plant's, the others the agent's.
+    `watch` is entered around each part: "observe", "look" (the camera moves) and "move" are the plant's, the
+    others the agent's.
     """
     task = agent.model.task
     loop = settings or LoopSettings(task.max_actions, stop_on_model_success=agent.settings.update)
@@ -86,8 +87,8 @@ def run_episode(
                 view = agent.plan_view(estimate, observation)
             if view.move:
                 with watch("look"):
-                    plant.look_from(view.joint_position)
-                state = state.looked_once()
+                    plant.move_camera(view.joint_position)
+                state = state.view_searched()
                 continue
             stage = "act"
         if stage != "act":

@@ -1,9 +1,8 @@
-"""What is added to the residual while it is trained: noise that remembers.
+"""Exploration of the residual: noise that is correlated in time.
 
-White noise on each action is undone by the next nominal one, which returns the tip to where the model wants
-it, so that hardly any state is tried that the nominal actions do not lead to anyway. Noise that stays much
-the same over an episode tries a correction as a whole (Eberhard et al. 2023, "Pink noise is all you need";
-here of first order, as in Uhlenbeck and Ornstein 1930).
+The next nominal action undoes white noise: it returns the tip to where the model wants it, so hardly any new
+state is visited. Noise that stays much the same over an episode tries a correction as a whole (Eberhard et
+al. 2023, "Pink noise is all you need"; here of first order, as in Uhlenbeck and Ornstein 1930).
 """
 
 from __future__ import annotations
@@ -31,26 +30,26 @@ class Exploration:
         self.begin()
 
     def begin(self) -> None:
-        """An episode starts: nothing is remembered."""
-        self._noise = self._drawn()
+        """Starts an episode with new noise."""
+        self._noise = self._sample()
 
     def next(self) -> np.ndarray:
         """Noise (3,) of the next action [m]."""
         noise, memory = self._noise, self._memory
-        self._noise = memory * noise + np.sqrt(1.0 - memory**2) * self._drawn()
+        self._noise = memory * noise + np.sqrt(1.0 - memory**2) * self._sample()
         return noise
 
-    def _drawn(self) -> np.ndarray:
+    def _sample(self) -> np.ndarray:
         return self._deviation * self._rng.standard_normal(3)
 
 
-def shortened(vector: np.ndarray, limit: float) -> np.ndarray:
-    """A vector (3,), cut to `limit` where it is longer."""
+def clip_norm(vector: np.ndarray, limit: float) -> np.ndarray:
+    """A vector (3,), scaled to the length `limit` where it is longer."""
     return vector * min(1.0, limit / max(float(np.linalg.norm(vector)), 1e-12))
 
 
 def within_reach(nominal: np.ndarray, residual: np.ndarray, longest: float) -> np.ndarray:
-    """The residual (3,) [m], shortened so that with it no action is longer than `longest`.
+    """The residual (3,) [m], scaled so that the action is not longer than `longest`.
 
     Raises:
         InputError: the nominal action alone is longer.

@@ -15,16 +15,16 @@ Stage = Literal["view", "act", "again", "done", "action_limit", "lost"]
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """When to look, and when to stop."""
+    """When to search for a view, and when to stop."""
 
     max_actions: int  # per episode
     view_period: int = 3  # actions from one search for a better view to the next
     views_per_search: int = 1  # camera moves in one search; an update follows each (line 5's loop)
     max_lost_updates: int = 5  # updates in a row that may miss the target
-    # Of a fit whose "done" counts, over the episode's median. Right verdicts had at most 1.9, that on a
-    # pancake which had rolled out of sight 34.
+    # Misfit up to which "done" counts, over the episode's median. True successes had at most 1.9; a pancake
+    # that had rolled out of sight had 34.
     most_misfit: float = 5.0
-    # Images that must say "done" one after the other: a pancake may be falling still when the first one does.
+    # Consecutive updates that must report "done": a pancake may still be falling at the first one.
     done_confirmations: int = 2
     stop_on_model_success: bool = True  # off where the model is not updated and cannot know
 
@@ -34,28 +34,28 @@ class LoopState:
     """Where an episode stands."""
 
     step: int = 0  # actions executed
-    looked: int = 0  # answers of the view search since the last action
+    view_searches: int = 0  # answers of the view search since the last action
     lost_updates: int = 0  # in a row
-    confirmed: int = 0  # images in a row that said "done"
+    confirmed: int = 0  # images in a row after which the model reported "done"
     misfits: tuple[float, ...] = ()  # eq. 6 after the updates of this episode that saw the target
 
     def updated(self, why_stopped: str, misfit: float) -> LoopState:
         """After an update that ended so; `misfit` is eq. 6, of any value where nothing was fitted."""
         if why_stopped == "no_target":
             return replace(self, lost_updates=self.lost_updates + 1)
-        seen = (misfit,) if math.isfinite(misfit) else ()
-        return replace(self, lost_updates=0, misfits=self.misfits + seen)
+        fitted = (misfit,) if math.isfinite(misfit) else ()
+        return replace(self, lost_updates=0, misfits=self.misfits + fitted)
 
-    def looked_once(self) -> LoopState:
+    def view_searched(self) -> LoopState:
         """After an answer of the view search."""
-        return replace(self, looked=self.looked + 1, confirmed=0)
+        return replace(self, view_searches=self.view_searches + 1, confirmed=0)
 
     def acted(self) -> LoopState:
         """After an action."""
-        return replace(self, step=self.step + 1, looked=0, confirmed=0)
+        return replace(self, step=self.step + 1, view_searches=0, confirmed=0)
 
     def confirmed_once(self) -> LoopState:
-        """After an update that said "done", and was not the last that has to."""
+        """After an update that reported "done", when another one has to confirm it."""
         return replace(self, confirmed=self.confirmed + 1)
 
     def interrupted(self) -> LoopState:
@@ -73,7 +73,7 @@ def stage_after_update(
     """What follows an update of the model.
 
     Args:
-        task: judges by the estimate whether it is done.
+        task: decides from the estimate whether it is done.
         values: (P,) estimated.
         tip_position: (3,) in the tool arm's base frame [m].
         state: counts, this update included.
@@ -91,6 +91,6 @@ def stage_after_update(
         return "done" if state.confirmed + 1 >= settings.done_confirmations else "again"
     if state.step >= settings.max_actions:
         return "action_limit"
-    if state.looked < settings.views_per_search and state.step % settings.view_period == 0:
+    if state.view_searches < settings.views_per_search and state.step % settings.view_period == 0:
         return "view"
     return "act"

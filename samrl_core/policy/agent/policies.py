@@ -1,4 +1,4 @@
-"""Names of what the cell can be told to do, and what it does when told nothing; free of imports."""
+"""Names of policies and view strategies, and the defaults; imports nothing."""
 
 POLICIES = ("learned", "optimised")  # nominal action: of the trained actor, or of a plan through the model
 STRATEGIES = (

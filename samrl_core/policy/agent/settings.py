@@ -17,7 +17,7 @@ from samrl_core.policy.view.sensing_value import Networks
 from samrl_core.policy.view.view_ascent import ViewAscentSettings
 from samrl_core.policy.view.view_planning import ViewPlanningSettings
 
-Log = Callable[[str], None]  # takes, in words, what did not go as it should
+Log = Callable[[str], None]  # receives messages about what went wrong
 
 
 def no_log(text: str) -> None:

@@ -1,4 +1,4 @@
-"""What the networks see: colour, and where each pixel's point lies from the tool tip.
+"""Input of the networks: colour, and each pixel's point relative to the tool tip.
 
 The paper's RGB-XYZ image with XYZ relative to the tip: the same picture then asks for the same action
 wherever in the cell it is taken. The tip comes from measured joints and the camera's pose from calibration,
@@ -29,31 +29,31 @@ COLOR_UNIT = 0.25  # about the standard deviation of colours that fill 0..1
 def network_image(
     color: torch.Tensor,
     xyz_in_world: torch.Tensor,
-    seen: torch.Tensor,
+    valid: torch.Tensor,
     tip_in_world: torch.Tensor,
     base_in_world: Pose,
 ) -> torch.Tensor:
     """Input of all networks, (..., 6, H, W) float32; differentiable in colour, XYZ and tip.
 
     Channels 0-2 are (colour - 0.5) / 0.25. Channels 3-5 are the point less the tip, in the axes of the tool
-    arm's base, in units of 0.1 m, clipped to +-3, and exactly 0 where nothing is seen.
+    arm's base, in units of 0.1 m, clipped to +-3, and exactly 0 where there is no valid point.
 
     Args:
         color: (..., H, W, 3) linear RGB, 0..1.
-        xyz_in_world: (..., H, W, 3) [m]; may be anything, NaN as well, where nothing is seen.
-        seen: (..., H, W), above 0 or True where the pixel's point is known.
+        xyz_in_world: (..., H, W, 3) [m]; any value, NaN too, where `valid` is not set.
+        valid: (..., H, W), above 0 or True where the pixel's point is known.
         tip_in_world: (..., 3) tool tip [m].
         base_in_world: base of the tool arm.
 
     Raises:
-        InputError: shapes that do not fit, or a tip, a colour or a seen point that is not finite.
+        InputError: shapes that do not fit, or a tip, a colour or a valid point that is not finite.
     """
-    if color.shape != xyz_in_world.shape or color.shape[:-1] != seen.shape or color.shape[-1] != 3:
+    if color.shape != xyz_in_world.shape or color.shape[:-1] != valid.shape or color.shape[-1] != 3:
         raise InputError(
-            f"colour {tuple(color.shape)}, XYZ {tuple(xyz_in_world.shape)} and seen {tuple(seen.shape)} do "
+            f"colour {tuple(color.shape)}, XYZ {tuple(xyz_in_world.shape)} and valid {tuple(valid.shape)} do "
             f"not fit; they must be (..., H, W, 3) twice and (..., H, W)"
         )
-    known = (seen > 0).unsqueeze(-1)
+    known = (valid > 0).unsqueeze(-1)
     rotation = torch.as_tensor(base_in_world.rotation, dtype=xyz_in_world.dtype, device=xyz_in_world.device)
     # Filled before the arithmetic: 0 times NaN would be NaN in the gradient, too.
     points = torch.where(known, xyz_in_world, torch.zeros_like(xyz_in_world))
@@ -63,7 +63,7 @@ def network_image(
     paint = (color - COLOR_CENTER) / COLOR_UNIT
     image = torch.cat([paint.to(torch.float32), from_tip.to(torch.float32)], dim=-1).movedim(-1, -3)
     if not bool(torch.isfinite(image.detach()).all()):
-        raise InputError("colour, tip or a seen point is not finite; mark unmeasured pixels as not seen")
+        raise InputError("colour, tip or a valid point is not finite; mark unmeasured pixels as not valid")
     return image
 
 

@@ -3,7 +3,7 @@
 The encoder has five convolutions and gives 128 features, the heads three layers (SAM-RL, section IV). Next
 to pooled features it takes key points: learned maps, each normalised over the image (spatial softmax, Finn
 et al. 2016, "Deep spatial autoencoders"), average the XYZ channels instead of the pixel coordinates. A key
-point is thus a place from the tip in metres, finer than a pixel, which the image's resolution does not round.
+point is thus a position relative to the tip in metres, which the image's resolution does not round.
 
 Measured only briefly: 300 steps of 32 on 5000 peg images at 64 x 64, one seed, 200 validation images, action
 limit 10 mm. Loss of `imitation` 0.41, error 4.4 mm, near the goal 1.6 mm; with flattened features instead of
@@ -85,7 +85,7 @@ class SimActor(nn.Module):
     """Nominal action from the model's image (pi_s of eq. 23)."""
 
     def __init__(self, action_limit: float, generator: torch.Generator | None = None) -> None:
-        """`action_limit` is the longest action [m]; the generator draws the first weights, default seed 0."""
+        """`action_limit` is the longest action [m]; the generator samples the weights, default seed 0."""
         super().__init__()
         self.action_limit = _limit(action_limit)
         generator = generator or torch.Generator().manual_seed(0)
@@ -100,10 +100,10 @@ class SimActor(nn.Module):
 
 
 class SensingQ(nn.Module):
-    """Expected return of an action seen from a view (Q_s of eqs. 17 and 24)."""
+    """Expected return of an action, given the image from a view (Q_s of eqs. 17 and 24)."""
 
     def __init__(self, generator: torch.Generator | None = None) -> None:
-        """The generator draws the first weights, default seed 0."""
+        """The generator samples the initial weights, default seed 0."""
         super().__init__()
         generator = generator or torch.Generator().manual_seed(0)
         self.encoder = Encoder(CHANNELS + 3, generator)
@@ -171,8 +171,8 @@ class ResidualActor(nn.Module):
             return self.of_features(features, nominal)
         if not 0.0 < keep_prob < 1.0:
             raise InputError(f"the residual's keep_prob is {keep_prob}, must be above 0 and at most 1")
-        kept = drop_features(features[:, None], keep_prob, self._uniform).flatten(0, 1)
-        found = self.of_features(kept, nominal.repeat_interleave(_MASKS, dim=0))
+        masked = drop_features(features[:, None], keep_prob, self._uniform).flatten(0, 1)
+        found = self.of_features(masked, nominal.repeat_interleave(_MASKS, dim=0))
         return found.unflatten(0, (len(features), _MASKS)).mean(dim=1)
 
     def of_features(self, features: torch.Tensor, nominal: torch.Tensor) -> torch.Tensor:
@@ -186,7 +186,7 @@ class TwinCritic(nn.Module):
     """Two estimates of the return of a residual, in a state given by features and nominal action."""
 
     def __init__(self, limit: float = ACTION_UNIT, generator: torch.Generator | None = None) -> None:
-        """`limit` is the longest residual [m]; the generator draws the first weights, default seed 0."""
+        """`limit` is the longest residual [m]; the generator samples the weights, default seed 0."""
         super().__init__()
         self.limit = _limit(limit)
         generator = generator or torch.Generator().manual_seed(0)

@@ -1,4 +1,4 @@
-"""Where the surfaces are that an image shows: one point per pixel, as a depth camera reports it.
+"""Surface points of an image: one point per pixel, as a depth camera reports it.
 
 The renderer's XYZ is the mean over a pixel. On a silhouette that point lies between both sides, where nothing
 is; of a thread two pixels wide half of the pixels are such. The networks see the nearest surface instead.
@@ -14,14 +14,14 @@ from samrl_core.model.rendering.renderer import Rendered
 
 
 def world_points(
-    depth: torch.Tensor, camera_in_world: torch.Tensor, place: torch.Tensor, lens: Intrinsics
+    depth: torch.Tensor, camera_in_world: torch.Tensor, position: torch.Tensor, lens: Intrinsics
 ) -> torch.Tensor:
     """Points (..., H, W, 3) in world [m] of depth images.
 
     Args:
         depth: (..., H, W) along the optical axis [m].
         camera_in_world: rotations (..., 3, 3), columns are the camera's axes.
-        place: (..., 3) of the cameras in world [m].
+        position: (..., 3) of the cameras in world [m].
         lens: of all of them.
     """
     u = (torch.arange(lens.width, dtype=depth.dtype, device=depth.device) + 0.5 - lens.cx) / lens.fx
@@ -29,15 +29,15 @@ def world_points(
     grid_v, grid_u = torch.meshgrid(v, u, indexing="ij")
     rays = torch.stack([grid_u, grid_v, torch.ones_like(grid_u)], dim=-1)  # of unit depth
     points = rays * depth[..., None]
-    return torch.einsum("...hwi,...ji->...hwj", points, camera_in_world) + place[..., None, None, :]
+    return torch.einsum("...hwi,...ji->...hwj", points, camera_in_world) + position[..., None, None, :]
 
 
 def nearest_points(rendered: Rendered, camera: CameraPose, lens: Intrinsics) -> torch.Tensor:
-    """Point of each pixel's nearest surface, (..., H, W, 3) in world [m]; 0 where nothing is seen.
+    """Point of each pixel's nearest surface, (..., H, W, 3) in world [m]; 0 where the pixel shows nothing.
 
     The depth of the nearest sample on the pixel's ray, which is what `observed_image` has of a real camera.
     The gradient is that of the pixel's mean point, which knows how silhouettes move; beside what shows
-    nothing that mean mixes with 0, so that its slope says nothing true and is left out.
+    nothing that mean mixes with 0, so its gradient would be wrong and is left out.
 
     Args:
         rendered: one image or a batch.
@@ -45,14 +45,14 @@ def nearest_points(rendered: Rendered, camera: CameraPose, lens: Intrinsics) -> 
         lens: that it was taken with.
     """
     rotation, translation = (part.detach().to(rendered.xyz.device, torch.float64) for part in camera)
-    seen = torch.isfinite(rendered.depth)
-    depth = torch.where(seen, rendered.depth, torch.zeros_like(rendered.depth)).detach().double()
-    place = -(rotation.mT @ translation[..., None])[..., 0]
-    found = torch.where(seen[..., None], world_points(depth, rotation.mT, place, lens), 0.0)
+    valid = torch.isfinite(rendered.depth)
+    depth = torch.where(valid, rendered.depth, torch.zeros_like(rendered.depth)).detach().double()
+    position = -(rotation.mT @ translation[..., None])[..., 0]
+    found = torch.where(valid[..., None], world_points(depth, rotation.mT, position, lens), 0.0)
     found = found.to(rendered.xyz.dtype)
     if not rendered.xyz.requires_grad:
         return found
-    unseen = (~seen).to(torch.float32).reshape(-1, 1, *seen.shape[-2:])
-    beside = torch.nn.functional.max_pool2d(unseen, 3, stride=1, padding=1).reshape(seen.shape) > 0
-    slope = rendered.xyz - rendered.xyz.detach()  # 0, with the mean's gradient
-    return found + torch.where(beside[..., None], torch.zeros_like(slope), slope)
+    invalid = (~valid).to(torch.float32).reshape(-1, 1, *valid.shape[-2:])
+    beside = torch.nn.functional.max_pool2d(invalid, 3, stride=1, padding=1).reshape(valid.shape) > 0
+    gradient = rendered.xyz - rendered.xyz.detach()  # 0, with the mean's gradient
+    return found + torch.where(beside[..., None], torch.zeros_like(gradient), gradient)

@@ -20,7 +20,7 @@ from samrl_core.cell.tasks.task import SubGoal
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics, TaskState
 
-_DIFFERENCE = 1e-5  # of a coordinate, for the slope of r [m], [rad]
+_DIFFERENCE = 1e-5  # of a coordinate, for the Jacobian of r [m], [rad]
 
 
 class Goals(Protocol):
@@ -168,11 +168,11 @@ class _Search:
             reached = passed or float(np.linalg.norm(missing)) <= goal.tolerance
             if reached or iteration == s.max_iterations:
                 return _Leg(actions, states, reached, iteration)
-            slope = self._slope(start, actions)  # (3, 3 T)
+            jacobian = self._jacobian(start, actions)  # (3, 3 T)
             flat = actions.reshape(-1).numpy()
             w = s.effort_weight
             step = np.linalg.solve(
-                slope.T @ slope + w * np.eye(len(flat)), -(slope.T @ missing + w * flat)
+                jacobian.T @ jacobian + w * np.eye(len(flat)), -(jacobian.T @ missing + w * flat)
             ).reshape(-1, 3)
             cost = float(missing @ missing) + w * float(flat @ flat)
             for halving in range(4):
@@ -199,7 +199,7 @@ class _Search:
         return states
 
     def _missing(self, state: TaskState) -> tuple[np.ndarray, bool]:
-        """r (3,) [m], and whether the task sees the goal behind it."""
+        """r (3,) [m], and whether the task no longer names the goal."""
         return self._distance(state.q[0].detach().numpy())
 
     def _distance(self, q: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -209,7 +209,7 @@ class _Search:
                 return goal.tip_position - tip, False
         return self._goal.tip_position - tip, True
 
-    def _slope(self, start: TaskState, actions: torch.Tensor) -> np.ndarray:
+    def _jacobian(self, start: TaskState, actions: torch.Tensor) -> np.ndarray:
         """dr/da (3, 3 T): by differences to the last coordinates, from there by the model's gradient."""
         # Three times the same motion, one for each row of r: one backward pass for all.
         variable = actions.repeat(3, 1, 1).requires_grad_(True)
@@ -223,10 +223,10 @@ class _Search:
             change[i] = _DIFFERENCE
             by_q[:, i] = (self._distance(q + change)[0] - self._distance(q - change)[0]) / (2 * _DIFFERENCE)
         (gradient,) = torch.autograd.grad(state.q, variable, torch.from_numpy(by_q))
-        slope = gradient.reshape(3, -1).numpy()
-        if not np.isfinite(slope).all():
+        jacobian = gradient.reshape(3, -1).numpy()
+        if not np.isfinite(jacobian).all():
             raise InputError(f"gradient through the model is not finite at {q.tolist()}")
-        return slope
+        return jacobian
 
 
 def _bounded(actions: torch.Tensor, max_step: float) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""Q of what the model would see from a camera pose, with the actor's action there (eqs. 12 and 17)."""
+"""Q of the model's image from a camera pose, with the actor's action there (eqs. 12 and 17)."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ def value_of(
     Args:
         image: network images with the camera's top up.
         through_action: False: the gradient takes the action as given, eq. 17; True: as the actor's, so
-            that it is the slope of what line 10 compares.
+            that it is the gradient of what line 10 compares.
 
     Raises:
-        InputError: the networks say something that is not finite.
+        InputError: an output of the networks is not finite.
     """
     action = networks.actor(image)
     value = networks.q(image, action if through_action else action.detach())

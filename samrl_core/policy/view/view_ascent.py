@@ -1,4 +1,4 @@
-"""Where to look from, in one state: ascent of Q by the camera pose, through the renderer (`view_search`)."""
+"""Next view of one state: gradient ascent of Q over the camera pose, through the renderer (`view_search`)."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from samrl_core.policy.view.view_planning import ViewChoice, ViewScore
 from samrl_core.policy.view.view_reach import ViewReach
 from samrl_core.policy.view.view_search import (
     Answer,
-    Found,
     Request,
+    SearchResult,
     ViewAscentSettings,
     ViewSearch,
-    place_camera,
+    camera_poses,
 )
 
-__all__ = ["ViewAscent", "ViewAscentSettings", "place_camera"]
+__all__ = ["ViewAscent", "ViewAscentSettings", "camera_poses"]
 
 
 class ViewAscent:
@@ -55,12 +55,12 @@ class ViewAscent:
     ) -> ViewChoice:
         """Choose the next view.
 
-        Renderings, all without moving: 1 + `first_looks` alone and `starts` (1 + `steps`) with gradient at
-        most, as many passes of either network, and one of the renderer's depth for the visibility from the
-        present view and from each of the best ones until some show enough.
+        Renders at most 1 + `initial_views` images without and `starts` (1 + `steps`) with gradient, as many
+        passes of either network, and one depth image for the visibility of the present view and of each of
+        the best ones until some show enough. The camera does not move.
 
         Args:
-            estimate: what is believed.
+            estimate: of the scene.
             tool_arm_position: where the tool arm will be when the image is taken (J,) [rad].
             camera_arm_position: where the camera arm is (J,) [rad].
 
@@ -81,16 +81,16 @@ class ViewAscent:
             renderer = TargetRenderer(self._model, camera, tool_arm_position)
             return renderer.visibility(estimate.values, estimate.colors)
 
-        found = self._answered(
-            search.found(
-                present, visibility(present_pose), lambda look: visibility(look.view.camera_in_world)
+        found = self._run_search(
+            search.run(
+                present, visibility(present_pose), lambda scored: visibility(scored.view.camera_in_world)
             ),
             value,
         )
         if not found.moves:
             reason = (
                 f"stays: of {found.views} views none that is free and shows the target gains "
-                f"{s.min_gain:g}; the most is {found.most:.3f}"
+                f"{s.min_gain:g}; the most is {found.largest_gain:.3f}"
             )
             pose, joints, q = present_pose, here, present
         else:
@@ -107,11 +107,13 @@ class ViewAscent:
             visibility=visibility(pose),
             candidates=found.views,
             reason=reason,
-            scored=tuple(ViewScore(look.view.camera_in_world, look.q) for look in found.looks),
+            scored=tuple(ViewScore(scored.view.camera_in_world, scored.q) for scored in found.scored_views),
         )
 
-    def _answered(self, asking: Generator[Request, Answer, Found], value: SensingValue) -> Found:
-        """The search's end, each of its requests drawn in one rendering."""
+    def _run_search(
+        self, asking: Generator[Request, Answer, SearchResult], value: SensingValue
+    ) -> SearchResult:
+        """The search's result; each of its requests is one rendering."""
         try:
             request = next(asking)
             while True:
@@ -120,11 +122,11 @@ class ViewAscent:
             return end.value
 
     def _answer(self, request: Request, value: SensingValue) -> Answer:
-        places = torch.from_numpy(request.places).requires_grad_(request.with_slope)
-        with torch.set_grad_enabled(request.with_slope):
-            image = value.image(place_camera(places, self._region.target))
+        viewpoints = torch.from_numpy(request.viewpoints).requires_grad_(request.with_gradient)
+        with torch.set_grad_enabled(request.with_gradient):
+            image = value.image(camera_poses(viewpoints, self._region.target))
             q, _ = value.q(image, self._settings.through_action)
-        slopes = np.zeros(request.places.shape)
-        if request.with_slope:
-            slopes = torch.autograd.grad(q.sum(), places)[0].numpy()
-        return Answer(q.detach().numpy().astype(np.float64), slopes)
+        gradients = np.zeros(request.viewpoints.shape)
+        if request.with_gradient:
+            gradients = torch.autograd.grad(q.sum(), viewpoints)[0].numpy()
+        return Answer(q.detach().numpy().astype(np.float64), gradients)

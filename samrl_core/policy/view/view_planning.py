@@ -1,7 +1,7 @@
-"""Where to look from next: expected pose information through the renderer (Algorithm 1, lines 6 and 10).
+"""Next view by expected information, through the renderer (Algorithm 1, lines 6 and 10).
 
-The paper ascends a learned Q; until that exists, the score is what the model itself can say: how sharply the
-next image would pin the task's parameters down, occlusion by the tool and its arm included.
+The paper ascends a learned Q. This score needs no training: the Fisher information that the next image would
+add about the task's parameters, occlusion by the tool and its arm included.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ STRATEGIES = ("best", "fixed", "random")
 
 @dataclass(frozen=True)
 class ViewPlanningSettings:
-    """Error model, price of moving, and how many views are looked at closely."""
+    """Error model, penalty for moving, and how many views are rendered in full."""
 
     noise: ImageNoise = field(default_factory=ImageNoise)
     reach: ReachSettings = ReachSettings()
-    coarse_scale: int = 2  # the first look at all views is this many times smaller
+    coarse_scale: int = 2  # the first images of all views are this many times smaller
     finalists: int = 4  # views that are rendered in full
     jacobian_step: float = 0.035  # half span of the differences [parameter's scale]
-    min_gain: float = 0.15  # a view must be better than the present one by this, after its price [nat]
-    time_price: float = 0.03  # of camera motion [nat/s]
+    min_gain: float = 0.15  # least gain over the present view, the motion's penalty subtracted [nat]
+    time_penalty: float = 0.03  # of camera motion [nat/s]
     speed_share: float = 0.5  # of the joints' velocity limits, for the time of a motion
 
 
 @dataclass(frozen=True, eq=False)
 class ViewScore:
-    """A view that was considered, and what it is worth before the price of moving."""
+    """A view that was considered, and its score before the penalty for moving."""
 
     camera_in_world: Pose  # optical frame
     score: float  # as of `ViewChoice`
@@ -69,7 +69,7 @@ class _Scored:
     camera_in_world: Pose
     joint_position: np.ndarray
     score: float
-    utility: float  # score less the price of the motion
+    utility: float  # score less the penalty of the motion
 
 
 class ViewPlanner:
@@ -78,7 +78,7 @@ class ViewPlanner:
     def __init__(
         self, model: Model, cell: CellSpec, task: Task, settings: ViewPlanningSettings | None = None
     ) -> None:
-        """Builds a second, smaller renderer for the first look."""
+        """Builds a second, smaller renderer for the first comparison."""
         self._model, self._cell, self._task = model, cell, task
         self._settings = s = settings or ViewPlanningSettings()
         k, c = cell.intrinsics, s.coarse_scale
@@ -102,7 +102,7 @@ class ViewPlanner:
         """Choose the next view.
 
         Args:
-            estimate: what is believed, and how surely.
+            estimate: of the scene, with its covariance.
             tool_arm_position: where the tool arm will be when the image is taken (J,) [rad].
             camera_arm_position: where the camera arm is (J,) [rad].
             strategy: "best" by score; "fixed" stays; "random" takes any reachable and clear view.
@@ -162,9 +162,9 @@ class ViewPlanner:
     ) -> ViewChoice:
         for i in rng.permutation(len(free)):
             if self._reach.way_is_clear(stay.joint_position, free[i].joint_position, obstacles):
-                drawn = self._scored(self._model, free[i], stay, estimate, tool, 1)
+                sampled = self._scored(self._model, free[i], stay, estimate, tool, 1)
                 reason = f"drawn among {len(free)} views"
-                return self._choice(True, drawn, stay.score, [drawn], estimate, tool, reason)
+                return self._choice(True, sampled, stay.score, [sampled], estimate, tool, reason)
         reason = f"stays: none of {len(free)} views can be reached without collision"
         return self._choice(False, stay, stay.score, [], estimate, tool, reason)
 
@@ -175,7 +175,7 @@ class ViewPlanner:
         score = self._score(model, view.camera_in_world, estimate, tool, scale)
         velocity = self._cell.camera_arm.limits.velocity
         seconds = motion_seconds(stay.joint_position, view.joint_position, velocity, s.speed_share)
-        return _Scored(view.camera_in_world, view.joint_position, score, score - s.time_price * seconds)
+        return _Scored(view.camera_in_world, view.joint_position, score, score - s.time_penalty * seconds)
 
     def _score(
         self, model: Model, camera_in_world: Pose, estimate: Estimate, tool: np.ndarray, scale: int

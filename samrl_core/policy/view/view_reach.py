@@ -53,35 +53,37 @@ def bounds_of(region: ViewRegion) -> tuple[np.ndarray, np.ndarray]:
     return np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
 
 
-def place_of(position: np.ndarray, region: ViewRegion) -> np.ndarray:
-    """Azimuth [rad], elevation [rad], distance [m] of a camera (3,) [m], the nearest within the region."""
+def viewpoint_of(position: np.ndarray, region: ViewRegion) -> np.ndarray:
+    """Azimuth [rad], elevation [rad], distance [m] of a camera at (3,) [m], clipped to the region."""
     offset = position - region.target
     distance = float(np.linalg.norm(offset))
-    place = np.array([np.arctan2(offset[1], offset[0]), np.arcsin(offset[2] / max(distance, 1e-9)), distance])
-    return np.clip(place, *bounds_of(region))
+    viewpoint = np.array(
+        [np.arctan2(offset[1], offset[0]), np.arcsin(offset[2] / max(distance, 1e-9)), distance]
+    )
+    return np.clip(viewpoint, *bounds_of(region))
 
 
-def place_position(place: np.ndarray, region: ViewRegion) -> np.ndarray:
-    """Where the camera stands (3,) in world [m]: the inverse of `place_of` within the region."""
-    azimuth, elevation, distance = place
+def viewpoint_position(viewpoint: np.ndarray, region: ViewRegion) -> np.ndarray:
+    """Camera position (3,) in world [m] of a viewpoint: the inverse of `viewpoint_of` within the region."""
+    azimuth, elevation, distance = viewpoint
     level = np.cos(elevation)
     towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
     return region.target + distance * towards
 
 
 def grid(region: ViewRegion, settings: ReachSettings) -> tuple[tuple[Pose, ...], ...]:
-    """Camera poses over the region, one tuple per place with its rolls, nearest and highest first."""
+    """Camera poses over the region, one tuple per viewpoint with its rolls, nearest and highest first."""
     low, high = region.azimuth
     # A full circle must not meet itself: there the last step would repeat the first.
     closed = high - low > 2 * math.pi - 1e-6
     azimuths = np.linspace(low, high, settings.azimuths, endpoint=not closed)
     elevations = np.linspace(region.elevation[1], region.elevation[0], settings.elevations)
     distances = np.linspace(region.distance[0], region.distance[1], settings.distances)
-    places = []
+    poses = []
     for r, e, a in itertools.product(distances, elevations, azimuths):
-        eye = place_position(np.array([a, e, r]), region)
-        places.append(tuple(look_at(eye, region.target, roll) for roll in settings.rolls))
-    return tuple(places)
+        eye = viewpoint_position(np.array([a, e, r]), region)
+        poses.append(tuple(look_at(eye, region.target, roll) for roll in settings.rolls))
+    return tuple(poses)
 
 
 class ViewReach:
@@ -165,14 +167,14 @@ class ViewReach:
         moving = Capsules(capsules.start[away], capsules.end[away], capsules.radius[away])
         return moving.lowest() >= self.settings.clearance
 
-    def reached(
+    def solve_view(
         self,
         rolls: Sequence[Pose],
         obstacles: Capsules,
         near: np.ndarray,
         seeds: Sequence[np.ndarray],
     ) -> View | None:
-        """How the arm takes a view, clear of table and obstacles; None when it cannot.
+        """Joint position for a camera pose, clear of table and obstacles; None when there is none.
 
         Args:
             rolls: camera poses in world that differ by a turn about the optical axis; any of them will do.
@@ -195,8 +197,8 @@ class ViewReach:
         nominal = self.body_capsules(np.array([p.nominal for p in self._task.parameters()]))
         # Near the start, where the arm's motions to them are short.
         start = self._task.start_joints(cell)["camera_arm"]
-        places = grid(self._task.view_region(), self.settings)
-        found = [self.reached(rolls, nominal, start, [cell.camera_arm.home, start]) for rolls in places]
+        poses = grid(self._task.view_region(), self.settings)
+        found = [self.solve_view(rolls, nominal, start, [cell.camera_arm.home, start]) for rolls in poses]
         views = [view for view in found if view is not None]
         if not views:
             raise InputError(

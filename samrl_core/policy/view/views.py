@@ -1,4 +1,4 @@
-"""Camera poses on a task's view region: drawn at random, and as differentiable functions of three numbers."""
+"""Camera poses on a task's view region: sampled at random, or differentiable in three coordinates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COORDINATES = 6  # azimuth, elevation, distance, and the point looked at
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """How far drawn views depart from looking exactly at the region's target."""
+    """How far the optical axes of sampled views pass the region's target."""
 
     look_jitter: float = 0.01  # of the point looked at, per axis, standard deviation [m]
 
@@ -25,7 +25,7 @@ class ViewSettings:
             raise InputError(f"look_jitter is {self.look_jitter} m, must be at least 0")
 
 
-def draw_views(
+def sample_views(
     region: ViewRegion, rng: np.random.Generator, count: int, settings: ViewSettings | None = None
 ) -> np.ndarray:
     """Views uniform in azimuth, elevation and distance, (count, 6): these three, then the point looked at.
@@ -68,7 +68,7 @@ def camera_from(
 
 
 def cameras_of(views: np.ndarray | torch.Tensor) -> CameraPose:
-    """The cameras of views (..., 6) as `draw_views` gives them."""
+    """The cameras of views (..., 6) as `sample_views` gives them."""
     v = torch.as_tensor(views)
     if v.shape[-1] != COORDINATES:
         raise InputError(f"views have shape {tuple(v.shape)}, the last axis must be {COORDINATES} long")

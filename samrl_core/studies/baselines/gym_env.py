@@ -21,7 +21,7 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.settings import WorldSettings
 from samrl_core.cell.world.tool_motion import ToolMotion
 from samrl_core.common.errors import InputError, ReachError
-from samrl_core.policy.agent.exploration import shortened
+from samrl_core.policy.agent.exploration import clip_norm
 from samrl_core.policy.agent.policies import DEFAULT_POLICY
 from samrl_core.policy.networks.network_image import (
     CHANNELS,
@@ -123,7 +123,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             )
         refused = False
         try:
-            self._motion.displace(shortened(wanted.astype(np.float64), self._task.action_limit))
+            self._motion.displace(clip_norm(wanted.astype(np.float64), self._task.action_limit))
         except ReachError:
             refused = True
             self._motion.rest()

@@ -176,8 +176,8 @@ class _PatientPlant:
     def observe(self) -> Observation:
         return self._plant.observe()
 
-    def look_from(self, camera_arm_position: np.ndarray) -> None:
-        self._plant.look_from(camera_arm_position)
+    def move_camera(self, camera_arm_position: np.ndarray) -> None:
+        self._plant.move_camera(camera_arm_position)
 
     def displace_tool(self, displacement: np.ndarray) -> None:
         try:

@@ -82,7 +82,7 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     plant, watch = WorldPlant(world, task, cell), Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:
-        plant.look_from(np.array(stop))
+        plant.move_camera(np.array(stop))
     views = 0 if job.condition.strategy == HELD else LoopSettings.views_per_search
     # A model that is not updated cannot say when a task is done.
     loop = LoopSettings(

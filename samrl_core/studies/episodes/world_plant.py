@@ -39,7 +39,7 @@ class WorldPlant:
             self._world.advance()
         return self._driver.observe()
 
-    def look_from(self, camera_arm_position: np.ndarray) -> None:
+    def move_camera(self, camera_arm_position: np.ndarray) -> None:
         """See `Plant`."""
         self._driver.move("camera_arm", camera_arm_position)
 

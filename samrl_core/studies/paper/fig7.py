@@ -15,7 +15,7 @@ import numpy as np
 
 from samrl_core.cell.tasks import TASKS
 from samrl_core.common.statistics import pooled_median
-from samrl_core.policy.view.views import ViewSettings, draw_views
+from samrl_core.policy.view.views import ViewSettings, sample_views
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig7_picture import write_picture
@@ -94,7 +94,7 @@ def _episode(job: Fig7Job, phases: tuple[float, ...]) -> list[Examined]:
     found = []
     for number, state in enumerate(expert_states(model, job.seed, phases)):
         rng = np.random.default_rng([job.seed, 7, number])
-        views = draw_views(model.task.view_region(), rng, job.views, ViewSettings(look_jitter=0.0))
+        views = sample_views(model.task.view_region(), rng, job.views, ViewSettings(look_jitter=0.0))
         found.append(examine(bench.renderer, bench.networks, state, views, job.seed, job.settings))
     return found
 

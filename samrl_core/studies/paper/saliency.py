@@ -51,7 +51,7 @@ def examine(
     seed: int,
     settings: SaliencySettings | None = None,
 ) -> Examined:
-    """Slopes and covered patches of a state from every view (V, 6), as `draw_views` gives them.
+    """Slopes and covered patches of a state from every view (V, 6), as `sample_views` gives them.
 
     The actor's slope is that of its squared error against the expert (the paper's eq. 26), Q's is that of Q
     with the actor's action as given (eq. 17). Covering is judged by how far the action goes from that on the

@@ -27,7 +27,7 @@ class ViewGrid:
 
     azimuth: np.ndarray  # (A,) [rad]
     elevation: np.ndarray  # (E,) [rad]
-    views: np.ndarray  # (E A, 6) as `draw_views` gives them
+    views: np.ndarray  # (E A, 6) as `sample_views` gives them
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -86,7 +86,7 @@ def view_maps(
         renderer: of the networks' task and on their device.
         networks: asked.
         state: with the expert's action.
-        views: as `draw_views` gives them.
+        views: as `sample_views` gives them.
         seed: of the noise.
         draws: of the noise.
     """

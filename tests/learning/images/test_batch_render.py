@@ -17,7 +17,7 @@ from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model
 from samrl_core.policy.networks.network_image import rendered_image
-from samrl_core.policy.view.views import cameras_of, draw_views
+from samrl_core.policy.view.views import cameras_of, sample_views
 
 COUNT = 3
 
@@ -40,7 +40,7 @@ def states(name: str) -> tuple[np.ndarray, ...]:
     tips = frames.start_tip + rng.uniform(-0.03, 0.03, (COUNT, 3))
     joints = np.array([frames.joints(tip) for tip in tips])
     rows = np.array([frames.rows(*pair) for pair in zip(values, joints, strict=True)])
-    return values, tips, joints, rows, draw_views(model.task.view_region(), rng, COUNT)
+    return values, tips, joints, rows, sample_views(model.task.view_region(), rng, COUNT)
 
 
 def same(name: str, dtype: type, limit: float) -> None:

@@ -16,11 +16,11 @@ from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import initial_estimate
 from samrl_core.policy.view.view_ascent import ViewAscent, ViewAscentSettings
 from samrl_core.policy.view.view_reach import ReachSettings, ViewReach
-from samrl_core.policy.view.view_search import Found
+from samrl_core.policy.view.view_search import SearchResult
 from tests.policy.view.test_view_ascent import SmoothQ, networks
 
 COARSE = ReachSettings(azimuths=6, elevations=2, distances=1)
-SETTINGS = ViewAscentSettings(COARSE, first_looks=4, starts=2, steps=2, min_gain=0.0, time_price=1e-3)
+SETTINGS = ViewAscentSettings(COARSE, initial_views=4, starts=2, steps=2, min_gain=0.0, time_penalty=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def scenes(model: Model) -> ViewScenes:
     return ViewScenes(values, tips, rows, joints)
 
 
-def planned(model: Model, reach: ViewReach, scenes: ViewScenes, q: SmoothQ, chunk: int) -> list[Found]:
+def planned(model: Model, reach: ViewReach, scenes: ViewScenes, q: SmoothQ, chunk: int) -> list[SearchResult]:
     ascent = BatchViewAscent(BatchRenderer(model, chunk=chunk), networks(q), reach, SETTINGS)
     return ascent.plan(scenes, np.tile(model.task.start_joints(model.cell)["camera_arm"], (2, 1)))
 
@@ -56,11 +56,11 @@ def test_as_the_single_search_chooses(model: Model, reach: ViewReach, scenes: Vi
         estimate = replace(initial_estimate(model), values=scenes.values[k])
         choice = single.plan(estimate, scenes.tool_arm_position[k], here)
         assert (choice.move, choice.candidates) == (bool(one.moves), one.views)
-        assert other.most == pytest.approx(one.most, abs=1e-5)
-        for look in one.moves:
+        assert other.largest_gain == pytest.approx(one.largest_gain, abs=1e-5)
+        for scored in one.moves:
             moved += 1
-            np.testing.assert_allclose(look.view.joint_position, choice.joint_position, atol=2e-3)
-            assert look.q == pytest.approx(choice.score, abs=1e-3)
+            np.testing.assert_allclose(scored.view.joint_position, choice.joint_position, atol=2e-3)
+            assert scored.q == pytest.approx(choice.score, abs=1e-3)
     assert moved > 0
 
 
@@ -72,7 +72,7 @@ def test_what_the_networks_do_not_know_is_refused(model: Model, reach: ViewReach
 def test_the_look_of_a_state_is_drawn(model: Model, reach: ViewReach, scenes: ViewScenes) -> None:
     """In other light Q is another."""
 
-    looks = sample_appearances(model, np.random.default_rng(0), 2, AppearanceSettings(plain_share=0.0))
+    scored_views = sample_appearances(model, np.random.default_rng(0), 2, AppearanceSettings(plain_share=0.0))
     plain = planned(model, reach, scenes, SmoothQ("colour"), 128)
-    varied = planned(model, reach, replace(scenes, appearances=looks), SmoothQ("colour"), 128)
-    assert all(abs(a.most - b.most) > 1e-4 for a, b in zip(plain, varied, strict=True))
+    varied = planned(model, reach, replace(scenes, appearances=scored_views), SmoothQ("colour"), 128)
+    assert all(abs(a.largest_gain - b.largest_gain) > 1e-4 for a, b in zip(plain, varied, strict=True))

@@ -28,7 +28,7 @@ from samrl_core.learning.states.state_batch import joined, moved
 from samrl_core.learning.states.visited import VisitedStates
 from samrl_core.model.model import Model
 from samrl_core.model.task_dynamics.physical_parameters import parameters_of, with_factors
-from samrl_core.policy.view.views import draw_views
+from samrl_core.policy.view.views import sample_views
 
 
 @cache
@@ -95,7 +95,7 @@ def test_the_factor_on_noise_reaches_the_image(model: Model) -> None:
     frames = SceneFrames(model)
     rows = np.tile(frames.rows(np.array([0.5, 0.0]), frames.joints(frames.start_tip)), (2, 1, 1))
     tips, renderer = np.tile(frames.start_tip, (2, 1)), BatchRenderer(model)
-    views = np.tile(draw_views(model.task.view_region(), np.random.default_rng(0), 1), (2, 1))
+    views = np.tile(sample_views(model.task.view_region(), np.random.default_rng(0), 1), (2, 1))
     looks = replace(model_appearances(model, 2), noise=torch.tensor([0.0, 2.0], dtype=torch.float64))
     noise = ImageNoiseSettings(clean_share=0.0)
     clean = renderer.images(rows, tips, views)

@@ -27,7 +27,7 @@ from samrl_core.learning.states.explore import Starts
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model
 from samrl_core.policy.planning.expert import label_of
-from samrl_core.policy.view.views import draw_views
+from samrl_core.policy.view.views import sample_views
 
 COUNT = 3
 
@@ -47,7 +47,7 @@ def starts() -> Starts:
 
 @cache
 def views() -> np.ndarray:
-    return draw_views(renderer().model.task.view_region(), np.random.default_rng(1), COUNT)
+    return sample_views(renderer().model.task.view_region(), np.random.default_rng(1), COUNT)
 
 
 class Knowing:

@@ -37,19 +37,21 @@ class ModelPlant:
         camera = Camera(cell.intrinsics, pose)
         colors = torch.as_tensor(initial_estimate(self._model).colors)
         with torch.no_grad():
-            seen = self._model.render(torch.as_tensor(self._values), colors, camera, self.joints["tool_arm"])
-        depth = seen.depth.numpy().astype(np.float32)
+            rendered = self._model.render(
+                torch.as_tensor(self._values), colors, camera, self.joints["tool_arm"]
+            )
+        depth = rendered.depth.numpy().astype(np.float32)
         frame = Frame(
             stamp,
-            np.clip(np.round(seen.color.numpy() * 255.0), 0, 255).astype(np.uint8),
+            np.clip(np.round(rendered.color.numpy() * 255.0), 0, 255).astype(np.uint8),
             np.where(np.isfinite(depth), depth, np.float32(np.nan)),
-            seen.label.numpy().astype(np.uint8),
+            rendered.label.numpy().astype(np.uint8),
         )
         zeros = np.zeros(7)
         readings = [ArmReading(stamp, self.joints[r], zeros, zeros) for r in ("tool_arm", "camera_arm")]
         return Observation(frame, camera, *readings)
 
-    def look_from(self, camera_arm_position: np.ndarray) -> None:
+    def move_camera(self, camera_arm_position: np.ndarray) -> None:
         self.joints["camera_arm"] = camera_arm_position
 
     def displace_tool(self, displacement: np.ndarray) -> None:

@@ -125,13 +125,13 @@ def test_stages() -> None:
         return stage_after_update(task, np.array([done]), np.zeros(3), LoopState(**counts), loop)
 
     assert stage(0.0) == stage(0.0, step=2) == "view"
-    assert stage(0.0, looked=1) == stage(0.0, step=1) == "act"
+    assert stage(0.0, view_searches=1) == stage(0.0, step=1) == "act"
     assert stage(0.0, step=4) == "action_limit"
     assert stage(1.0, step=1) == stage(1.0, step=4) == stage(1.0) == "again"
     assert stage(1.0, step=4, confirmed=1) == stage(1.0, confirmed=1) == "done"
     assert stage(1.0, step=1, confirmed=1, lost_updates=1) == "act"  # that is a prediction, no image
     first = LoopState(step=3).confirmed_once()
-    assert first.confirmed == 1 and first.acted().confirmed == first.looked_once().confirmed == 0
+    assert first.confirmed == 1 and first.acted().confirmed == first.view_searched().confirmed == 0
     blind = replace(loop, stop_on_model_success=False)
     assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=1), blind) == "act"
     assert stage_after_update(task, np.array([1.0]), np.zeros(3), LoopState(step=4), blind) == "action_limit"
@@ -147,7 +147,7 @@ def test_two_images_in_a_row_have_to_agree(model: Model, plant: Any, monkeypatch
 
 
 def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:
-    """A pancake that rolled out of sight was fitted to what was left of it, and was "flipped" there."""
+    """A pancake that rolled out of sight was seen to what was left of it, and was "flipped" there."""
     loop = LoopSettings(max_actions=9, done_confirmations=1)
     task: Any = type("T", (), {"is_done": staticmethod(lambda values, tip: True)})()
     state = LoopState(step=1)
@@ -161,7 +161,7 @@ def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:
     again = unseen.updated("converged", 0.06)
     assert again.lost_updates == 0
     assert stage_after_update(task, np.zeros(1), np.zeros(3), again, loop) == "done"
-    # Nothing was ever fitted: the model's word is all there is.
+    # Nothing was ever seen: the model's word is all there is.
     assert LoopState().updated("disabled", float("nan")).misfits == ()
     assert stage_after_update(task, np.zeros(1), np.zeros(3), LoopState(step=1), loop) == "done"
 

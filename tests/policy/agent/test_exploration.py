@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.policy.agent.exploration import Exploration, shortened, within_reach
+from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 
 
 def noise(memory: float, episodes: int = 400, actions: int = 6, seed: int = 0) -> np.ndarray:
@@ -38,16 +38,16 @@ def test_noise_follows_its_generator() -> None:
 
 
 def test_a_longer_vector_is_cut() -> None:
-    assert np.array_equal(shortened(np.array([0.001, 0.0, 0.0]), 0.003), [0.001, 0.0, 0.0])
-    np.testing.assert_allclose(shortened(np.array([0.0, 0.006, 0.008]), 0.005), [0.0, 0.003, 0.004])
-    assert not shortened(np.zeros(3), 0.003).any()
+    assert np.array_equal(clip_norm(np.array([0.001, 0.0, 0.0]), 0.003), [0.001, 0.0, 0.0])
+    np.testing.assert_allclose(clip_norm(np.array([0.0, 0.006, 0.008]), 0.005), [0.0, 0.003, 0.004])
+    assert not clip_norm(np.zeros(3), 0.003).any()
 
 
 def test_no_sum_is_longer_than_the_tool_may_move() -> None:
     """For any nominal action within it; the residual keeps its direction, and what fits is not touched."""
     rng = np.random.default_rng(3)
     for _ in range(300):
-        nominal = shortened(0.02 * rng.standard_normal(3), rng.uniform(0.0, 0.02))
+        nominal = clip_norm(0.02 * rng.standard_normal(3), rng.uniform(0.0, 0.02))
         residual = rng.uniform(0.0, 0.02) * rng.standard_normal(3)
         kept = within_reach(nominal, residual, 0.02)
         assert np.linalg.norm(nominal + kept) <= 0.02

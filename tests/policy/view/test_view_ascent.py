@@ -22,12 +22,18 @@ from samrl_core.model.scene.settings import ModelSettings
 from samrl_core.policy.networks.network_image import network_image, upright
 from samrl_core.policy.networks.networks import SensingQ, SimActor
 from samrl_core.policy.view.sensing_value import Networks, SensingValue
-from samrl_core.policy.view.view_ascent import ViewAscent, ViewAscentSettings, place_camera
-from samrl_core.policy.view.view_reach import ReachSettings, ViewReach, bounds_of, place_of, place_position
-from samrl_core.policy.view.view_search import Answer, Found, Request, ViewSearch
+from samrl_core.policy.view.view_ascent import ViewAscent, ViewAscentSettings, camera_poses
+from samrl_core.policy.view.view_reach import (
+    ReachSettings,
+    ViewReach,
+    bounds_of,
+    viewpoint_of,
+    viewpoint_position,
+)
+from samrl_core.policy.view.view_search import Answer, Request, SearchResult, ViewSearch
 
 COARSE = ReachSettings(azimuths=6, elevations=2, distances=1)
-SETTINGS = ViewAscentSettings(reach=COARSE, first_looks=5, starts=2, steps=3)
+SETTINGS = ViewAscentSettings(reach=COARSE, initial_views=5, starts=2, steps=3)
 CHANNELS = {"colour": [0, 1, 2], "points": [3, 4, 5], "all": [0, 1, 2, 3, 4, 5]}
 
 
@@ -77,17 +83,17 @@ def with_settings(ascent: ViewAscent, q: Any, **changes: Any) -> ViewAscent:
 def test_a_place_is_the_pose_that_looks_at_the_target(model: Model) -> None:
     """One convention for images, grid and arm, there and back."""
     region = model.task.view_region()
-    places = np.array([[0.7, 0.6, 0.38], [-2.0, 0.9, 0.31]])
-    rotation, translation = place_camera(torch.from_numpy(places), region.target)
-    for k, place in enumerate(places):
-        position = place_position(place, region)
+    viewpoints = np.array([[0.7, 0.6, 0.38], [-2.0, 0.9, 0.31]])
+    rotation, translation = camera_poses(torch.from_numpy(viewpoints), region.target)
+    for k, viewpoint in enumerate(viewpoints):
+        position = viewpoint_position(viewpoint, region)
         wanted = world_to_camera(look_at(position, region.target))
         np.testing.assert_allclose(rotation[k], wanted[0], atol=1e-12)
         np.testing.assert_allclose(translation[k], wanted[1], atol=1e-12)
-        np.testing.assert_allclose(place_of(position, region), place, atol=1e-12)
+        np.testing.assert_allclose(viewpoint_of(position, region), viewpoint, atol=1e-12)
     lower, upper = bounds_of(region)
-    np.testing.assert_allclose(place_of(region.target + [0.0, 0.0, 2.0], region)[1:], upper[1:])
-    assert (place_of(region.target + [0.1, 0.0, 0.0], region) >= lower).all()
+    np.testing.assert_allclose(viewpoint_of(region.target + [0.0, 0.0, 2.0], region)[1:], upper[1:])
+    assert (viewpoint_of(region.target + [0.1, 0.0, 0.0], region) >= lower).all()
 
 
 @pytest.mark.parametrize(("channels", "table"), [("all", 6.0), ("points", 6.0), ("colour", 0.8)])
@@ -103,26 +109,26 @@ def test_gradient_of_q_by_the_view(model: Model, channels: str, table: float, th
     joints = model.task.start_joints(model.cell)["tool_arm"]
     value = SensingValue(fine, trained, initial_estimate(fine), joints)
     target, scale = model.task.view_region().target, np.array([1.0, 1.0, 0.4])
-    place, way = np.array([0.9, 0.75, 0.36]), np.linspace(-0.05, 0.05, 15)
-    slopes, ends = np.zeros(3), np.zeros(3)
+    viewpoint, way = np.array([0.9, 0.75, 0.36]), np.linspace(-0.05, 0.05, 15)
+    gradients, ends = np.zeros(3), np.zeros(3)
     for k in range(3):
-        places = np.tile(place, (len(way), 1))
-        places[:, k] += way * scale[k]
-        variable = torch.from_numpy(places).requires_grad_(True)
-        image = value.image(place_camera(variable, target))
+        viewpoints = np.tile(viewpoint, (len(way), 1))
+        viewpoints[:, k] += way * scale[k]
+        variable = torch.from_numpy(viewpoints).requires_grad_(True)
+        image = value.image(camera_poses(variable, target))
         held = trained.actor(image.detach()[len(way) // 2 :][:1]).expand(len(way), 3)
         q = value.q(image, True)[0] if through_action else trained.q(image, held)
-        slope = torch.autograd.grad(q.sum(), variable)[0][:, k].numpy() * scale[k]
-        slopes[k] = np.trapezoid(slope, way)
+        gradient = torch.autograd.grad(q.sum(), variable)[0][:, k].numpy() * scale[k]
+        gradients[k] = np.trapezoid(gradient, way)
         ends[k] = float(q[-1] - q[0])
     assert np.linalg.norm(ends) > 1e-4  # there is something to find
-    assert np.linalg.norm(slopes - ends) < 0.1 * np.linalg.norm(ends), (slopes, ends)
+    assert np.linalg.norm(gradients - ends) < 0.1 * np.linalg.norm(ends), (gradients, ends)
 
 
 def test_a_camera_turned_over_gives_the_same_image(model: Model, joints: dict[str, np.ndarray]) -> None:
     """Half of the reachable views are such."""
     region = model.task.view_region()
-    eye = place_position(np.array([0.7, 0.6, 0.38]), region)
+    eye = viewpoint_position(np.array([0.7, 0.6, 0.38]), region)
     value = SensingValue(model, networks(SmoothQ()), initial_estimate(model), joints["tool_arm"])
     up = value.view(look_at(eye, region.target))
     over = value.view(look_at(eye, region.target, np.pi))
@@ -135,7 +141,7 @@ def test_moves_uphill_to_where_the_arm_can_be(
 ) -> None:
     """Q rises by more than the price, and the place is reached, clear, and within the region."""
     estimate = initial_estimate(model)
-    eager = with_settings(ascent, SmoothQ(), min_gain=0.0, time_price=1e-4)
+    eager = with_settings(ascent, SmoothQ(), min_gain=0.0, time_penalty=1e-4)
     choice = eager.plan(estimate, joints["tool_arm"], joints["camera_arm"])
     assert choice.move and choice.score > choice.present_score
     limits, reach = model.cell.camera_arm.limits, ViewReach(model.cell, model.task, COARSE)
@@ -149,8 +155,8 @@ def test_moves_uphill_to_where_the_arm_can_be(
     assert np.hypot(ahead[0], ahead[1]) < 1e-3
     low, high = model.task.view_region().distance
     assert low - 1e-3 < ahead[2] < high + 1e-3
-    most = 1 + SETTINGS.first_looks + SETTINGS.starts * (1 + SETTINGS.steps)
-    assert SETTINGS.first_looks < choice.candidates <= most
+    largest_gain = 1 + SETTINGS.initial_views + SETTINGS.starts * (1 + SETTINGS.steps)
+    assert SETTINGS.initial_views < choice.candidates <= largest_gain
     # Its Q is that of the image from there.
     value = SensingValue(model, networks(SmoothQ()), estimate, joints["tool_arm"])
     again = float(value.q(value.view(choice.camera_in_world))[0])
@@ -164,7 +170,7 @@ def test_climbing_beats_the_grid_and_never_goes_down(
     estimate = initial_estimate(model)
     ends = {}
     for steps in (0, 3):
-        free = with_settings(ascent, SmoothQ(gain=3.0), min_gain=-1.0, time_price=0.0, steps=steps)
+        free = with_settings(ascent, SmoothQ(gain=3.0), min_gain=-1.0, time_penalty=0.0, steps=steps)
         ends[steps] = free.plan(estimate, joints["tool_arm"], joints["camera_arm"]).score
     assert ends[3] > ends[0] + 1e-3
 
@@ -219,7 +225,7 @@ def test_goes_to_where_the_target_can_be_seen() -> None:
     estimate, joints = initial_estimate(hidden), hidden.task.start_joints(hidden.cell)
     found = {}
     for least in (0.0, 0.5):
-        settings = ViewAscentSettings(first_looks=40, starts=1, steps=1, least_visibility=least)
+        settings = ViewAscentSettings(initial_views=40, starts=1, steps=1, least_visibility=least)
         behind = ViewAscent(hidden, hidden.cell, hidden.task, networks(SmoothQ(gain=0.0)), settings)
         found[least] = behind.plan(estimate, joints["tool_arm"], joints["camera_arm"])
     assert not found[0.0].move and found[0.0].visibility < 0.1
@@ -231,17 +237,17 @@ def search_of(ascent: ViewAscent, joints: dict[str, np.ndarray], least_visibilit
     """At the start, of first looks alone, whose Q and whose visibility the test makes up."""
     task = ascent._model.task
     nominal = initial_estimate(ascent._model).values
-    settings = replace(SETTINGS, min_gain=0.0, time_price=0.0, starts=0, least_visibility=least_visibility)
+    settings = replace(SETTINGS, min_gain=0.0, time_penalty=0.0, starts=0, least_visibility=least_visibility)
     obstacles = ascent._reach.obstacles(joints["tool_arm"], nominal)
     here = joints["camera_arm"]
     return ViewSearch(ascent._cell, task.view_region(), ascent._reach, settings, here, obstacles)
 
 
-def end_of(asking: Generator[Request, Answer, Found], q: np.ndarray | float) -> Found:
+def end_of(asking: Generator[Request, Answer, SearchResult], q: np.ndarray | float) -> SearchResult:
     """What a search of one request finds, Q of the looks being `q`."""
-    places = next(asking).places
+    viewpoints = next(asking).viewpoints
     with pytest.raises(StopIteration) as end:
-        asking.send(Answer(np.broadcast_to(q, len(places)), np.zeros(places.shape)))
+        asking.send(Answer(np.broadcast_to(q, len(viewpoints)), np.zeros(viewpoints.shape)))
     return end.value.value
 
 
@@ -256,9 +262,9 @@ def test_q_decides_among_the_views_that_show_enough(
     """Not how much they show beyond that; the present one is worth nothing if it shows less."""
     monkeypatch.setattr(ascent._reach, "way_is_clear", lambda *way: True)
     shown = {0.9: 0.1, 0.7: 0.3, 0.5: 1.0}  # by Q
-    asking = search_of(ascent, joints, 0.2).found(0.8, present_shows, lambda look: shown[look.q])
+    asking = search_of(ascent, joints, 0.2).found(0.8, present_shows, lambda scored: shown[scored.q])
     found = end_of(asking, np.array(list(shown)))
-    assert [look.q for look in found.moves] == ([0.7] if moves else [])
+    assert [scored.q for scored in found.moves] == ([0.7] if moves else [])
 
 
 def test_no_view_is_taken_that_hides_the_target(
@@ -270,5 +276,5 @@ def test_no_view_is_taken_that_hides_the_target(
     assert 0.5 < present < 1.0
     search = search_of(ascent, joints, 1.01)
     for shown, moves in ((present, True), (present - 1e-6, False)):
-        found = end_of(search.found(0.1, present, lambda look, shown=shown: shown), 0.6)
+        found = end_of(search.found(0.1, present, lambda scored, shown=shown: shown), 0.6)
         assert bool(found.moves) == moves

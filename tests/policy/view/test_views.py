@@ -10,13 +10,13 @@ from samrl_core.cell.tasks import TASKS
 from samrl_core.cell.types.pose import look_at
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import world_to_camera
-from samrl_core.policy.view.views import ViewSettings, camera_from, cameras_of, draw_views
+from samrl_core.policy.view.views import ViewSettings, camera_from, cameras_of, sample_views
 
 REGION = TASKS["peg_insertion"].view_region()
 
 
 def test_views_fill_the_region() -> None:
-    views = draw_views(REGION, np.random.default_rng(0), 2000, ViewSettings(look_jitter=0.0))
+    views = sample_views(REGION, np.random.default_rng(0), 2000, ViewSettings(look_jitter=0.0))
     for column, bounds in enumerate((REGION.azimuth, REGION.elevation, REGION.distance)):
         span = bounds[1] - bounds[0]
         assert bounds[0] <= views[:, column].min() < bounds[0] + 0.01 * span
@@ -25,12 +25,12 @@ def test_views_fill_the_region() -> None:
 
 
 def test_the_point_looked_at_varies_as_set() -> None:
-    views = draw_views(REGION, np.random.default_rng(0), 4000, ViewSettings(look_jitter=0.02))
+    views = sample_views(REGION, np.random.default_rng(0), 4000, ViewSettings(look_jitter=0.02))
     np.testing.assert_allclose((views[:, 3:] - REGION.target).std(axis=0), 0.02, rtol=0.05)
 
 
 def test_cameras_are_those_of_look_at() -> None:
-    views = draw_views(REGION, np.random.default_rng(1), 20)
+    views = sample_views(REGION, np.random.default_rng(1), 20)
     rotations, translations = cameras_of(views)
     for view, rotation, translation in zip(views, rotations, translations, strict=True):
         azimuth, elevation, distance, *target = view

@@ -40,9 +40,9 @@ def write_picture(tasks: dict[str, Any], path: Path) -> None:
             shares = [of[noise]["conditions"][condition]["success"] for of in tasks.values()]
             value = np.array([share["value"] for share in shares])
             low, high = np.array([share["ci95"] for share in shares]).T
-            place = np.arange(len(tasks)) + (k - 0.5 * (len(_NAMES) - 1)) * width
+            bar = np.arange(len(tasks)) + (k - 0.5 * (len(_NAMES) - 1)) * width
             spread = np.maximum([value - low, high - value], 0.0)
-            axis.bar(place, value, 0.92 * width, yerr=spread, label=label, color=f"C{k}", capsize=2)
+            axis.bar(bar, value, 0.92 * width, yerr=spread, label=label, color=f"C{k}", capsize=2)
         axis.set_ylim(0.0, 1.05)
         axis.set_ylabel(f"success, {noise} images", fontsize=9)
         axis.grid(axis="y", color="0.9")

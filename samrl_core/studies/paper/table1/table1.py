@@ -20,7 +20,7 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, task_named
 from samrl_core.common.statistics import Share, bootstrap_interval, fisher_p, mcnemar_p
 from samrl_core.policy.agent.settings import trained_networks
-from samrl_core.policy.view.view_reach import ViewReach, place_of
+from samrl_core.policy.view.view_reach import ViewReach, viewpoint_of
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
 from samrl_core.studies.paper.table1.episodes import (
     CHOICE,
@@ -132,15 +132,15 @@ class _Table:
             wanted[row, condition] = self._split(replace(whole, count=count))
         return self._run(wanted)
 
-    def place(self, row: Table1Row, view: int) -> dict[str, float]:
+    def viewpoint(self, row: Table1Row, view: int) -> dict[str, float]:
         """Where a fixed view is."""
         region = task_named(row.task).view_region()
-        place = place_of(self._views[row.task][view].camera_in_world.position, region)
-        degrees = np.degrees(place[:2]).round(1).tolist()
+        viewpoint = viewpoint_of(self._views[row.task][view].camera_in_world.position, region)
+        degrees = np.degrees(viewpoint[:2]).round(1).tolist()
         return {
             "azimuth_deg": degrees[0],
             "elevation_deg": degrees[1],
-            "distance_m": round(float(place[2]), 3),
+            "distance_m": round(float(viewpoint[2]), 3),
         }
 
     def _held(
@@ -211,7 +211,7 @@ def _summary(
     rng = np.random.default_rng(table.options.seed)
     return {
         "conditions": conditions,
-        "best_fixed_view": [table.place(row, best[row]) for row in rows],
+        "best_fixed_view": [table.viewpoint(row, best[row]) for row in rows],
         "active_against_best_fixed": {
             "difference": difference(pairs),
             "difference_ci95": bootstrap_interval(pairs, difference, rng),

@@ -13,8 +13,8 @@ from samrl_core.learning.images.batch_views import BatchViewAscent, ViewScenes, 
 from samrl_core.learning.sim.rollouts import Moment
 from samrl_core.policy.planning.expert import label_of
 from samrl_core.policy.view.sensing_value import Networks
-from samrl_core.policy.view.view_reach import View, ViewReach, motion_seconds, place_of
-from samrl_core.policy.view.view_search import ViewAscentSettings, place_camera, spread
+from samrl_core.policy.view.view_reach import View, ViewReach, motion_seconds, viewpoint_of
+from samrl_core.policy.view.view_search import ViewAscentSettings, camera_poses, spread
 
 # A moment and where the camera arms are (B, J) [rad], to the view that each goes to; None: it stays.
 Chooser = Callable[[Moment, np.ndarray], Sequence[View | None]]
@@ -57,8 +57,8 @@ class MovingCamera:
         self._region, self._limits = model.task.view_region(), model.cell.camera_arm.limits
         self._choose, self._period, self._share = choose, period, speed_share
         self._joints = np.tile(model.task.start_joints(model.cell)["camera_arm"], (count, 1))
-        place = place_of(model.task.start_camera().position, self._region)
-        self._views = np.tile([*place, *self._region.target], (count, 1))
+        viewpoint = viewpoint_of(model.task.start_camera().position, self._region)
+        self._views = np.tile([*viewpoint, *self._region.target], (count, 1))
         self.seconds = np.zeros(count)  # of camera motion so far
 
     def __call__(self, moment: Moment) -> np.ndarray:
@@ -74,7 +74,7 @@ class MovingCamera:
         velocity = self._limits.velocity
         self.seconds[k] += motion_seconds(self._joints[k], view.joint_position, velocity, self._share)
         self._joints[k] = view.joint_position
-        self._views[k, :3] = place_of(view.camera_in_world.position, self._region)
+        self._views[k, :3] = viewpoint_of(view.camera_in_world.position, self._region)
 
 
 def stays(moment: Moment, joints: np.ndarray) -> list[View | None]:
@@ -121,8 +121,8 @@ def by_true_error(bench: ViewSetup, networks: Networks, count: int) -> Chooser:
 
     def errors(moment: Moment, k: int, views: list[View]) -> np.ndarray:
         expert = label_of(model.dynamics, model.task, moment.values[k], moment.tip_in_base[k]).action
-        places = np.array([place_of(view.camera_in_world.position, region) for view in views])
-        camera = place_camera(torch.from_numpy(places).to(bench.renderer.device), region.target)
+        places = np.array([viewpoint_of(view.camera_in_world.position, region) for view in views])
+        camera = camera_poses(torch.from_numpy(places).to(bench.renderer.device), region.target)
         which = np.full(len(views), k)
         with torch.no_grad():
             image = model_images(bench.renderer, bench.scenes(moment), which, camera)

@@ -14,12 +14,12 @@ _ENTRY = "samrl_checkpoint"  # of the file's metadata
 
 
 def save_checkpoint(path: Path, kind: str, tensors: dict[str, torch.Tensor], about: dict[str, Any]) -> None:
-    """Write tensors as they are, with what JSON can say about them."""
+    """Write tensors as they are, with a description as JSON."""
     write_tensors(path, _ENTRY, {"kind": kind, **about}, tensors)
 
 
 def load_checkpoint(path: Path, kind: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-    """Tensors and what was said about them.
+    """Tensors and their description.
 
     Raises:
         InputError: it cannot be read, is cut short or damaged, or is no checkpoint of this kind.
@@ -66,5 +66,5 @@ def load_adam(adam: torch.optim.Adam, tensors: dict[str, torch.Tensor], prefix: 
 
 
 def with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
-    """Those whose names begin so, by the rest of their names."""
+    """Tensors whose names begin so, by their names without the prefix."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

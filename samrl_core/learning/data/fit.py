@@ -42,7 +42,7 @@ class FitSettings:
     epochs: int = 30
     batch_size: int = 128
     learning_rate: float = 1e-3  # highest, of Adam
-    warm_up: float = 0.03  # share of all steps in which the rate rises from 0
+    warm_up: float = 0.03  # share of all steps in which the learning rate rises from 0
     max_gradient: float = 1.0  # norm to which a longer gradient is cut
     seed: int = 0  # of the first weights and of the samples' order
     device: str = "cpu"  # torch's name
@@ -60,7 +60,7 @@ class FitSettings:
             raise InputError(f"warm_up is {self.warm_up}, must be a share of the steps, 0 to below 1")
         checked_device(self.device)
 
-    def rate(self, step: int, steps: int) -> float:
+    def learning_rate_at(self, step: int, steps: int) -> float:
         """Learning rate of a step: up to the highest, then half a cosine down to 0."""
         rising = max(1, round(self.warm_up * steps))
         if step < rising:
@@ -96,7 +96,7 @@ class RegressionSamples(Protocol):
 
 Batch = dict[str, torch.Tensor]
 # Per-sample values (B,) of a batch, among them `loss`, whose mean is made small. The others are reported
-# only; a NaN there says that the figure does not apply to the sample.
+# only; NaN where the metric does not apply to the sample.
 Objective = Callable[[nn.Module, Batch], dict[str, torch.Tensor]]
 Progress = Callable[[dict[str, float]], None]
 
@@ -117,14 +117,14 @@ def fit(
 ) -> FitResult:
     """Train a network in place; goes on from the checkpoint in `folder` if there is one.
 
-    The folder gets `checkpoint.safetensors`, `log.csv` (a row per epoch: training loss, validation figures)
+    The folder gets `checkpoint.safetensors`, `log.csv` (a row per epoch: training loss, validation metrics)
     and, after a gradient that is not finite, `stopped.safetensors` with the state and the batch before it.
 
     Args:
         network: with its first weights; ends on the settings' device in evaluation mode.
         train: at least one batch.
         validation: at least one sample, of other episodes than the training's.
-        objective: loss and figures per sample.
+        objective: loss and metrics per sample.
         settings: of the training.
         folder: of this training alone.
         progress: gets each row of the log.
@@ -136,7 +136,7 @@ def fit(
     if len(train) < settings.batch_size or len(validation) < 1:
         raise InputError(
             f"{len(train)} samples to train and {len(validation)} to validate; at least one batch of "
-            f"{settings.batch_size} and one sample are needed: draw more, or make the batch smaller"
+            f"{settings.batch_size} and one sample are needed: use more samples, or a smaller batch"
         )
     return _Fit(network, train, validation, objective, settings, folder, progress or (lambda row: None)).run()
 
@@ -152,7 +152,7 @@ class _Fit:
         self.folder: Path = folder
         self.progress: Progress = progress
         self.adam = torch.optim.Adam(self.network.parameters(), lr=settings.learning_rate)
-        self.per_epoch = len(train) // settings.batch_size  # the rest has its turn in another epoch's order
+        self.per_epoch = len(train) // settings.batch_size  # the remainder comes in another epoch
         self.steps = self.per_epoch * settings.epochs
         self.step = 0
         self.epoch_loss = 0.0  # sum over this epoch's steps so far
@@ -183,8 +183,8 @@ class _Fit:
     def _update(self, indices: np.ndarray) -> float:
         self.network.train()
         for group in self.adam.param_groups:
-            group["lr"] = self.settings.rate(self.step, self.steps)
-        loss = self._judge(self.train, indices)[LOSS].mean()
+            group["lr"] = self.settings.learning_rate_at(self.step, self.steps)
+        loss = self._evaluate(self.train, indices)[LOSS].mean()
         self.adam.zero_grad()
         loss.backward()
         length = nn.utils.clip_grad_norm_(self.network.parameters(), self.settings.max_gradient)
@@ -202,7 +202,7 @@ class _Fit:
         self.adam.step()
         return value
 
-    def _judge(self, samples: RegressionSamples, indices: np.ndarray) -> dict[str, torch.Tensor]:
+    def _evaluate(self, samples: RegressionSamples, indices: np.ndarray) -> dict[str, torch.Tensor]:
         batch = samples.batch(indices, self.device)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16):
             return self.objective(self.network, batch)
@@ -211,7 +211,7 @@ class _Fit:
         row = {
             "epoch": float(epoch + 1),
             "step": float(self.step),
-            "rate": self.settings.rate(self.step - 1, self.steps),
+            "rate": self.settings.learning_rate_at(self.step - 1, self.steps),
             "training_loss": self.epoch_loss / self.per_epoch,
             **self._validate(),
         }
@@ -227,7 +227,7 @@ class _Fit:
         with torch.no_grad():
             for first in range(0, len(self.validation), self.settings.batch_size):
                 indices = np.arange(first, min(first + self.settings.batch_size, len(self.validation)))
-                for name, values in self._judge(self.validation, indices).items():
+                for name, values in self._evaluate(self.validation, indices).items():
                     parts.setdefault(name, []).append(values.float().cpu().numpy())
         joined = {name: np.concatenate(values) for name, values in parts.items()}
         return {name: float(v[~np.isnan(v)].mean()) for name, v in joined.items() if not np.isnan(v).all()}
@@ -256,7 +256,7 @@ class _Fit:
             step, epoch_loss, rows = int(about["step"]), float(about["epoch_loss"]), list(about["rows"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(
-                f"{path} says too little of itself ({error}); remove it to begin anew"
+                f"{path} has an incomplete description ({error}); remove it to begin anew"
             ) from error
         if identity != self.identity:
             other = sorted(
@@ -275,4 +275,4 @@ class _Fit:
             self._write_log()  # the kill may have come between the checkpoint and the log
 
 
-_TRAINING = ("epoch", "step", "rate", "training_loss")  # columns of the log that are no validation figures
+_TRAINING = ("epoch", "step", "rate", "training_loss")  # columns of the log besides the validation metrics

@@ -1,4 +1,4 @@
-"""How the model's colours and light may look: drawn widely about its own, so that fitted colours are known.
+"""Appearance of the model: colours and light sampled widely about its own, so that fitted colours are known.
 
 At run time Real2Sim fits the colours of what it tracks; an actor must not depend on the first guesses.
 """
@@ -16,7 +16,7 @@ from samrl_core.model.model import Model
 
 
 class AppearanceSource(Protocol):
-    """Where appearances are drawn from."""
+    """Distribution of appearances."""
 
     def sample(self, model: Model, rng: np.random.Generator, count: int) -> Appearances:
         """So many appearances of the model; the same ones for the same generator."""
@@ -65,7 +65,7 @@ class Appearances:
 
 
 def model_appearances(model: Model, count: int) -> Appearances:
-    """The model's own look, `count` times."""
+    """The model's own appearance, `count` times."""
     light = np.array(model.settings.towards_light)
     return _appearances(
         np.tile(model.initial_colors(), (count, 1, 1)),
@@ -107,7 +107,7 @@ def sample_appearances(
 
 
 def appearances_at(model: Model, rng: np.random.Generator, points: AppearancePoints) -> Appearances:
-    """Looks as points say; what each colour is painted with, within its size, is drawn.
+    """Appearances at given points; each colour's own deviation, within its size, is sampled.
 
     Args:
         model: whose colours and light vary.

@@ -1,4 +1,4 @@
-"""Many images of the model in one go, each of its own state, view and look; on a CPU or a GPU.
+"""Many images of the model in one go, each of its own state, view and appearance; on a CPU or a GPU.
 
 The arm's kinematics and the task's poses are in the frames that come with each state; here is one matrix
 product per piece of the scene for all images together, then the renderer.
@@ -36,13 +36,13 @@ def model_of(task: str) -> Model:
 
 @cache
 def renderer_of(task: str, device: str) -> BatchRenderer:
-    """It draws `model_of(task)` on a device."""
+    """It renders `model_of(task)` on a device."""
     return BatchRenderer(model_of(task), device)
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """What is drawn as one."""
+    """What is rendered as one."""
 
     frame: int  # into the frames; -1 where it stands still, -2 for the chain
     vertices: torch.Tensor  # (V, 3) in that frame, in world where it stands still [m]
@@ -50,13 +50,13 @@ class _Piece:
 
 
 class BatchRenderer:
-    """Draws states of one model; equal to `Model.render`, state by state."""
+    """Renders states of one model; equal to `Model.render`, state by state."""
 
     def __init__(self, model: Model, device: str = "cpu", chunk: int = 128) -> None:
         """Copies the meshes to the device.
 
         Args:
-            model: what is drawn.
+            model: what is rendered.
             device: torch's name, e.g. "cpu" or "cuda:0".
             chunk: images at a time; what one takes is of the order of 2 MB.
 
@@ -116,25 +116,25 @@ class BatchRenderer:
             )
         appearances = appearances.to(self.device)
         poses = TensorPose(rows[..., :9].reshape(count, names, 3, 3), rows[..., 9:])
-        places, cosines = [], []
+        vertices, cosines = [], []
         for piece in self._pieces:
             light = appearances.towards_light  # (B, 3)
             if piece.frame == -2:
                 assert self._skin is not None
                 links = TensorPose(poses.rotation[:, self._chain], poses.position[:, self._chain])
-                places.append(self._skin.posed(links))
+                vertices.append(self._skin.posed(links))
             elif piece.frame == -1:
-                places.append(piece.vertices.expand(count, -1, -1))
+                vertices.append(piece.vertices.expand(count, -1, -1))
             else:
                 turn = poses.rotation[:, piece.frame]
-                places.append(piece.vertices @ turn.mT + poses.position[:, piece.frame, None])
+                vertices.append(piece.vertices @ turn.mT + poses.position[:, piece.frame, None])
                 light = (light[:, None] @ turn)[:, 0]  # in the piece's frame: R^T l
             cosines.append(light @ piece.normals.T)
         ambient = appearances.ambient[:, None]
         shade = ambient + (1.0 - ambient) * torch.cat(cosines, dim=1).clamp_min(0.0)  # Lambert 1760
-        rest = (self._fixed * appearances.gain)[:, self._which] * shade[..., None]
-        color = torch.where(self._is_grouped, appearances.colors[:, self._group], rest).clamp(0.0, 1.0)
-        return self._renderer(torch.cat(places, dim=1), color, self._target, *camera)
+        ungrouped = (self._fixed * appearances.gain)[:, self._which] * shade[..., None]
+        color = torch.where(self._is_grouped, appearances.colors[:, self._group], ungrouped).clamp(0.0, 1.0)
+        return self._renderer(torch.cat(vertices, dim=1), color, self._target, *camera)
 
     def images(
         self,
@@ -145,7 +145,7 @@ class BatchRenderer:
         noise: ImageNoiseSettings | None = None,
         generator: torch.Generator | None = None,
     ) -> torch.Tensor:
-        """What the networks see, (B, 6, H, W) float32 on the renderer's device, without gradients.
+        """Input of the networks, (B, 6, H, W) float32 on the renderer's device, without gradients.
 
         Args:
             frames: (B, F, 12).
@@ -171,13 +171,13 @@ class BatchRenderer:
             rotation, translation = cameras_of(torch.as_tensor(views[few]).to(self.device, torch.float64))
             with torch.no_grad():
                 r = self.render(rows[few], (rotation, translation), chosen)
-                color, seen = r.color, torch.isfinite(r.depth)
+                color, valid = r.color, torch.isfinite(r.depth)
                 xyz = nearest_points(r, (rotation, translation), self.model.cell.intrinsics)
                 if noise is not None and generator is not None:
                     eye = -(rotation.mT @ translation[..., None])[..., 0]
                     factor = None if chosen is None else chosen.noise
-                    color, xyz, seen = noisy(color, xyz, r.depth, eye, generator, noise, factor)
-                parts.append(network_image(color, xyz, seen, tips[few], base))
+                    color, xyz, valid = noisy(color, xyz, r.depth, eye, generator, noise, factor)
+                parts.append(network_image(color, xyz, valid, tips[few], base))
         return torch.cat(parts)
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:

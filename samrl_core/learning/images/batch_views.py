@@ -1,4 +1,4 @@
-"""Views of many episodes at once: in each the search of `ViewAscent`, all their images drawn together."""
+"""Views of many episodes at once: in each the search of `ViewAscent`, their images rendered together."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from samrl_core.policy.view.view_search import (
 
 @dataclass(frozen=True, eq=False)
 class ViewScenes:
-    """B states as they are drawn and as the camera arm meets them."""
+    """B states, for the renderer and for the camera arm's clearance."""
 
     values: np.ndarray  # (B, P) in the order of `Task.parameters`
     tip_in_base: np.ndarray  # (B, 3) [m]
@@ -38,7 +38,7 @@ class ViewScenes:
 def model_images(
     renderer: BatchRenderer, scenes: ViewScenes, which: np.ndarray, camera: CameraPose
 ) -> torch.Tensor:
-    """What the model shows of states `which` (N,) from N cameras with their top up, all at once.
+    """The model's images of states `which` (N,) from N cameras with their top up, in one batch.
 
     Returns:
         Network images (N, 6, H, W) on the renderer's device, differentiable in the camera.
@@ -91,7 +91,7 @@ class BatchViewAscent:
         for k, here in enumerate(camera_arm_position):
             obstacles = self._reach.obstacles(scenes.tool_arm_position[k], scenes.values[k])
             search = ViewSearch(cell, self._region, self._reach, self._settings, here, obstacles)
-            asking.append(search.found(float(present[k])))
+            asking.append(search.run(float(present[k])))
         found: dict[int, SearchResult] = {}
         answers: dict[int, Answer | None] = dict.fromkeys(range(count))
         while answers:
@@ -105,7 +105,7 @@ class BatchViewAscent:
         return [found[k] for k in range(count)]
 
     def _present(self, scenes: ViewScenes, positions: np.ndarray) -> np.ndarray:
-        """Q of where the cameras are (B,)."""
+        """Q of the present views (B,)."""
         poses = [self._reach.camera_at(here) for here in positions]
         found = []
         for few in self._chunks(len(poses)):
@@ -128,7 +128,7 @@ class BatchViewAscent:
             which = np.repeat(np.array(list(some)), counts)
             viewpoints = np.concatenate([one.viewpoints for one in some.values()])
             parts = [
-                self._looked(scenes, which[f], viewpoints[f], with_gradient)
+                self._score(scenes, which[f], viewpoints[f], with_gradient)
                 for f in self._chunks(len(viewpoints))
             ]
             q, gradients = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -137,10 +137,10 @@ class BatchViewAscent:
                 answers[k] = Answer(one, gradient)
         return answers
 
-    def _looked(
+    def _score(
         self, scenes: ViewScenes, which: np.ndarray, viewpoints: np.ndarray, with_gradient: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Q (N,) and its slopes (N, 3) by the place."""
+        """Q (N,) and its gradients (N, 3) by the viewpoint."""
         variable = self._tensor(torch.from_numpy(viewpoints)).requires_grad_(with_gradient)
         with torch.set_grad_enabled(with_gradient):
             camera = camera_poses(variable, self._region.target)

@@ -1,7 +1,7 @@
-"""Images that are drawn once and kept in memory: every scene several times, each with its own view and look.
+"""Cached training images: every scene is rendered several times, each with its own view and appearance.
 
-A network of this size learns from an image ten times faster than a GPU draws one. What is kept can be seen
-again and again; a thousand views of the same states teach more than new views of each in every epoch.
+A network of this size learns from an image ten times faster than a GPU renders one. A cached image can be
+used again and again; a thousand views of the same states teach more than new views in every epoch.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.learning.data.fit import IMAGE
 from samrl_core.learning.images.rendered_samples import RenderedSamples
 
-_CHUNK = 512  # images per drawing
+_CHUNK = 512  # images per rendering
 _PRECISION = torch.float16  # 0.05 mm for points within 0.1 m of the tip
 
 
@@ -30,13 +30,13 @@ class CachedSamples:
         device: torch.device,
         progress: Callable[[int, int], None] = lambda done, wanted: None,
     ) -> None:
-        """Draws nothing but one image, to know how large they are; all of them when the first is asked for.
+        """Renders one image, to know its size; all of them when the first batch is asked for.
 
         Args:
-            samples: draw the scenes.
+            samples: render the scenes.
             times: K.
-            device: that keeps the images; 0.2 MB each at 128 x 128.
-            progress: called with the images drawn and wanted.
+            device: that holds the images; 0.2 MB each at 128 x 128.
+            progress: called with the images rendered and wanted.
 
         Raises:
             InputError: less than one image of each, or they do not fit into the device's memory.
@@ -56,25 +56,25 @@ class CachedSamples:
     def batch(self, indices: np.ndarray, device: torch.device) -> dict[str, torch.Tensor]:
         """See `Samples`."""
         if self._images is None:
-            self._images = self._drawn()
+            self._images = self._render_all()
         which = torch.from_numpy(np.asarray(indices, dtype=np.int64)).to(self._device)
         image = self._images[which].to(device, torch.float32)
         scene = which % len(self._samples)
         return {IMAGE: image, **{n: value[scene].to(device) for n, value in self._targets.items()}}
 
-    def _drawn(self) -> torch.Tensor:
+    def _render_all(self) -> torch.Tensor:
         images = torch.empty(self._shape, dtype=_PRECISION, device=self._device)
         targets: dict[str, list[torch.Tensor]] = {}
         size = len(self._samples)
         for k in range(self._times):
             again = self._samples.again(k)
             for begin in range(0, size, _CHUNK):
-                drawn = again.batch(np.arange(begin, min(begin + _CHUNK, size)), self._device)
-                image = drawn.pop(IMAGE)
+                rendered = again.batch(np.arange(begin, min(begin + _CHUNK, size)), self._device)
+                image = rendered.pop(IMAGE)
                 row = k * size + begin
                 images[row : row + len(image)] = image.to(_PRECISION)
                 if k == 0:
-                    for name, value in drawn.items():
+                    for name, value in rendered.items():
                         targets.setdefault(name, []).append(value)
             self._progress((k + 1) * size, len(self))
         self._targets = {name: torch.cat(parts) for name, parts in targets.items()}

@@ -28,7 +28,7 @@ class ImageNoiseSettings:
     color_read: float = 0.006  # in the dark, of 1
     color_shot: float = 8e-5  # variance per brightness, of 1
     clean_share: float = 0.3  # of images without noise, as the model's own are when the actor acts
-    least: float = 0.0  # level of the others: drawn evenly from here ...
+    least: float = 0.0  # level of the others: sampled uniformly from here ...
     most: float = 2.0  # ... to there, as factor on all sizes above
 
     def __post_init__(self) -> None:
@@ -50,19 +50,19 @@ def noisy(
     settings: ImageNoiseSettings | None = None,
     factor: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Colour, XYZ and what is seen of B images, with noise of a size of its own for each.
+    """Colour, XYZ and valid pixels of B images, each with its own noise level.
 
     Args:
         color: (B, H, W, 3) linear RGB, 0..1.
         xyz: (B, H, W, 3) in world [m].
-        depth: (B, H, W) along the optical axis [m], inf where nothing is seen.
-        eye: (B, 3) camera's place in world [m].
+        depth: (B, H, W) along the optical axis [m], inf where the pixel shows nothing.
+        eye: (B, 3) camera's position in world [m].
         generator: on the images' device.
         settings: sizes.
         factor: (B,) on the size of all noise; 1 without it.
 
     Returns:
-        Colour and XYZ like those given, and seen (B, H, W) bool.
+        Colour and XYZ like those given, and valid (B, H, W) bool.
     """
     s = settings or ImageNoiseSettings()
     count, height, width = depth.shape
@@ -91,8 +91,8 @@ def noisy(
     points = xyz + (size * s.depth * z * error)[..., None] * (xyz - eye.to(xyz)[:, None, None])
 
     chance = torch.where(_jumps(z, s.jump), s.jump_lost, s.lost)
-    seen = there & (uniform(*depth.shape) >= chance * size.clamp(max=1.0))
-    return painted, points, seen
+    valid = there & (uniform(*depth.shape) >= chance * size.clamp(max=1.0))
+    return painted, points, valid
 
 
 def _jumps(z: torch.Tensor, jump: float) -> torch.Tensor:

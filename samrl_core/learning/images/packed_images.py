@@ -69,7 +69,7 @@ def network_images(
     tip_in_world = torch.from_numpy(cell.tool_base_in_world.apply(tip_in_base)).to(device)
     counts = torch.from_numpy(depth.astype(np.int32)).to(device)
     metres = counts.double() * DEPTH_UNIT  # in float64: XYZ in world cancels against the tip
-    place = torch.from_numpy(np.ascontiguousarray(camera_rows[:, :3])).to(device)
-    xyz = world_points(metres, torch.from_numpy(rotation).to(device), place, k)
+    position = torch.from_numpy(np.ascontiguousarray(camera_rows[:, :3])).to(device)
+    xyz = world_points(metres, torch.from_numpy(rotation).to(device), position, k)
     paint = torch.from_numpy(color).to(device).double() / 255.0
     return upright(network_image(paint, xyz, counts > 0, tip_in_world, cell.tool_base_in_world), rotation)

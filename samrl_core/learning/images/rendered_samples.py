@@ -1,6 +1,6 @@
-"""Images that are drawn when a training asks for them: every state from a new view in every epoch.
+"""Training images rendered on demand: every state from a new view in every epoch.
 
-Where a GPU draws thousands of images a second that is cheaper than any disk, and no view is seen twice.
+Where a GPU renders thousands of images a second that is cheaper than any disk, and no view is used twice.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ class SampleSettings:
 
 @dataclass(frozen=True, eq=False)
 class Scenes:
-    """N states to draw, and what an image of each one is to teach."""
+    """N states to render, and the targets of each one's image."""
 
     frames: np.ndarray  # (N, F, 12) of `SceneFrames`
     tip_in_base: np.ndarray  # (N, 3) [m]
     targets: Mapping[str, np.ndarray]  # (N, ...) by the names of `Samples.batch`
-    view: np.ndarray | None = None  # (N, 6) that each is drawn from; None draws one at random
+    view: np.ndarray | None = None  # (N, 6) to render each from; None samples one at random
 
     def __post_init__(self) -> None:
         arrays = {"tip_in_base": self.tip_in_base, **self.targets}
@@ -46,7 +46,7 @@ class Scenes:
         wrong = {name: np.shape(array) for name, array in arrays.items() if len(array) != len(self.frames)}
         if wrong or not len(self.frames):
             raise InputError(
-                f"{len(self.frames)} frames to draw; at least 1, and these must be as many: {wrong}"
+                f"{len(self.frames)} frames to render; at least 1, and these must be as many: {wrong}"
             )
 
     def __len__(self) -> int:
@@ -74,7 +74,7 @@ def rng_of(seed: int, indices: np.ndarray) -> np.random.Generator:
 
 
 class RenderedSamples:
-    """`Samples` drawn on demand; views, appearances and noise follow from the seed and a batch's indices."""
+    """`Samples` rendered on demand; views, appearances and noise follow from seed and indices."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class RenderedSamples:
         seed: int,
         settings: SampleSettings | None = None,
     ) -> None:
-        """Remembers what to draw.
+        """Args:
 
         Args:
             scenes: of the renderer's model.

@@ -1,6 +1,6 @@
 """Automatic domain randomisation: a box that grows where the actor still succeeds (Akkaya et al. 2019).
 
-"Solving Rubik's Cube with a Robot Hand": a boundary of one dimension is tried with all others drawn; when
+"Solving Rubik's Cube with a Robot Hand": a boundary of one dimension is tried with all others sampled; when
 enough episodes were tried there, it moves out if they did well, and in if they did badly. How hard the
 training is, is told by the box's entropy.
 """
@@ -62,7 +62,7 @@ class Adr:
         return Adr(s, UniformBox(space, lower, upper), ((),) * (2 * len(space)))
 
     def ask(self, rng: np.random.Generator) -> Question:
-        """See `Strategy`: each point on one boundary, all of them as likely; the other numbers are drawn."""
+        """See `Strategy`: each point on one boundary, all equally likely; the other numbers are sampled."""
         box, count = self.distribution, self.settings.episodes
         points = box.sample(rng, count)
         label = rng.integers(2 * len(box.space), size=count)

@@ -5,7 +5,12 @@ from __future__ import annotations
 from samrl_core.common.errors import InputError
 from samrl_core.learning.randomisation.adr import Adr, AdrSettings
 from samrl_core.learning.randomisation.found import FoundSettings, Real2SimUpdated, found_starts
-from samrl_core.learning.randomisation.of_task import appearances_of, attributes_space, starts_of, together
+from samrl_core.learning.randomisation.of_task import (
+    appearances_of,
+    physical_parameter_space,
+    starts_of,
+    together,
+)
 from samrl_core.learning.randomisation.simopt import SimOpt, SimOptSettings
 from samrl_core.learning.randomisation.strategy import (
     ADR,
@@ -32,7 +37,7 @@ def begin(
     Args:
         name: of `RANDOMISATIONS`.
         model: of the task.
-        visited: what Real2Sim has seen of the cell: starts for "real2sim", trajectories for "simopt".
+        visited: what Real2Sim has estimated in the cell: starts for "real2sim", trajectories for "simopt".
         adr: settings of "adr".
         simopt: settings of "simopt".
         found: settings of "real2sim".
@@ -47,18 +52,18 @@ def begin(
     if name == REAL2SIM:
         strategy = Real2SimUpdated.begin(starts_of(task), found)
         return strategy if visited is None else strategy.update(found_starts(task, visited))
-    attributes = attributes_space(model.dynamics)
-    seen = together(starts_of(task), appearances_of(model))
+    physical = physical_parameter_space(model.dynamics)
+    starts_and_appearances = together(starts_of(task), appearances_of(model))
     if name == SIMOPT:
-        if attributes is None:
+        if physical is None:
             raise InputError(
-                f"the model of {task.name} has no physical attribute that 'simopt' could fit; take 'uniform' "
+                f"the model of {task.name} has no physical parameter that 'simopt' could fit; take 'uniform' "
                 f"or 'adr'"
             )
         if visited is None:
             raise InputError("'simopt' compares the model with the cell; hand in the cell's visited states")
-        return SimOpt.begin(attributes, seen, simopt)
+        return SimOpt.begin(physical, starts_and_appearances, simopt)
     if visited is not None:
-        raise InputError(f"{name!r} looks at no states of the cell; leave the visited ones out")
-    everything = together(seen, attributes)
+        raise InputError(f"{name!r} uses no states of the cell; leave the visited ones out")
+    everything = together(starts_and_appearances, physical)
     return Adr.begin(everything, adr) if name == ADR else Uniform(everything)

@@ -1,4 +1,4 @@
-"""How far the model strays from what the cell was seen to do, for SimOpt.
+"""How far the model strays from what the cell was observed to do, for SimOpt.
 
 The cell's trajectory is that of Real2Sim's estimates: no state is measured, images are. From each estimate
 the model takes the action that was taken, and what it expects is compared with the next estimate. As Chebotar
@@ -74,7 +74,7 @@ class Discrepancy:
         """(N,) of points (N, P).
 
         Raises:
-            InputError: the space has no attribute.
+            InputError: the space has no physical parameter.
         """
         if not space.columns(LOG):
             raise InputError(

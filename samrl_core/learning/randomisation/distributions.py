@@ -19,12 +19,12 @@ _ENTROPY_DRAWS = 20_000  # of a mixture: about 0.01 nat
 
 
 class ParameterDistribution(ABC):
-    """Where the numbers of a space are drawn from. Implementations are final and immutable."""
+    """Where the numbers of a space are sampled from. Implementations are final and immutable."""
 
     @property
     @abstractmethod
     def space(self) -> Space:
-        """What is drawn."""
+        """What is sampled."""
 
     @abstractmethod
     def sample(self, rng: np.random.Generator, count: int) -> np.ndarray:
@@ -32,7 +32,7 @@ class ParameterDistribution(ABC):
 
     @abstractmethod
     def log_density(self, points: np.ndarray) -> np.ndarray:
-        """(N,) of points (N, P) [nat]; -inf where nothing is drawn."""
+        """(N,) of points (N, P) [nat]; -inf where nothing is sampled."""
 
     @abstractmethod
     def entropy(self) -> float:
@@ -40,7 +40,7 @@ class ParameterDistribution(ABC):
 
     @abstractmethod
     def record(self) -> dict[str, Any]:
-        """Plain values for JSON, from which a person can tell what was drawn."""
+        """Plain values for JSON, from which a person can tell what was sampled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,15 +154,15 @@ class BoundedNormal(ParameterDistribution):
         apart = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
         of_z = -0.5 * ((apart**2).sum(axis=0) + len(self.over) * LOG_2PI + self._log_determinant())
         # dx/dz = (upper - lower) phi(z)
-        slope = np.log(self.over.upper - self.over.lower) - 0.5 * (z**2 + LOG_2PI)
-        return np.where(inside, of_z - slope.sum(axis=1), -np.inf)
+        log_width = np.log(self.over.upper - self.over.lower) - 0.5 * (z**2 + LOG_2PI)
+        return np.where(inside, of_z - log_width.sum(axis=1), -np.inf)
 
     def entropy(self) -> float:
         """See `ParameterDistribution`; exact, since log dx/dz is quadratic in z."""
         of_z = 0.5 * (len(self.over) * (1.0 + LOG_2PI) + self._log_determinant())
         square = self.mean**2 + np.diag(self.covariance)
-        slope = np.log(self.over.upper - self.over.lower) - 0.5 * (square + LOG_2PI)
-        return float(of_z + slope.sum())
+        log_width = np.log(self.over.upper - self.over.lower) - 0.5 * (square + LOG_2PI)
+        return float(of_z + log_width.sum())
 
     def divergence_from(self, other: BoundedNormal) -> float:
         """KL(self || other) [nat] over the same space."""
@@ -195,7 +195,7 @@ class BoundedNormal(ParameterDistribution):
 
 @dataclass(frozen=True, eq=False)
 class Independent(ParameterDistribution):
-    """Distributions over spaces of their own, drawn each for itself; their dimensions in order."""
+    """Distributions over spaces of their own, sampled each for itself; their dimensions in order."""
 
     parts: tuple[ParameterDistribution, ...]
 
@@ -265,7 +265,7 @@ class Mixture(ParameterDistribution):
         return np.logaddexp.reduce(each, axis=0)
 
     def entropy(self) -> float:
-        """See `ParameterDistribution`; no closed form: the mean over draws of a seed of its own."""
+        """See `ParameterDistribution`; no closed form: the mean over samples of a seed of its own."""
         points = self.sample(np.random.default_rng(0), _ENTROPY_DRAWS)
         return -float(self.log_density(points).mean())
 

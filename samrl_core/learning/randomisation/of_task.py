@@ -1,7 +1,7 @@
 """What of a task's model is randomised, and the model that a point stands for.
 
 `start/...` are the task's parameters at the start of an episode, `look/...` colours, light and camera noise,
-`log/...` logarithms of factors on physical attributes. What a space leaves out is as the model has it.
+`log/...` logarithms of factors on physical parameters. What a space leaves out is as the model has it.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from samrl_core.model.model import Model
 from samrl_core.model.task_dynamics.physical_parameters import parameters_of, with_factors
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
 
-START, LOOK, LOG = "start", "look", "log"
-_FACTOR = math.log(2.0)  # an attribute is off by a factor of 2 at most; ASSUMPTION
+START, APPEARANCE, LOG = "start", "look", "log"
+_FACTOR = math.log(2.0)  # a physical parameter is off by a factor of 2 at most; ASSUMPTION
 # About three standard deviations of `AppearanceSettings`, and none to twice the camera's noise; ASSUMPTIONS.
-_LOOKS = (
+_APPEARANCES = (
     ("exposure", 0.0, -0.45, 0.45),
     ("paint", 0.0, 0.0, 0.35),
     ("light_x", 0.0, -0.6, 0.6),
@@ -48,12 +48,12 @@ def starts_of(task: Task) -> Space:
 def appearances_of(model: Model) -> Space:
     """How the model looks, and how noisy the camera is."""
     own = model.settings.ambient
-    ambient = Dimension(f"{LOOK}/ambient", "-", own, max(0.0, own - _AMBIENT), min(1.0, own + _AMBIENT))
-    return Space((*(Dimension(f"{LOOK}/{name}", "-", *rest) for name, *rest in _LOOKS), ambient))
+    ambient = Dimension(f"{APPEARANCE}/ambient", "-", own, max(0.0, own - _AMBIENT), min(1.0, own + _AMBIENT))
+    return Space((*(Dimension(f"{APPEARANCE}/{name}", "-", *rest) for name, *rest in _APPEARANCES), ambient))
 
 
-def attributes_space(dynamics: TaskDynamics) -> Space | None:
-    """Factors on the physical attributes that the model can vary; None where there are none."""
+def physical_parameter_space(dynamics: TaskDynamics) -> Space | None:
+    """Factors on the physical parameters that the model can vary; None where there are none."""
     names = parameters_of(dynamics)
     if not names:
         return None
@@ -74,12 +74,12 @@ def start_values(task: Task, space: Space, points: np.ndarray) -> np.ndarray:
     return values
 
 
-def look_points(model: Model, space: Space, points: np.ndarray) -> AppearancePoints:
+def appearance_points(model: Model, space: Space, points: np.ndarray) -> AppearancePoints:
     """How the images of these points look."""
     own = {d.name: d.nominal for d in appearances_of(model).dimensions}
 
     def column(name: str) -> np.ndarray:
-        found = f"{LOOK}/{name}"
+        found = f"{APPEARANCE}/{name}"
         here = found in space.names
         return points[:, space.names.index(found)] if here else np.full(len(points), own[found])
 
@@ -88,15 +88,15 @@ def look_points(model: Model, space: Space, points: np.ndarray) -> AppearancePoi
 
 
 def dynamics_at(dynamics: TaskDynamics, space: Space, points: np.ndarray) -> TaskDynamics:
-    """The model's motion at points that agree on its attributes.
+    """The model's motion at points that agree on its physical parameters.
 
     Args:
-        dynamics: with the scene's own attributes.
+        dynamics: with the scene's own physical parameters.
         space: of the points.
         points: (N, P), N at least 1.
 
     Raises:
-        InputError: they do not agree, or the model lacks such an attribute.
+        InputError: they do not agree, or the model lacks such a physical parameter.
     """
     columns = space.columns(LOG)
     if np.ptp(points[:, columns], axis=0).any():
@@ -107,7 +107,7 @@ def dynamics_at(dynamics: TaskDynamics, space: Space, points: np.ndarray) -> Tas
 
 
 def alike(space: Space, points: np.ndarray) -> list[np.ndarray]:
-    """Rows of the points that agree on the attributes, each group in order."""
+    """Rows of the points that agree on the physical parameters, each group in order."""
     columns = space.columns(LOG)
     if not columns:
         return [np.arange(len(points))]
@@ -115,8 +115,8 @@ def alike(space: Space, points: np.ndarray) -> list[np.ndarray]:
     return [np.flatnonzero(group.ravel() == k) for k in range(int(group.max(initial=-1)) + 1)]
 
 
-def with_one_attribute(space: Space, points: np.ndarray) -> np.ndarray:
-    """The points, all with the first one's attributes: what one group of episodes can have."""
+def with_one_set_of_parameters(space: Space, points: np.ndarray) -> np.ndarray:
+    """The points, all with the first one's physical parameters: what one group of episodes can have."""
     found = points.copy()
     columns = space.columns(LOG)
     found[:, columns] = found[:1, columns]
@@ -132,7 +132,7 @@ class AppearancesOf:
     def sample(self, model: Model, rng: np.random.Generator, count: int) -> Appearances:
         """See `AppearanceSource`."""
         points = self.distribution.sample(rng, count)
-        return appearances_at(model, rng, look_points(model, self.distribution.space, points))
+        return appearances_at(model, rng, appearance_points(model, self.distribution.space, points))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,4 +150,4 @@ class AppearancesAt:
         """
         if count != len(self.points):
             raise InputError(f"{count} appearances were asked for, there are {len(self.points)} points")
-        return appearances_at(model, rng, look_points(model, self.space, self.points))
+        return appearances_at(model, rng, appearance_points(model, self.space, self.points))

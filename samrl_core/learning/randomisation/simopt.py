@@ -1,9 +1,9 @@
 """SimOpt: a Gaussian over the model's parameters moves to where the model does what the cell did.
 
-Chebotar et al. 2019, "Closing the Sim-to-Real Loop": parameters are drawn, the model is run with each, and
+Chebotar et al. 2019, "Closing the Sim-to-Real Loop": parameters are sampled, the model is run with each, and
 the next distribution makes the discrepancy from the real trajectories small on average, no farther from the
-last one than a bound on their relative entropy. As there, the draws are weighted as in relative-entropy
-policy search (Peters, Muelling and Altun 2010) and the Gaussian is fitted to them; a fit on few draws can
+last one than a bound on their relative entropy. As there, the samples are weighted as in relative-entropy
+policy search (Peters, Muelling and Altun 2010) and the Gaussian is fitted to them; a fit on few samples can
 still go too far, so it is then taken back to the bound.
 """
 
@@ -32,7 +32,7 @@ class SimOptSettings:
     """Sizes of the search.
 
     Raises:
-        InputError: a number that is not positive, or draws too few to fit a Gaussian to.
+        InputError: a number that is not positive, or samples too few to fit a Gaussian to.
     """
 
     iterations: int = 3  # as in the paper
@@ -53,22 +53,24 @@ class SimOpt:
 
     settings: SimOptSettings
     fitted: BoundedNormal
-    rest: Space | None  # numbers that no discrepancy speaks of: drawn from all of it
+    others: Space | None  # numbers that no discrepancy speaks of: sampled from all of it
     steps: tuple[float, ...] = ()  # KL of each iteration [nat]
     measure: Measure = "discrepancy"
 
     @staticmethod
-    def begin(fitted: Space, rest: Space | None = None, settings: SimOptSettings | None = None) -> SimOpt:
+    def begin(fitted: Space, others: Space | None = None, settings: SimOptSettings | None = None) -> SimOpt:
         """Uniform over both."""
-        return SimOpt(settings or SimOptSettings(), BoundedNormal.whole(fitted), rest)
+        return SimOpt(settings or SimOptSettings(), BoundedNormal.whole(fitted), others)
 
     @property
     def distribution(self) -> ParameterDistribution:
         """See `Strategy`: the rest first, then what is fitted."""
-        return self.fitted if self.rest is None else Independent((UniformBox.whole(self.rest), self.fitted))
+        return (
+            self.fitted if self.others is None else Independent((UniformBox.whole(self.others), self.fitted))
+        )
 
     def ask(self, rng: np.random.Generator) -> Question:
-        """See `Strategy`: draws of the distribution, or nothing after the last iteration."""
+        """See `Strategy`: samples of the distribution, or nothing after the last iteration."""
         if len(self.steps) >= self.settings.iterations:
             return nothing(self.distribution.space)
         points = self.distribution.sample(rng, self.settings.draws)
@@ -85,7 +87,7 @@ class SimOpt:
 
 
 def reps_weights(cost: np.ndarray, bound: float) -> np.ndarray:
-    """Weights (N,) of draws, sum 1: the least cost on average at KL(weights || uniform) <= bound.
+    """Weights (N,) of samples, sum 1: the least cost on average at KL(weights || uniform) <= bound.
 
     Peters et al. 2010: exp(-cost / eta), with eta where the dual eta bound + eta log mean exp(-cost / eta) is
     least.
@@ -93,20 +95,20 @@ def reps_weights(cost: np.ndarray, bound: float) -> np.ndarray:
     spread = float(np.ptp(cost))
     if spread == 0.0:
         return np.full(len(cost), 1.0 / len(cost))
-    gain = (cost.min() - cost) / spread  # 0 for the best, -1 for the worst
+    relative_cost = (cost.min() - cost) / spread  # 0 for the best, -1 for the worst
 
     def dual(log_eta: float) -> float:
         eta = float(np.exp(log_eta))
-        return eta * bound + eta * log_mean_exp(gain / eta)
+        return eta * bound + eta * log_mean_exp(relative_cost / eta)
 
     # Below the lower end all weight is the best draw's, above the upper end all weigh the same.
     log_eta = minimize_scalar(dual, bounds=(np.log(1e-4), np.log(1e4)), method="bounded").x
-    weights = np.exp(gain / np.exp(log_eta))
+    weights = np.exp(relative_cost / np.exp(log_eta))
     return weights / weights.sum()
 
 
 def within_bound(last: BoundedNormal, z: np.ndarray, weights: np.ndarray, bound: float) -> BoundedNormal:
-    """The Gaussian of weighted draws z (N, P), or as much of the way to it as the bound on KL allows.
+    """The Gaussian of weighted samples z (N, P), or as much of the way to it as the bound on KL allows.
 
     The way mixes first and second moments; KL(. || last) is convex along it and 0 at its beginning, so it
     grows all the way, and the end is found by bisection.

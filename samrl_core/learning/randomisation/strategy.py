@@ -12,7 +12,7 @@ from samrl_core.learning.randomisation.distributions import ParameterDistributio
 from samrl_core.learning.randomisation.space import Space
 
 # What is measured at the points that a strategy asks for: nothing; whether the actor succeeds in the model
-# there; or how far the model there strays from what the cell was seen to do, before any actor is trained.
+# there; or how far the model there strays from what the cell was observed to do, before any actor is trained.
 Measure = Literal["nothing", "success", "discrepancy"]
 
 
@@ -55,7 +55,7 @@ class Strategy(Protocol):
 
     @property
     def distribution(self) -> ParameterDistribution:
-        """What training draws from now."""
+        """What training samples from now."""
         ...
 
     @property

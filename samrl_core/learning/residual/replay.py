@@ -266,8 +266,8 @@ class Replay:
             if number == 0:
                 continue
             slot = self._slots[index]
-            end, rest = divmod(int(slot["end"]), _END_CODE)
-            whole = number > 0 and self._slot(number) == index and end <= max(End) and rest == 0
+            end, remainder = divmod(int(slot["end"]), _END_CODE)
+            whole = number > 0 and self._slot(number) == index and end <= max(End) and remainder == 0
             if whole and slot["crc"] == _checksum(number, slot["body"]):
                 self.last = max(self.last, number)
             else:

@@ -269,8 +269,8 @@ class ResidualTraining:
         save_weights(file, self._learner.actor, info)
         self.version = version
         self.save()
-        said = Announcement(self._task, version, file.name, sha256_of(file))
-        write_whole(self._folder / "announced.json", json.dumps(asdict(said)).encode())
+        announcement = Announcement(self._task, version, file.name, sha256_of(file))
+        write_whole(self._folder / "announced.json", json.dumps(asdict(announcement)).encode())
         for old in sorted(self._folder.glob("residual_v*.safetensors"))[:-KEPT_VERSIONS]:
             old.unlink()
 
@@ -303,8 +303,10 @@ class _Log:
     def __init__(self, path: Path, metrics: tuple[str, ...], updates: int) -> None:
         head = ",".join(("update", "steps", *metrics))
         rows = path.read_text().splitlines()[1:] if path.is_file() else []
-        kept = [row for row in rows if row.split(",")[0].isdigit() and int(row.split(",")[0]) <= updates]
-        write_whole(path, ("\n".join([head, *kept]) + "\n").encode())
+        rows_before = [
+            row for row in rows if row.split(",")[0].isdigit() and int(row.split(",")[0]) <= updates
+        ]
+        write_whole(path, ("\n".join([head, *rows_before]) + "\n").encode())
         self._path = path
 
     def add(self, update: int, steps: int, metrics: dict[str, float]) -> None:

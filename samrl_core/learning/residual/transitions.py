@@ -113,7 +113,7 @@ class StepFeatures:
         Steps that a full ring has overwritten are removed.
         """
         present = self._replay.present()
-        kept = torch.from_numpy(np.isin(self._numbers, present))
+        present_rows = torch.from_numpy(np.isin(self._numbers, present))
         numbers, features, vectors = [], [], []
         for number in present[present > (self._numbers[-1] if self._numbers.size else 0)]:
             try:
@@ -127,10 +127,10 @@ class StepFeatures:
             numbers.append(number)
         if numbers:
             nominal, residual = torch.from_numpy(np.stack(vectors, axis=1))
-            self._features = torch.cat([self._features[kept], torch.stack(features)])
-            self._nominal = torch.cat([self._nominal[kept], nominal])
-            self._residual = torch.cat([self._residual[kept], residual])
-            self._numbers = np.concatenate([self._numbers[kept.numpy()], numbers])
+            self._features = torch.cat([self._features[present_rows], torch.stack(features)])
+            self._nominal = torch.cat([self._nominal[present_rows], nominal])
+            self._residual = torch.cat([self._residual[present_rows], residual])
+            self._numbers = np.concatenate([self._numbers[present_rows.numpy()], numbers])
         return len(numbers)
 
     def sample_batch(self, transitions: Transitions, size: int, generator: torch.Generator) -> Batch:

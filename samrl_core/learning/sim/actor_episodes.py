@@ -1,4 +1,4 @@
-"""Episodes of an actor in the model, as a training needs them: to label, to learn Q from, and to judge.
+"""Episodes of an actor in the model, as a training needs them: to label, to learn Q from, and to evaluate.
 
 All of them are kept in the training's folder, part by part; what is there is not run again.
 """
@@ -20,10 +20,10 @@ from samrl_core.learning.sim.rollouts import PER_ACTION
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.policy.networks.networks import SimActor
 
-Log = Callable[[str, dict[str, float]], None]  # stage, its figures so far
+Log = Callable[[str, dict[str, float]], None]  # stage, its metrics so far
 _LABELLED = ("values", "tip_in_base", "frames", "action")  # of labelled states
-_SEEN = ("values", "tip_in_base", "frames", "success")  # of a round's episodes
-_JUDGED = ("success", "actions")
+_VISITED = ("values", "tip_in_base", "frames", "success")  # of a round's episodes
+_EVALUATED = ("success", "actions")
 _TAKEN = (*PER_ACTION, "success")  # of Q's episodes
 _STREAMS = {"round": 1, "episodes": 2, "judged": 3}  # one source of randomness each, besides the states'
 
@@ -34,12 +34,12 @@ class ActorEpisodes:
     def __init__(
         self, task: str, folder: Path, settings: TrainSettings, randomising: Randomising, log: Log
     ) -> None:
-        """`folder` is the training's; `randomising` says what the models of noisy episodes are drawn from."""
+        """`folder` is the training's; `randomising` has the distribution of the models of noisy episodes."""
         self._task, self._folder, self._settings = task, folder, settings
         self._randomising, self._log = randomising, log
 
     def round(self, k: int, actor: SimActor) -> Scenes:
-        """States that the actor comes to, with the optimiser's action there."""
+        """States that the actor visits, with the optimiser's action there."""
         path = self._folder / f"round-{k}" / "labelled.npz"
         if not path.exists():
             self._make_round(k, actor, path)
@@ -54,9 +54,9 @@ class ActorEpisodes:
             for hold in (True, False)
             for number, size in enumerate(self._sizes(max(1, half)))
         ]
-        seen = self._run(actor, groups, _SEEN, path.parent / "episodes", stage)
+        visited = self._run(actor, groups, _VISITED, path.parent / "episodes", stage)
         values, tips, frames = (
-            np.concatenate([one[name] for one in seen]) for name in ("values", "tip_in_base", "frames")
+            np.concatenate([one[name] for one in visited]) for name in ("values", "tip_in_base", "frames")
         )
         rows = {"values": values, "tip_in_base": tips, "frames": frames}
         self._label(rows, (_STREAMS["round"], k), path.parent / "labels", path, stage)
@@ -64,9 +64,9 @@ class ActorEpisodes:
     def _label(
         self, rows: dict[str, np.ndarray], stream: tuple[int, ...], folder: Path, path: Path, stage: str
     ) -> None:
-        """Writes states with the optimiser's action there, no more of them than states were drawn.
+        """Writes states with the optimiser's action there, at most as many as the training has states.
 
-        Episodes that got stuck fill the rows with the same places, so that more of them teach nothing.
+        Episodes that got stuck repeat the same states, so that more of them teach nothing.
         """
         s = self._settings
         count = len(rows["values"])
@@ -84,7 +84,7 @@ class ActorEpisodes:
         write_arrays(path, {name: array[left] for name, array in {**chosen, "action": action}.items()})
 
     def for_q(self, actor: SimActor) -> list[dict[str, np.ndarray]]:
-        """For Q: with more and more noise on the actions, so that it also sees bad ones; views are held."""
+        """For Q: with rising noise on the actions, so that bad ones are in the data too; views are held."""
         s = self._settings
         groups = [
             self._group(
@@ -109,16 +109,16 @@ class ActorEpisodes:
         rows = read_arrays(path, _LABELLED)
         return Scenes(rows["frames"], rows["tip_in_base"], {ACTION: rows["action"]})
 
-    def judged(self, actor: SimActor) -> dict[str, dict[str, float]]:
-        """Success in the model, by its own judgement, of views held and of new ones for every action."""
+    def evaluate(self, actor: SimActor) -> dict[str, dict[str, float]]:
+        """Success rate in the model, by `Task.is_done`, with held views and with a new view per action."""
         s, found = self._settings, {}
         for which, name in enumerate(("held", "new_each_step")):
             groups = [
                 self._group((_STREAMS["judged"], which, k), size, name == "held", 0.0, noisy=False)
                 for k, size in enumerate(self._sizes(s.judged))
             ]
-            parts = self._run(actor, groups, _JUDGED, self._folder / "judged" / name, "judged")
-            success, actions = (np.concatenate([part[n] for part in parts]) for n in _JUDGED)
+            parts = self._run(actor, groups, _EVALUATED, self._folder / "judged" / name, "judged")
+            success, actions = (np.concatenate([part[n] for part in parts]) for n in _EVALUATED)
             found[name] = {
                 "episodes": len(success),
                 "success": float(success.mean()),
@@ -136,8 +136,8 @@ class ActorEpisodes:
         self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool
     ) -> EpisodeGroup:
         s = self._settings
-        drawn = self._randomising.distribution if noisy else None  # what is judged is the task as it is
-        return EpisodeGroup((s.seed, *stream), count, hold, noise, noisy, s.max_actions, drawn)
+        distribution = self._randomising.distribution if noisy else None  # evaluation takes the task as it is
+        return EpisodeGroup((s.seed, *stream), count, hold, noise, noisy, s.max_actions, distribution)
 
     def _run(
         self, actor: SimActor, groups: list[EpisodeGroup], names: tuple[str, ...], folder: Path, stage: str

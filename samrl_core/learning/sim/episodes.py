@@ -17,11 +17,11 @@ from samrl_core.learning.images.batch_render import renderer_of
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.randomisation.of_task import (
-    LOOK,
+    APPEARANCE,
     AppearancesAt,
     dynamics_at,
     start_values,
-    with_one_attribute,
+    with_one_set_of_parameters,
 )
 from samrl_core.learning.sim.rollouts import ActorRollouts, RolloutSettings, held, new_each_step, roll_out
 from samrl_core.learning.states.explore import Starts
@@ -31,7 +31,7 @@ from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics
 from samrl_core.policy.networks.networks import SimActor
 from samrl_core.policy.view.views import sample_views
 
-Log = Callable[[dict[str, float]], None]  # hears how many groups there are
+Log = Callable[[dict[str, float]], None]  # receives the number of groups done
 
 
 def run_cached_groups(
@@ -79,7 +79,7 @@ class EpisodeGroup:
     """Episodes from the task's own starts, or from those of a distribution, side by side.
 
     What a distribution leaves out is as the task, or `AppearanceSettings`, has it. All episodes have the same
-    physical attributes: those of the first point.
+    physical parameters: those of the first point.
     """
 
     seed: tuple[int, ...]  # of all that is random in it
@@ -88,8 +88,8 @@ class EpisodeGroup:
     action_noise: float  # per axis, standard deviation [action limits]
     noisy: bool  # colours, light and camera noise vary; else the model's own, clean
     max_actions: int  # of an episode; 0 takes the task's
-    drawn: ParameterDistribution | None = None
-    points: np.ndarray | None = None  # (count, P) of the distribution's space; None draws them
+    distribution: ParameterDistribution | None = None
+    points: np.ndarray | None = None  # (count, P) of the distribution's space; None samples them
 
 
 def run_groups(
@@ -131,16 +131,16 @@ def _run(task: str, weights: Weights, group: EpisodeGroup, device: str) -> Actor
 def begun(
     model: Model, group: EpisodeGroup, rng: np.random.Generator
 ) -> tuple[np.ndarray, AppearanceSource, TaskDynamics]:
-    """Values (count, P) at the start, how the images look, and how the model moves.
+    """Values (count, P) at the start, appearances of the images, and dynamics of the model.
 
     Raises:
-        InputError: points that differ in physical attributes.
+        InputError: points that differ in physical parameters.
     """
-    if group.drawn is None:
+    if group.distribution is None:
         values = np.array([model.task.start_values(rng) for _ in range(group.count)])
         return values, AppearanceSettings(), model.dynamics
-    space, points = group.drawn.space, group.points
+    space, points = group.distribution.space, group.points
     if points is None:
-        points = with_one_attribute(space, group.drawn.sample(rng, group.count))
-    appearances = AppearancesAt(space, points) if space.columns(LOOK) else AppearanceSettings()
+        points = with_one_set_of_parameters(space, group.distribution.sample(rng, group.count))
+    appearances = AppearancesAt(space, points) if space.columns(APPEARANCE) else AppearanceSettings()
     return start_values(model.task, space, points), appearances, dynamics_at(model.dynamics, space, points)

@@ -47,7 +47,7 @@ def prepare_states(
     given: Starts | None = None,
     shard_size: int = SHARD_SIZE,
     progress: Progress = lambda done, wanted: None,
-    drawn: ParameterDistribution | None = None,
+    distribution: ParameterDistribution | None = None,
 ) -> StateSamples:
     """All labelled states of a data set, made or resumed.
 
@@ -61,17 +61,23 @@ def prepare_states(
         given: other states to begin in, e.g. estimates of Real2Sim.
         shard_size: states that one process makes in one go.
         progress: called after each shard.
-        drawn: what starts and, once per shard, physical attributes are drawn from; None: the task's own.
+        distribution: of starts and, once per shard, of physical parameters; None: the task's own.
 
     Raises:
         InputError: the folder holds another data set, or a setting is outside its meaning.
     """
     s = settings or ExploreSettings()
     info = DataInfo(
-        "states", task, cell_named().intrinsics, seed, count, shard_size, _recorded(task, s, given, drawn)
+        "states",
+        task,
+        cell_named().intrinsics,
+        seed,
+        count,
+        shard_size,
+        _recorded(task, s, given, distribution),
     )
     data = ShardFolder(folder, info)
-    _fill(data, _shard, lambda k: (task, info, k, s, given, drawn), workers, progress)
+    _fill(data, _shard, lambda k: (task, info, k, s, given, distribution), workers, progress)
     return load_states(folder, task)
 
 
@@ -137,7 +143,7 @@ def _fill(
     done = info.count - sum(info.size(k) for k in missing)
     progress(done, info.count)
 
-    def keep(shard: int, arrays: dict[str, np.ndarray]) -> None:
+    def write(shard: int, arrays: dict[str, np.ndarray]) -> None:
         nonlocal done
         data.write(shard, arrays)
         done += info.size(shard)
@@ -145,18 +151,18 @@ def _fill(
 
     calls = [partial(work, *job(shard)) for shard in missing]
     for made in run_calls(calls, workers or free_cores()):
-        keep(missing[made.index], made.result)
+        write(missing[made.index], made.result)
 
 
 def _recorded(
-    task: str, settings: ExploreSettings, given: Starts | None, drawn: ParameterDistribution | None
+    task: str, settings: ExploreSettings, given: Starts | None, distribution: ParameterDistribution | None
 ) -> dict[str, object]:
     """What a shard depends on besides seed and task, and what its frames are."""
     starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
     frames = SceneFrames(model_of(task)).names
     found: dict[str, object] = {"frames": frames, "explore": asdict(settings), "given": starts}
-    if drawn is not None:
-        found["drawn"] = drawn.record()
+    if distribution is not None:
+        found["drawn"] = distribution.record()
     return found
 
 
@@ -175,9 +181,11 @@ def _shard(
     shard: int,
     settings: ExploreSettings,
     given: Starts | None,
-    drawn: ParameterDistribution | None,
+    distribution: ParameterDistribution | None,
 ) -> dict[str, np.ndarray]:
-    return sample_states(model_of(task), info.rng(shard), info.size(shard), settings, given, drawn).arrays()
+    return sample_states(
+        model_of(task), info.rng(shard), info.size(shard), settings, given, distribution
+    ).arrays()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -194,12 +202,12 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)
     begun = time.monotonic()
 
-    def tell(done: int, wanted: int) -> None:
+    def print_progress(done: int, wanted: int) -> None:
         print(f"{a.task}: {done} of {wanted} states, {time.monotonic() - begun:.0f} s", flush=True)
 
     try:
         with folder_lock(a.out):
-            states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=tell)
+            states = prepare_states(a.task, a.count, a.out, a.seed, a.workers, progress=print_progress)
     except SamrlError as error:
         print(error, file=sys.stderr)
         return 1

@@ -1,4 +1,4 @@
-"""What a training draws its starts, appearances and attributes from, and how its strategy learns on the way.
+"""Distribution of a training's starts, appearances and physical parameters, and the strategy that adapts it.
 
 Results are cached question by question in the training's folder: a resumed one asks again, finds the results
 there, and comes to the same distribution.
@@ -19,7 +19,7 @@ from samrl_core.learning.randomisation.choose import begin
 from samrl_core.learning.randomisation.discrepancy import Discrepancy
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.randomisation.found import Real2SimUpdated
-from samrl_core.learning.randomisation.of_task import LOOK, AppearancesOf, alike
+from samrl_core.learning.randomisation.of_task import APPEARANCE, AppearancesOf, alike
 from samrl_core.learning.randomisation.strategy import Question, QuestionResult
 from samrl_core.learning.sim.episodes import EpisodeGroup, run_cached_groups
 from samrl_core.learning.sim.train_settings import TrainSettings
@@ -46,7 +46,7 @@ class Randomising:
         log: Log,
         given_actor: bool = False,
     ) -> None:
-        """Begins the strategy; `given_actor` tells that the training has an actor already.
+        """Begins the strategy; `given_actor`: the training starts from a given actor.
 
         Raises:
             InputError: as `choose.begin`, or a strategy that learns from actors in a training of one.
@@ -65,7 +65,7 @@ class Randomising:
 
     @property
     def distribution(self) -> ParameterDistribution | None:
-        """What is drawn from now; None where all is as the task and `AppearanceSettings` declare it."""
+        """The present distribution; None where all is as the task and `AppearanceSettings` declare it."""
         s = self._strategy
         if isinstance(s, Real2SimUpdated) and not len(s.centers):
             return None
@@ -76,7 +76,9 @@ class Randomising:
         """Of images."""
         found = self.distribution
         return (
-            AppearanceSettings() if found is None or not found.space.columns(LOOK) else AppearancesOf(found)
+            AppearanceSettings()
+            if found is None or not found.space.columns(APPEARANCE)
+            else AppearancesOf(found)
         )
 
     def before_training(self) -> None:
@@ -128,10 +130,10 @@ class Randomising:
 
     def _successes(self, actor: SimActor, question: Question) -> np.ndarray:
         """Whether the actor succeeds at each point, with a new view for every action."""
-        s, drawn = self._settings, self._strategy.distribution
+        s, distribution = self._settings, self._strategy.distribution
         rows = [
             few
-            for same in alike(drawn.space, question.points)
+            for same in alike(distribution.space, question.points)
             for few in np.array_split(same, -(-len(same) // s.group))
         ]
         groups = [
@@ -142,7 +144,7 @@ class Randomising:
                 action_noise=0.0,
                 noisy=True,
                 max_actions=s.max_actions,
-                drawn=drawn,
+                distribution=distribution,
                 points=question.points[few],
             )
             for k, few in enumerate(rows)

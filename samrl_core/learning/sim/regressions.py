@@ -32,7 +32,7 @@ class Imitation:
     """Eq. 23, |a^ - a|^2, over |a|^2 + s^2 with s a share of the action limit.
 
     The error then counts by the action's own length down to s: a millimetre is nothing on the way, and all
-    next to the goal. Figures are the error's length over all samples and over those with short actions.
+    next to the goal. Metrics are the error's length over all samples and over those with short actions.
     """
 
     action_limit: float  # [m]
@@ -70,14 +70,14 @@ EXPLAINED = "explained"  # share of the returns' variance that Q accounts for; 0
 
 
 def squared_error(network: nn.Module, batch: Batch) -> dict[str, torch.Tensor]:
-    """Eq. 24, (Q - R)^2 per sample (B,); see `_figures`."""
+    """Eq. 24, (Q - R)^2 per sample (B,); see `_error_metrics`."""
     wanted = batch[RETURN].float()
     q = network(batch[IMAGE], batch[ACTION].float())
-    return {LOSS: (q - wanted).square(), **_figures(q, wanted)}
+    return {LOSS: (q - wanted).square(), **_error_metrics(q, wanted)}
 
 
 def likelihood(network: nn.Module, batch: Batch) -> dict[str, torch.Tensor]:
-    """Cross entropy of Q and R per sample (B,), R taken for the chance of a success; see `_figures`.
+    """Cross entropy of Q and R per sample (B,), R taken for the chance of a success; see `_error_metrics`.
 
     Its best Q is that of eq. 24, the mean of R. What differs is the way there: the squared error of a Q that
     says 0 of everything has a vanishing gradient, and where most returns are small a Q can end up there.
@@ -86,7 +86,7 @@ def likelihood(network: nn.Module, batch: Batch) -> dict[str, torch.Tensor]:
     wanted = batch[RETURN].float()
     logit = network.logit(batch[IMAGE], batch[ACTION].float())
     loss = functional.binary_cross_entropy_with_logits(logit, wanted, reduction="none")
-    return {LOSS: loss, **_figures(torch.sigmoid(logit), wanted)}
+    return {LOSS: loss, **_error_metrics(torch.sigmoid(logit), wanted)}
 
 
 Q_LOSSES: dict[str, Objective] = {"square": squared_error, "likelihood": likelihood}
@@ -109,7 +109,7 @@ def fit_q(
     return network, replace(result, figures=figures)
 
 
-def _figures(q: torch.Tensor, wanted: torch.Tensor) -> dict[str, torch.Tensor]:
+def _error_metrics(q: torch.Tensor, wanted: torch.Tensor) -> dict[str, torch.Tensor]:
     """The error's size, for all and by the return's half, and what `EXPLAINED` is made of."""
     difference = q.detach() - wanted
     error = difference.abs()

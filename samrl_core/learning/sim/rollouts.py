@@ -29,7 +29,7 @@ Actor = Callable[[torch.Tensor], torch.Tensor]  # images (B, 6, H, W) to actions
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What a viewer is told of the B episodes that go on, before each of their actions."""
+    """Input of a viewer: the B episodes that go on, before their next action."""
 
     episodes: np.ndarray  # (B,) their numbers
     step: int  # actions that each of them has taken
@@ -45,7 +45,7 @@ Viewer = Callable[[Moment], np.ndarray]  # gives the views (B, 6) of this step
 
 
 def held(views: np.ndarray) -> Viewer:
-    """Each episode has its view (E, 6), from beginning to end."""
+    """One fixed view (E, 6) per episode."""
     return lambda moment: views[moment.episodes]
 
 
@@ -109,7 +109,7 @@ def roll_out(
     of motion are not solved, and where the arm does not reach.
 
     Args:
-        model: moves and judges.
+        model: moves the scene and decides about success.
         renderer: of the same model.
         actor: acts on images on the renderer's device; longer actions than the task's limit are cut.
         starts: E states at rest.
@@ -160,13 +160,13 @@ class _Episodes:
         """All episodes."""
         self._settle(np.ones(len(self._alive), dtype=bool))
         for step in range(self._settings.max_actions or self._task.max_actions):
-            seen = self._drawn()
+            observed = self._observe()
             if not len(self._alive):
                 break
-            action = self._act(seen, step)
+            action = self._act(observed, step)
             count = len(self._alive)
             number = np.full(count, step, dtype=np.int64)
-            self._taken.append({**seen, "action": action, "episode": self._alive.copy(), "step": number})
+            self._taken.append({**observed, "action": action, "episode": self._alive.copy(), "step": number})
             self._actions[self._alive] += 1
             self._states, solved = moved(self._dynamics, self._states, action)
             self._settle(solved)
@@ -185,8 +185,8 @@ class _Episodes:
             self._states = rows(self._states, np.flatnonzero(going))
             self._alive = self._alive[going]
 
-    def _drawn(self) -> dict[str, np.ndarray]:
-        """What there is to draw of every episode that goes on; ends those that the arm cannot reach."""
+    def _observe(self) -> dict[str, np.ndarray]:
+        """States to render, of every episode that goes on; ends those that the arm cannot reach."""
         found: list[tuple[np.ndarray, ...]] = []
         reached = np.ones(len(self._alive), dtype=bool)
         for i, q in enumerate(self._states.q.numpy()):
@@ -202,18 +202,18 @@ class _Episodes:
         names = ("values", "tip_in_base", "frames", "tool_arm_position")
         return dict(zip(names, columns, strict=False))
 
-    def _act(self, seen: dict[str, np.ndarray], step: int) -> np.ndarray:
-        """Views, images and actions (B, 3) [m] of one step; the views are added to what is seen."""
+    def _act(self, observed: dict[str, np.ndarray], step: int) -> np.ndarray:
+        """Views, images and actions (B, 3) [m] of one step; the views are added to `observed`."""
         count = len(self._alive)
         appearances = None if self._appearances is None else self._appearances.rows(self._alive)
-        moment = Moment(self._alive.copy(), step, **seen, appearances=appearances, rng=self._rng)
+        moment = Moment(self._alive.copy(), step, **observed, appearances=appearances, rng=self._rng)
         view = np.asarray(self._viewer(moment))
         if view.shape != (count, COORDINATES):
             raise InputError(f"views have shape {view.shape}, must be ({count}, {COORDINATES})")
-        seen["view"] = view
+        observed["view"] = view
         images = self._renderer.images(
-            seen["frames"],
-            seen["tip_in_base"],
+            observed["frames"],
+            observed["tip_in_base"],
             view,
             appearances,
             self._settings.noise,

@@ -1,4 +1,4 @@
-"""Labelled states of a task, drawn in the model: the first stage of learning (section III-D of the paper)."""
+"""Labelled states of a task, sampled in the model: the first stage of learning (paper, section III-D)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def sample_states(
     count: int,
     settings: ExploreSettings | None = None,
     given: Starts | None = None,
-    drawn: ParameterDistribution | None = None,
+    distribution: ParameterDistribution | None = None,
 ) -> StateSamples:
     """So many labelled states; the same ones for the same generator.
 
@@ -32,7 +32,7 @@ def sample_states(
         count: how many, at least 1.
         settings: how widely they are spread.
         given: states to begin in besides the task's own starts, e.g. estimates of Real2Sim.
-        drawn: what starts are drawn from in the place of the task's own, and, once, physical attributes.
+        distribution: of starts, instead of the task's own, and, once, of physical parameters.
 
     Raises:
         InputError: a count below 1, settings outside their meaning, or no start that can be used.
@@ -40,9 +40,9 @@ def sample_states(
     if count < 1:
         raise InputError(f"{count} states were asked for, must be at least 1")
     frames, dynamics, starts = SceneFrames(model), model.dynamics, None
-    if drawn is not None:
-        dynamics = dynamics_at(dynamics, drawn.space, drawn.sample(rng, 1))
-        starts = partial(_start, model.task, drawn)
+    if distribution is not None:
+        dynamics = dynamics_at(dynamics, distribution.space, distribution.sample(rng, 1))
+        starts = partial(_start, model.task, distribution)
     explorer = Explorer(dynamics, model.task, frames.start_tip, rng, settings, given, starts)
     rows: list[tuple[np.ndarray, ...]] = []
     goals: list[str] = []
@@ -52,15 +52,15 @@ def sample_states(
             joints = frames.joints(one.tip)
         except ReachError:
             continue  # the real arm could not be there either
-        seen = frames.rows(one.values, joints).astype(np.float32)
-        rows.append((one.values, one.tip, joints, seen, one.label.action))
+        moved = frames.rows(one.values, joints).astype(np.float32)
+        rows.append((one.values, one.tip, joints, moved, one.label.action))
         goals.append(one.label.sub_goal)
         solved.append(one.label.solved)
         if len(rows) == count:
             break
-    values, tips, joints, placed, actions = (np.array(column) for column in zip(*rows, strict=True))
-    return StateSamples(values, tips, joints, placed, actions, np.array(goals), np.array(solved))
+    values, tips, joints, all_frames, actions = (np.array(column) for column in zip(*rows, strict=True))
+    return StateSamples(values, tips, joints, all_frames, actions, np.array(goals), np.array(solved))
 
 
-def _start(task: Task, drawn: ParameterDistribution, rng: np.random.Generator) -> np.ndarray:
-    return start_values(task, drawn.space, drawn.sample(rng, 1))[0]
+def _start(task: Task, distribution: ParameterDistribution, rng: np.random.Generator) -> np.ndarray:
+    return start_values(task, distribution.space, distribution.sample(rng, 1))[0]

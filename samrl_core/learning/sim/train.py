@@ -7,7 +7,7 @@ training that was killed goes on where it was.
     randomisation/    what a strategy asked and what came out, question by question
     states/           labelled states (eqs. 18-22)
     actor-0/ ...      regression on them (eq. 23), one folder per round
-    round-0/ ...      episodes of the actor, the states that it came to, labelled
+    round-0/ ...      episodes of the actor, the states that it visited, labelled
     episodes/         actions, views and returns of the last actor
     q/                regression on what actions are worth, or on the returns (eq. 24), see `q_target`
     judged/           the last actor's success
@@ -53,7 +53,7 @@ from samrl_core.policy.networks.weights import (
     weights_name,
 )
 
-Log = Callable[[str, dict[str, float]], None]  # stage, its figures so far
+Log = Callable[[str, dict[str, float]], None]  # stage, its metrics so far
 CONFIG, SUMMARY = "train.json", "summary.json"
 
 
@@ -72,7 +72,7 @@ def train(
         folder: of this training alone; made if it is missing.
         settings: sizes and seeds. Device and workers may differ when a training goes on.
         log: called as each stage gets on.
-        given: weights of an actor; only its Q is then trained, and it is judged.
+        given: weights of an actor; only its Q is then trained, and the actor is evaluated.
         visited: files of states that Real2Sim found in the cell: where some episodes begin (lines 16-17 of
             Algorithm 1), or what SimOpt compares the model with.
 
@@ -99,22 +99,26 @@ class _Training:
         self.task, self.folder, self.settings, self.log = task_named(task), folder, settings, log
         self.given = None if given is None else load_weights(given, "sim_actor", task, cell_named())
         parts = [load_visited(path, task) for path in visited]
-        seen = VisitedStates.joined(parts) if parts else None
-        self.starts = seen.starts(self.task) if seen and settings.randomisation == REAL2SIM else None
+        visited_states = VisitedStates.joined(parts) if parts else None
+        self.starts = (
+            visited_states.starts(self.task)
+            if visited_states and settings.randomisation == REAL2SIM
+            else None
+        )
         self.model = Model(self.task, cell_named())
-        self.randomising = Randomising(self.model, settings, folder, seen, log, given is not None)
+        self.randomising = Randomising(self.model, settings, folder, visited_states, log, given is not None)
         self._check_folder("" if given is None else sha256_of(given), [sha256_of(path) for path in visited])
         self.renderer = BatchRenderer(self.model, settings.device)
         self.episodes = ActorEpisodes(self.task.name, folder, settings, self.randomising, log)
 
     def run(self) -> dict[str, Any]:
         self.randomising.before_training()
-        actor, figures = self._learned_actor() if self.given is None else self._given_actor(*self.given)
-        self._keep(actor, figures)
-        q, q_figures = self._q(actor)
-        self._keep(q, q_figures)
-        judged = self.episodes.judged(actor)
-        summary = {"schema": 1, "task": self.task.name, "actor": figures, "q": q_figures, "success": judged}
+        actor, metrics = self._learned_actor() if self.given is None else self._given_actor(*self.given)
+        self._save(actor, metrics)
+        q, q_metrics = self._q(actor)
+        self._save(q, q_metrics)
+        success = self.episodes.evaluate(actor)
+        summary = {"schema": 1, "task": self.task.name, "actor": metrics, "q": q_metrics, "success": success}
         summary["randomisation"] = self.randomising.summary()
         write_whole(self.folder / SUMMARY, (json.dumps(summary, indent=1) + "\n").encode())
         return summary
@@ -134,17 +138,17 @@ class _Training:
             s.explore,
             self.starts,
             progress=lambda done, wanted: self.log("states", {"done": done, "of": wanted}),
-            drawn=None if self.starts else self.randomising.distribution,
+            distribution=None if self.starts else self.randomising.distribution,
         )
-        known, looked_at = _split(states, s.validation)
+        known, held_out = _split(states, s.validation)
         parts = [Scenes.of_states(known)]
-        validation = self._samples(Scenes.of_states(looked_at), 1)
-        actor, figures = self._actor(0, parts, validation)
+        validation = self._samples(Scenes.of_states(held_out), 1)
+        actor, metrics = self._actor(0, parts, validation)
         for k in range(s.rounds):
             self.randomising.after_actor(actor)
             parts.append(self.episodes.round(k, actor))
-            actor, figures = self._actor(k + 1, parts, validation)
-        return actor, figures
+            actor, metrics = self._actor(k + 1, parts, validation)
+        return actor, metrics
 
     def _check_folder(self, given: str, visited: list[str]) -> None:
         """Writes down settings and commit of a new training; one that goes on must have the same settings."""
@@ -159,8 +163,8 @@ class _Training:
         settings = SampleSettings(appearances=self.randomising.appearances)
         return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream, settings)
 
-    def _to_learn_from(self, scenes: Scenes, stream: int, stage: str) -> RegressionSamples:
-        """What a regression sees many times over; what validates is drawn anew each time."""
+    def _training_samples(self, scenes: Scenes, stream: int, stage: str) -> RegressionSamples:
+        """Training images, cached if the settings ask for it; validation images are always rendered anew."""
         samples, s = self._samples(scenes, stream), self.settings
         if not s.kept:
             return samples
@@ -179,7 +183,7 @@ class _Training:
     ) -> tuple[SimActor, dict[str, float]]:
         s, stage = self.settings, f"actor-{k}"
         fit = replace(s.actor, seed=s.seed, device=s.device)
-        scenes = self._to_learn_from(_joined(parts), 0, stage)
+        scenes = self._training_samples(_joined(parts), 0, stage)
         limit = self.task.action_limit
         actor, result = fit_actor(
             scenes, validation, limit, fit, self.folder / stage, self._fit_progress(stage)
@@ -188,29 +192,29 @@ class _Training:
 
     def _q(self, actor: SimActor) -> tuple[SensingQ, dict[str, float]]:
         s, groups = self.settings, self.episodes.for_q(actor)
-        looked_at = max(1, round(s.validation * len(groups) / s.levels)) * s.levels  # each level of noise
-        parts = (groups[:-looked_at], groups[-looked_at:])
+        held_out = max(1, round(s.validation * len(groups) / s.levels)) * s.levels  # each level of noise
+        parts = (groups[:-held_out], groups[-held_out:])
         if s.q_target == "return":
-            train = self._to_learn_from(_of_returns(parts[0]), 3, "q")
+            train = self._training_samples(_of_returns(parts[0]), 3, "q")
             validation: RegressionSamples = self._samples(_of_returns(parts[1]), 4)
         else:
-            drawn = self._to_learn_from(self.episodes.labelled("q", parts[0]), 3, "q")
-            train = ActedSamples(drawn, actor, 10 * s.seed + 3, s.acted)
+            images = self._training_samples(self.episodes.labelled("q", parts[0]), 3, "q")
+            train = ActedSamples(images, actor, 10 * s.seed + 3, s.acted)
             checked = self._samples(self.episodes.labelled("check", parts[1]), 4)
             validation = ActedSamples(checked, actor, 10 * s.seed + 4, s.acted)
         fit = replace(s.q, seed=s.seed, device=s.device)
         q, result = fit_q(train, validation, fit, self.folder / "q", self._fit_progress("q"), s.q_loss)
         return q, result.figures
 
-    def _keep(self, network: SimActor | SensingQ, figures: dict[str, float]) -> None:
+    def _save(self, network: SimActor | SensingQ, metrics: dict[str, float]) -> None:
         kind = "sim_actor" if isinstance(network, SimActor) else "sensing_q"
         lens, limit = self.model.cell.intrinsics, self.task.action_limit
-        info = WeightsInfo(kind, self.task.name, lens, limit, self.settings.seed, figures, self.commit)
+        info = WeightsInfo(kind, self.task.name, lens, limit, self.settings.seed, metrics, self.commit)
         save_weights(self.folder / weights_name(self.task.name, kind), network, info)
 
 
 def _split(states: StateSamples, share: float) -> tuple[StateSamples, StateSamples]:
-    """By order: neighbours are of the same episodes, a random split would look at what it knows."""
+    """By order: neighbours are of the same episodes, a random split would validate on training episodes."""
     kept = round((1.0 - share) * len(states))
     return states.rows(slice(0, kept)), states.rows(slice(kept, None))
 

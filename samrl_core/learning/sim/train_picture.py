@@ -28,12 +28,12 @@ def write_picture(folder: Path, summary: dict[str, Any], path: Path) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
     for log in sorted(folder.glob(f"actor-*/{LOG}")):
         _curves(axes[0], log, ("error_mm", "near_error_mm"), f"{log.parent.name}, ")
-    drawn = bool(axes[0].lines)  # an actor that was given has no curves
+    has_curves = bool(axes[0].lines)  # an actor that was given has no curves
     axes[0].set(xlabel="epoch", ylabel="error of the action [mm]", title=summary["task"])
     axes[0].set_ylim(bottom=0.0)
     _curves(axes[1], folder / "q" / LOG, ("error", "error_where_high"), "")
     axes[1].set(xlabel="epoch", ylabel="error of Q's target [-]", title="sensing-aware Q")
-    for axis in axes[0 if drawn else 1 : 2]:
+    for axis in axes[0 if has_curves else 1 : 2]:
         axis.legend(fontsize=8)
     names = list(summary["success"])
     bars = axes[2].bar(range(len(names)), [100 * summary["success"][n]["success"] for n in names])

@@ -26,9 +26,9 @@ class TrainSettings:
         InputError: a count below its least value, or one that a later stage could not use.
     """
 
-    states: int = 12_000  # labelled states that are drawn
+    states: int = 12_000  # labelled states
     explore: ExploreSettings = ExploreSettings()
-    validation: float = 0.05  # share of them that is only looked at
+    validation: float = 0.05  # share of them for validation
     rounds: int = 1  # of DAgger: the actor's own states are labelled and added (Ross et al. 2011)
     round_episodes: int = 128  # of each round, half of them with a view held
     episodes: int = 512  # for Q (eq. 24), each with a view held
@@ -36,19 +36,19 @@ class TrainSettings:
     q_target: str = "action"  # what Q learns: worth of the "action" in its state, or "return" of episodes
     q_loss: str = "square"  # how: by the "square" of eq. 24, or by "likelihood"; see `regressions.py`
     acted: ActedSettings = ActedSettings()  # actions that Q learns the worth of, and their worth
-    judged: int = 200  # episodes that tell the actor's success, for each way to look
+    judged: int = 200  # episodes of the actor's evaluation, for each kind of view
     group: int = 32  # episodes side by side in one process; what is lost when a training is killed
     max_actions: int = 0  # of an episode; 0 takes the task's
-    kept: int = 0  # images of each state that are drawn once and kept in memory; 0 draws all anew each time
+    kept: int = 0  # images of each state that are rendered once and cached; 0 renders all anew each time
     actor: FitSettings = field(default_factory=lambda: FitSettings(epochs=40))
     q: FitSettings = field(default_factory=lambda: FitSettings(epochs=15))
-    randomisation: str = REAL2SIM  # of `RANDOMISATIONS`: what the model's differences are drawn from
+    randomisation: str = REAL2SIM  # of `RANDOMISATIONS`: distribution of the models
     adr: AdrSettings = AdrSettings()
     simopt: SimOptSettings = SimOptSettings()
     found: FoundSettings = FoundSettings()
     seed: int = 0
-    device: str = "cpu"  # torch's name; draws and trains
-    workers: int = 0  # processes that draw and label states and run episodes; 0 takes the free cores
+    device: str = "cpu"  # torch's name; renders and trains
+    workers: int = 0  # processes that sample and label states and run episodes; 0 takes the free cores
 
     levels: ClassVar[int] = 4  # of noise on the actions of Q's episodes, from none; one per group in turn
 

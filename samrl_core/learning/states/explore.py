@@ -2,9 +2,9 @@
 
 States of undisturbed trajectories alone teach an actor nothing of where its own errors lead it (Ross et al.
 2011). So several copies of the model run side by side; each one follows the optimiser with noise of some
-size, wanders for a while, or drives to a place near a sub-goal, and every state on the way is labelled. All
+size, wanders for a while, or drives to a point near a sub-goal, and every state on the way is labelled. All
 of it goes through the model's motion, so nothing stands where it could not have come to. An episode begins
-as the task begins, in a state that was handed in, or at the stage that has been seen the least so far.
+as the task begins, in a state that was handed in, or at the stage that has been visited the least so far.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from samrl_core.policy.planning.expert import Label, label_of
 
 @dataclass(frozen=True)
 class ExploreSettings:
-    """How widely states are spread. Ranges are drawn from evenly, those of lengths in their logarithm."""
+    """How widely states are spread. Ranges are sampled uniformly, those of lengths in their logarithm."""
 
     slots: int = 4  # copies of the model side by side
     longest: int = 40  # actions of an episode
-    follow: tuple[int, int] = (2, 12)  # actions that follow the optimiser before something else is drawn
+    follow: tuple[int, int] = (2, 12)  # actions that follow the optimiser before something else is sampled
     wander: tuple[int, int] = (1, 5)  # actions of a random walk
-    visit: int = 10  # actions at most on the way to a place near a sub-goal
-    wander_share: float = 0.15  # of what is drawn
-    visit_share: float = 0.40  # of what is drawn
+    visit: int = 10  # actions at most on the way to a point near a sub-goal
+    wander_share: float = 0.15  # of what is sampled
+    visit_share: float = 0.40  # of what is sampled
     exact_share: float = 0.30  # of what follows the optimiser, without noise
     noise: tuple[float, float] = (0.02, 1.0)  # per axis of an action, standard deviation [action limits]
     longest_action: float = 2.0  # with its noise [action limits]
@@ -40,7 +40,7 @@ class ExploreSettings:
     exact_values: float = 0.5  # share of states that are labelled without an error of the estimate
     place_error: float = 0.0005  # of an estimate's lengths, standard deviation [m]
     angle_error: float = 0.01  # of its angles [rad]
-    stage_share: float = 0.6  # of episodes that begin at the stage seen the least
+    stage_share: float = 0.6  # of episodes that begin at the stage visited the least
     given_share: float = 0.25  # of episodes that begin in a state that was handed in, if any was
     kept: int = 24  # states per stage to begin in
     margin: float = 0.05  # the tip stays this near to the box about start and sub-goals [m]
@@ -91,9 +91,9 @@ class _Slot:
     lower: np.ndarray  # (3,) of the tip [m]
     upper: np.ndarray  # (3,) [m]
     age: int = 0  # actions since the episode began
-    left: int = 0  # actions until something else is drawn
+    left: int = 0  # actions until something else is sampled
     sigma: float = 0.0  # of the noise [m]
-    place: np.ndarray | None = None  # (3,) to drive to [m]
+    destination: np.ndarray | None = None  # (3,) to drive to [m]
     drift: np.ndarray | None = None  # (3,) last step of a random walk [m]
 
 
@@ -148,11 +148,11 @@ class Explorer:
                 while not self._usable(states[i], slots[i]):
                     states[i], slots[i] = self._begin()
                 values, tip = self._dynamics.read(states[i].q[0].numpy())
-                seen = self._seen(values, tip)
-                label = label_of(self._dynamics, self._task, seen, tip)
+                estimated = self._estimated(values, tip)
+                label = label_of(self._dynamics, self._task, estimated, tip)
                 if label.sub_goal != "none":
                     self._remember(label, states[i])
-                    yield Visited(seen, tip, label)
+                    yield Visited(estimated, tip, label)
                 actions.append(self._action(slots[i], label, values, tip))
                 slots[i].age += 1
             after, solved = moved(self._dynamics, joined(states), np.array(actions))
@@ -195,14 +195,14 @@ class Explorer:
         inside = bool((values >= self._lower).all() and (values <= self._upper).all())
         return inside and slot.age < self._settings.longest and not self._task.is_done(values, tip)
 
-    def _seen(self, values: np.ndarray, tip: np.ndarray) -> np.ndarray:
+    def _estimated(self, values: np.ndarray, tip: np.ndarray) -> np.ndarray:
         """The values as an estimate may have them: half of them exact, else with errors of some size."""
         if self._rng.random() < self._settings.exact_values:
             return values
         size = self._rng.uniform(0.0, 2.0)
-        seen = values + size * self._error * self._rng.standard_normal(len(values))
-        seen = np.clip(seen, self._lower, self._upper)
-        return values if self._task.is_done(seen, tip) else seen
+        estimated = values + size * self._error * self._rng.standard_normal(len(values))
+        estimated = np.clip(estimated, self._lower, self._upper)
+        return values if self._task.is_done(estimated, tip) else estimated
 
     def _remember(self, label: Label, state: TaskState) -> None:
         stage = self._stages.setdefault(label.sub_goal, _Stage())
@@ -218,8 +218,8 @@ class Explorer:
         if slot.left <= 0:
             self._choose(slot, values, tip)
         slot.left -= 1
-        if slot.place is not None:
-            action = slot.place - tip
+        if slot.destination is not None:
+            action = slot.destination - tip
             distance = float(np.linalg.norm(action))
             if distance <= limit:
                 slot.left = 0
@@ -235,7 +235,7 @@ class Explorer:
     def _choose(self, slot: _Slot, values: np.ndarray, tip: np.ndarray) -> None:
         """What the next actions are."""
         s, rng, limit = self._settings, self._rng, self._task.action_limit
-        slot.place = slot.drift = None
+        slot.destination = slot.drift = None
         slot.sigma = limit * self._length(s.noise)
         kind = rng.random()
         goals = self._task.sub_goals(values, tip)[: s.sub_goals]
@@ -244,7 +244,7 @@ class Explorer:
         elif kind < s.wander_share + s.visit_share and goals:
             way = rng.standard_normal(3)
             offset = self._length(s.offset) * way / np.linalg.norm(way)
-            slot.place, slot.left = goals[int(rng.integers(len(goals)))].tip_position + offset, s.visit
+            slot.destination, slot.left = goals[int(rng.integers(len(goals)))].tip_position + offset, s.visit
         else:
             slot.left = int(rng.integers(s.follow[0], s.follow[1] + 1))
             if rng.random() < s.exact_share:

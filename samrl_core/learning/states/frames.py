@@ -1,6 +1,6 @@
-"""Where everything that moves is in a state: what drawing needs, worked out once and kept with the state.
+"""Poses of all that moves in a state: computed once, stored with the state, used by the renderer.
 
-Kinematics of the arm run on one core, an image is drawn in a fraction of their time on a GPU.
+Kinematics of the arm run on one core, an image is rendered in a fraction of their time on a GPU.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from samrl_core.model.model import Model
 
 
 class SceneFrames:
-    """Frames of one model, in a fixed order: drawn links of the tool arm, bodies that the parameters move,
-    links of the tool's chain. What else is drawn stands still.
+    """Frames of one model, in a fixed order: rendered links of the tool arm, bodies that the parameters move,
+    links of the tool's chain. What else is rendered stands still.
     """
 
     def __init__(self, model: Model) -> None:
@@ -29,8 +29,8 @@ class SceneFrames:
         self._home = model.task.start_joints(model.cell)["tool_arm"]
         nominal = np.array([p.nominal for p in model.task.parameters()])
         self._bodies = tuple(model.task.body_poses(nominal))
-        drawn = {piece.frame for piece in model.mesh.pieces}
-        self._links = tuple(name for name in self._arm.link_poses_in_world(self._home) if name in drawn)
+        rendered = {piece.frame for piece in model.mesh.pieces}
+        self._links = tuple(name for name in self._arm.link_poses_in_world(self._home) if name in rendered)
         self.names: tuple[str, ...] = (*self._links, *self._bodies, *(link.name for link in scene.tool.chain))
 
     @property

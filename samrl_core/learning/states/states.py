@@ -41,7 +41,7 @@ class StateSamples:
             )
         for name in ("values", "tip_in_base", "tool_arm_position", "frames", "action"):
             if not np.isfinite(getattr(self, name)).all():
-                raise InputError(f"{name} of labelled states is not finite; draw them again")
+                raise InputError(f"{name} of labelled states is not finite; sample them again")
 
     def __len__(self) -> int:
         return len(self.values)

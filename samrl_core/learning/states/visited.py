@@ -1,7 +1,7 @@
 """What Real2Sim found in the cell, as a file: line 16 of Algorithm 1 stores it, line 17 learns from it.
 
 Each row is an estimate that an image was fitted to, and where the tool's tip was in that image. The rows of
-an episode, in order, are also what the cell was seen to do under the actions between them.
+an episode, in order, are also what the cell did under the actions between them.
 """
 
 from __future__ import annotations

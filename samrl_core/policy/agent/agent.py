@@ -44,8 +44,8 @@ class ActionChoice:
 class Agent:
     """Algorithm 1 in three verbs. A node of the cell uses one of them, `run_episode` all.
 
-    Its state: `estimate`, the tip at the last image, the residual policy, the exploration noise and the random
-    generator of strategy "random".
+    Its state: `estimate`, the tip at the last image, the residual policy, the exploration noise, and the
+    random generator of strategy "random".
     """
 
     def __init__(

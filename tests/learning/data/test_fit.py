@@ -234,7 +234,7 @@ def test_a_q_that_says_nothing_is_worth_anything_learns_by_likelihood() -> None:
 
 def test_the_rate_rises_and_falls_to_nothing() -> None:
     settings = FitSettings(learning_rate=1.0, warm_up=0.1)
-    rates = [settings.rate(k, 100) for k in range(100)]
+    rates = [settings.learning_rate_at(k, 100) for k in range(100)]
     assert rates[0] == 0.1 and max(rates) == rates[9] == 1.0 and 0 < rates[-1] < 1e-3
     assert all(b < a for a, b in zip(rates[10:], rates[11:], strict=False))
 

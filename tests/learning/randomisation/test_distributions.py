@@ -43,7 +43,7 @@ def test_draws_are_seeded_inside_and_as_dense_as_said(name: str) -> None:
     assert ((points >= SPACE.lower) & (points <= SPACE.upper)).all()
     logs = one.log_density(points)
     assert np.isfinite(logs).all()
-    # Entropy is the mean of -log density; the standard error is that of 4000 draws.
+    # Entropy is the mean of -log density; the standard error is that of 4000 samples.
     assert abs(-logs.mean() - one.entropy()) < 4.0 * logs.std() / np.sqrt(4000) + 0.02
     outside = np.array([[0.5, 0.0], [0.1, 2.5], [-0.1, 0.0]])
     assert np.isneginf(one.log_density(outside)).all()

@@ -1,4 +1,4 @@
-"""What a point stands for in the model: starts, looks and attributes; and SimOpt on a real attribute."""
+"""What a point means in the model: starts, appearances, physical parameters; SimOpt on a real one."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def model_of(name: str) -> Model:
 
 @pytest.mark.parametrize("name", sorted(TASKS))
 def test_starts_fill_the_range_that_the_task_declares(name: str) -> None:
-    """The box of the starts is what the task draws from, no more and no less."""
+    """The box of the starts is what the task samples from, no more and no less."""
     task, rng = task_named(name), np.random.default_rng(0)
     drawn = np.array([task.start_values(rng) for _ in range(400)])
     lower, upper = task.start_range
@@ -61,7 +61,7 @@ def test_which_attributes_the_tasks_have() -> None:
         "spatula_flipping": ("friction", "mass"),
     }
     peg = model_of("peg_insertion").dynamics
-    assert of_task.attributes_space(peg) is None and with_factors(peg, {}) is peg
+    assert of_task.physical_parameter_space(peg) is None and with_factors(peg, {}) is peg
     with pytest.raises(InputError, match="cannot vary friction"):
         with_factors(peg, {"friction": 2.0})
     with pytest.raises(InputError, match="above 0"):
@@ -112,7 +112,7 @@ def test_points_that_move_differently_are_run_apart() -> None:
     dynamics = model_of("spatula_flipping").dynamics
     with pytest.raises(InputError, match="run those apart"):
         of_task.dynamics_at(dynamics, space, points)
-    one = of_task.with_one_attribute(space, points)
+    one = of_task.with_one_set_of_parameters(space, points)
     np.testing.assert_array_equal(one[:, 0], points[:, 0])
     assert len(of_task.alike(space, one)) == 1
     assert len(of_task.alike(space.part([0]), points[:, :1])) == 1
@@ -149,7 +149,7 @@ def pushes() -> VisitedStates:
 
 
 def test_simopt_finds_the_friction_under_a_pushed_pancake() -> None:
-    """Three iterations of 16 draws; the factor may be anything from a half to two at first."""
+    """Three iterations of 16 samples; the factor may be anything from a half to two at first."""
     model = model_of("spatula_flipping")
     space = Space((Dimension("log/friction", "-", 0.0, -math.log(2.0), math.log(2.0)),))
     measure = Discrepancy(model.task, model.dynamics, pushes())

@@ -1,4 +1,4 @@
-"""A training's strategy: what it draws, what it learns on the way, and going on where it was."""
+"""A training's strategy: what it samples, what it learns on the way, and going on where it was."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from samrl_core.learning.randomisation.adr import AdrSettings
 from samrl_core.learning.randomisation.distributions import UniformBox
 from samrl_core.learning.randomisation.of_task import (
     AppearancesOf,
-    attributes_space,
+    physical_parameter_space,
     starts_of,
     together,
 )
@@ -84,7 +84,7 @@ def test_adr_learns_from_actors_and_goes_on_where_it_was(
 
 
 def test_simopt_learns_before_training(tmp_path: Path) -> None:
-    """From the cell's pushes; the attributes of what is drawn then are near those of the cell."""
+    """From the cell's pushes; the physical parameters of what is sampled then are near those of the cell."""
     model = model_of("spatula_flipping")
     settings = replace(SMALL, randomisation="simopt", simopt=SimOptSettings(draws=12))
     found = Randomising(model, settings, tmp_path, pushes(), silent)
@@ -128,7 +128,7 @@ def test_states_begin_where_the_distribution_says(tmp_path: Path, model: Model) 
     space = starts_of(model.task)
     narrow = UniformBox(space, np.array([0.46, 0.02]), np.array([0.462, 0.022]))
     settings = ExploreSettings(slots=2, longest=5, exact_values=1.0)
-    states = prepare_states(PEG, 40, tmp_path, 3, 1, settings, drawn=narrow)
+    states = prepare_states(PEG, 40, tmp_path, 3, 1, settings, distribution=narrow)
     assert (states.values >= narrow.lower).all() and (states.values <= narrow.upper).all()
     assert json.loads((tmp_path / MANIFEST).read_text())["settings"]["drawn"] == narrow.record()
     with pytest.raises(InputError, match="another data set"):
@@ -142,17 +142,17 @@ def test_episodes_begin_at_their_points(model: Model) -> None:
     group = EpisodeGroup((0, 1), 2, False, 0.0, True, 1, UniformBox.whole(space), points)
     ((_, one),) = run_groups(PEG, actor_of(model), [group], "cpu", 1)
     np.testing.assert_allclose(one.values, points)
-    drawn = replace(group, points=None)
-    ((_, first),) = run_groups(PEG, actor_of(model), [drawn], "cpu", 1)
-    ((_, again),) = run_groups(PEG, actor_of(model), [drawn], "cpu", 1)
+    distribution = replace(group, points=None)
+    ((_, first),) = run_groups(PEG, actor_of(model), [distribution], "cpu", 1)
+    ((_, again),) = run_groups(PEG, actor_of(model), [distribution], "cpu", 1)
     np.testing.assert_array_equal(first.values, again.values)
     assert not np.allclose(first.values, points)
 
 
 def test_a_group_moves_with_the_attributes_of_its_points() -> None:
-    """Given or drawn; a group has one set of them."""
+    """Given or sampled; a group has one set of them."""
     model = model_of("spatula_flipping")
-    attributes = attributes_space(model.dynamics)
+    attributes = physical_parameter_space(model.dynamics)
     assert attributes is not None and isinstance(model.dynamics, TaskPhysics)
     space = together(starts_of(model.task), attributes)
     assert space.names == ("start/pancake_x", "start/pancake_y", "log/friction", "log/mass")
@@ -164,9 +164,9 @@ def test_a_group_moves_with_the_attributes_of_its_points() -> None:
     own = model.dynamics.parameters
     torch.testing.assert_close(dynamics.parameters.friction, 0.5 * own.friction)
     torch.testing.assert_close(dynamics.parameters.mass, own.mass)
-    _, _, drawn = begun(model, replace(group, points=None), np.random.default_rng(0))
-    assert isinstance(drawn, TaskPhysics)
-    assert not torch.allclose(drawn.parameters.friction, own.friction)
+    _, _, distribution = begun(model, replace(group, points=None), np.random.default_rng(0))
+    assert isinstance(distribution, TaskPhysics)
+    assert not torch.allclose(distribution.parameters.friction, own.friction)
     with pytest.raises(InputError, match="run those apart"):
         differing = points + np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.1, 0.0]])
         begun(model, replace(group, points=differing), np.random.default_rng(0))

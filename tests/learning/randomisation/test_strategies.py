@@ -65,7 +65,7 @@ def test_adr_shrinks_to_where_it_began_where_nothing_succeeds() -> None:
 def test_adr_finds_where_an_actor_still_succeeds() -> None:
     """It succeeds below x = 0.25 whatever y is: the boundary of x stays within a step of that.
 
-    Where x is drawn from a little beyond, some episodes at y's boundaries fail for x: y lags, but grows.
+    Where x is sampled from a little beyond, some episodes at y's boundaries fail for x: y lags, but grows.
     """
     found = rounds(Adr.begin(SPACE, ADR), lambda points: (points[:, 0] <= 0.25).astype(float), 30)
     box = found[-1].distribution
@@ -127,19 +127,19 @@ def test_simopt_recovers_a_known_parameter_in_three_iterations(seed: int) -> Non
 @pytest.mark.parametrize("bound", [0.05, 0.3, 2.0])
 @pytest.mark.parametrize("draws", [4, 20])
 def test_no_step_of_simopt_goes_beyond_its_bound(bound: float, draws: int) -> None:
-    """With few draws too, where the fit by itself would be degenerate."""
+    """With few samples too, where the fit by itself would be degenerate."""
     settings = SimOptSettings(iterations=5, bound=bound, draws=draws)
     for one in rounds(SimOpt.begin(SPACE, settings=settings), quadratic, 5, 1)[1:]:
         assert one.steps[-1] <= bound + 1e-9
 
 
 def test_simopt_leaves_alone_what_no_discrepancy_speaks_of() -> None:
-    rest = Space((Dimension("look/x", "-", 0.0, -1.0, 1.0),))
+    others = Space((Dimension("look/x", "-", 0.0, -1.0, 1.0),))
 
     def cost(points: np.ndarray) -> np.ndarray:
         return quadratic(points[:, 1:])
 
-    last = rounds(SimOpt.begin(SPACE, rest, SimOptSettings(draws=128)), cost, 3)[-1]
+    last = rounds(SimOpt.begin(SPACE, others, SimOptSettings(draws=128)), cost, 3)[-1]
     assert last.distribution.space.names == ("look/x", "a/x", "b/y")
     assert (np.abs(last.fitted.median - TRUE) / (SPACE.upper - SPACE.lower) < 0.06).all()
     looks = last.distribution.sample(np.random.default_rng(0), 2000)[:, 0]

@@ -78,7 +78,7 @@ class Discrepancy:
         """
         if not space.columns(LOG):
             raise InputError(
-                f"nothing of {space.names} moves the model; a discrepancy needs physical attributes"
+                f"nothing of {space.names} moves the model; a discrepancy needs physical parameters"
             )
         found = np.empty(len(points))
         for rows in alike(space, points):

@@ -148,8 +148,8 @@ def test_other_samples_and_other_networks_are_refused(tmp_path: Path, whole: Pat
     for changed, said, message in (
         ({"adam.0.exp_avg": torch.zeros(3)}, {}, "optimiser's state"),
         ({"adam.x.step": torch.zeros(())}, {}, "no state of an optimiser"),
-        ({}, {"step": "x"}, "says too little of itself"),
-        ({}, {"identity": 3}, "says too little of itself"),
+        ({}, {"step": "x"}, "has an incomplete description"),
+        ({}, {"identity": 3}, "has an incomplete description"),
     ):
         save_checkpoint(tmp_path / CHECKPOINT, "regression", {**tensors, **changed}, {**about, **said})
         with pytest.raises(InputError, match=message):

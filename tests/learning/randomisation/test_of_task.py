@@ -170,7 +170,7 @@ def test_what_no_discrepancy_can_be_had_of_is_refused() -> None:
     with pytest.raises(InputError, match="no action between"):
         Discrepancy(model.task, model.dynamics, recorded.rows(recorded.step == 0))
     measure = Discrepancy(model.task, model.dynamics, recorded)
-    with pytest.raises(InputError, match="physical attributes"):
+    with pytest.raises(InputError, match="physical parameters"):
         measure.at(of_task.starts_of(model.task), np.zeros((1, 2)))
     with pytest.raises(InputError, match="not both 0"):
         DiscrepancySettings(0.0, 0.0)

@@ -111,7 +111,7 @@ def test_real2sim_draws_as_ever_until_something_was_found(model: Model, tmp_path
 
 def test_what_cannot_be_randomised_so_is_refused(model: Model, tmp_path: Path) -> None:
     for settings, seen, words in (
-        (replace(SMALL, randomisation="simopt"), visited(), "no physical attribute"),
+        (replace(SMALL, randomisation="simopt"), visited(), "no physical parameter"),
         (replace(SMALL, randomisation="uniform"), visited(), "leave the visited ones out"),
         (replace(SMALL, randomisation="adr", rounds=0), None, "between rounds"),
     ):

@@ -38,7 +38,7 @@ class Model:
 
     Bodies move with the task's parameters, and so do the links of the chain that hangs from the tool's
     tip: together they are the target. Tip, tool and tool arm, which may hide the target, stand where the
-    measured joints say. The camera arm is not drawn: its camera looks away from it.
+    measured joints say. The camera arm is not rendered: its camera looks away from it.
     """
 
     def __init__(self, task: Task, cell: CellSpec, settings: ModelSettings | None = None) -> None:
@@ -86,7 +86,7 @@ class Model:
 
     @property
     def mesh(self) -> SceneMesh:
-        """All that is drawn, piece by piece, and the frames that carry the pieces."""
+        """All that is rendered, piece by piece, and the frames that carry the pieces."""
         return self._mesh
 
     @property
@@ -112,7 +112,7 @@ class Model:
 
     @property
     def n_triangles(self) -> int:
-        """Triangles drawn per image."""
+        """Triangles rendered per image."""
         return len(self._mesh.topology.faces)
 
     def initial_colors(self) -> np.ndarray:
@@ -143,16 +143,16 @@ class Model:
             tool_arm_position: joint positions (J,) [rad].
         """
         values = np.asarray(values, dtype=np.float64)
-        bodies, slopes = self._motion.rows(values), list(self._motion.slopes(values).values())
+        bodies, jacobians = self._motion.rows(values), list(self._motion.jacobians(values).values())
         rows = list(bodies.values())
-        places = [p.vertices for name in bodies for p in self._mesh.pieces if p.frame == name]
+        points = [p.vertices for name in bodies for p in self._mesh.pieces if p.frame == name]
         if self._links is not None:
             tip = self._occluders(tool_arm_position).tip
             rows += list(self._links.rows(values, tip))
-            slopes += list(self._links.slopes(values, tip))
-            places += [np.outer(ALONG * link.length, [0.0, 0.0, 1.0]) for link in self._scene.tool.chain]
-        which = np.repeat(np.arange(len(places)), [len(p) for p in places])
-        return TargetFrames(np.array(rows), np.array(slopes), np.concatenate(places), which)
+            jacobians += list(self._links.jacobians(values, tip))
+            points += [np.outer(ALONG * link.length, [0.0, 0.0, 1.0]) for link in self._scene.tool.chain]
+        which = np.repeat(np.arange(len(points)), [len(p) for p in points])
+        return TargetFrames(np.array(rows), np.array(jacobians), np.concatenate(points), which)
 
     def chain_reach(self, tool_arm_position: np.ndarray) -> Reach | None:
         """Where the chain can be with the tool arm at a joint position (J,) [rad]; None for a rigid tool."""
@@ -180,7 +180,7 @@ class Model:
         Raises:
             InputError: wrong shapes, non-finite values, or a camera with other intrinsics than the cell's.
         """
-        return self._drawn(values, colors, camera, tool_arm_position, False)[0]
+        return self._render(values, colors, camera, tool_arm_position, False)[0]
 
     def render_target(
         self, values: torch.Tensor, colors: torch.Tensor, camera: Camera, tool_arm_position: np.ndarray
@@ -188,11 +188,11 @@ class Model:
         """Of the same image the part that shows what the parameters move, and which part that is.
 
         Arguments and errors as of `render`; of (B, P) values all images have one window. Outside of it the
-        target is not seen. A fit that asks for hundreds of images needs no more.
+        target is not visible. A fit that asks for hundreds of images needs no more.
         """
-        return self._drawn(values, colors, camera, tool_arm_position, True)
+        return self._render(values, colors, camera, tool_arm_position, True)
 
-    def _drawn(
+    def _render(
         self,
         values: torch.Tensor,
         colors: torch.Tensor,
@@ -239,20 +239,20 @@ class Model:
         return self.dynamics.forward(state, action)
 
     def _vertices(self, values: torch.Tensor, tool_arm_position: np.ndarray) -> torch.Tensor:
-        """World vertices (V, 3) [m], pieces in drawing order."""
+        """World vertices (V, 3) [m], pieces in rendering order."""
         poses = self._motion(values)
         occluders = self._occluders(tool_arm_position)
-        placed = dict(occluders.vertices)
+        posed = dict(occluders.vertices)
         for k, piece in enumerate(self._mesh.pieces):
             if piece.frame == CHAIN and self._mesh.skin is not None and self._links is not None:
-                placed[k] = self._mesh.skin.posed(self._links(values, occluders.tip))
+                posed[k] = self._mesh.skin.posed(self._links(values, occluders.tip))
             elif piece.frame in poses:
                 pose = poses[piece.frame]
-                placed[k] = piece.tensor @ pose.rotation.T + pose.position
-        return torch.cat([placed[k] for k in range(len(self._mesh.pieces))])
+                posed[k] = piece.tensor @ pose.rotation.T + pose.position
+        return torch.cat([posed[k] for k in range(len(self._mesh.pieces))])
 
     def _occluders(self, tool_arm_position: np.ndarray) -> _Occluders:
-        """What the parameters do not move, posed by the joints; kept, as a fit asks for it many times."""
+        """What the parameters do not move, posed by the joints; cached, as a fit asks for it many times."""
         joints = np.asarray(tool_arm_position, dtype=np.float64)
         if self._posed is not None and np.array_equal(self._posed.joints, joints):
             return self._posed

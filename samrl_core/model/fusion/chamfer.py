@@ -48,9 +48,9 @@ class Surface:
         k = min(_CANDIDATES, len(self._triangles))
         near = self._centers.query(points, k=k)[1].reshape(len(points), k)
         # In millimetres: trimesh compares products of four lengths with a fixed 1e-13.
-        triangles, place = 1e3 * self._triangles[near.reshape(-1)], 1e3 * np.repeat(points, k, axis=0)
-        closest = trimesh.triangles.closest_point(triangles, place)
-        return 1e-3 * np.linalg.norm(closest - place, axis=1).reshape(len(points), k).min(axis=1)
+        triangles, position = 1e3 * self._triangles[near.reshape(-1)], 1e3 * np.repeat(points, k, axis=0)
+        closest = trimesh.triangles.closest_point(triangles, position)
+        return 1e-3 * np.linalg.norm(closest - position, axis=1).reshape(len(points), k).min(axis=1)
 
 
 def surface_samples(
@@ -65,9 +65,9 @@ def surface_samples(
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     if not area.sum() > 0:
         raise InputError(f"{len(faces)} faces have no area; nothing can be sampled")
-    # Strata of equal area instead of independent draws: the same evenness with far fewer points.
-    place = (np.arange(count) + rng.random(count)) / count * area.sum()
-    face = np.minimum(np.searchsorted(np.cumsum(area), place), len(faces) - 1)
+    # Strata of equal area instead of independent samples: the same evenness with far fewer points.
+    position = (np.arange(count) + rng.random(count)) / count * area.sum()
+    face = np.minimum(np.searchsorted(np.cumsum(area), position), len(faces) - 1)
     r, s = np.sqrt(rng.random(count)), rng.random(count)
     weights = np.stack([1 - r, r * (1 - s), r * s], axis=1)  # Osada et al. 2002, eq. 1
     return np.einsum("nk,nkc->nc", weights, vertices[faces[face]]), face

@@ -53,7 +53,7 @@ class FusedMesh:
 
     vertices: np.ndarray  # (V, 3) in world [m]
     faces: np.ndarray  # (F, 3) int32
-    color: np.ndarray  # (V, 3) linear RGB 0..1; where nothing was seen, that of the nearest seen vertex
+    color: np.ndarray  # (V, 3) linear RGB 0..1; of an unobserved vertex, that of the nearest observed one
     seen: np.ndarray  # (V,) bool; elsewhere the surface is a guess that closes it
     dropped_faces: int  # of specks apart from the largest surface
 
@@ -108,7 +108,7 @@ def _agreed_points(views: Sequence[MaskedView]) -> np.ndarray:
 
     A mask that is a pixel too large catches the far background, which would blow up the grid.
     """
-    kept, total = [], 0
+    chosen, total = [], 0
     inside = [view.inside_px().reshape(-1) for view in views]
     whole = [not _touches_border(view.mask) for view in views]
     for view in views:
@@ -126,8 +126,8 @@ def _agreed_points(views: Sequence[MaskedView]) -> np.ndarray:
             hidden = other.depth[v.astype(np.int64), u.astype(np.int64)] < z - 0.01
             elsewhere = framed & ~hidden & ((distance[pixels] * share).sum(axis=0) < -_OUTLINE_ERROR)
             against += elsewhere | ~framed if all_of_it else elsewhere
-        kept.append(points[against <= _DISSENT * (len(views) - 1)])
-    points = np.concatenate(kept)
+        chosen.append(points[against <= _DISSENT * (len(views) - 1)])
+    points = np.concatenate(chosen)
     if len(points) < max(8, 0.5 * total):
         raise InputError(
             f"only {len(points)} of {total} measured points of the thing lie in the other views' masks, at "
@@ -153,26 +153,26 @@ def _surface(volume: Volume) -> FusedMesh:
     least = _CLEAR * np.abs(volume.distance).max()
     padded = np.where(np.abs(padded) < least, np.copysign(least, padded), padded)
     found, faces, _, _ = marching_cubes(padded, 0.0, gradient_direction="descent")
-    place = found - 1.0  # in voxels
-    faces, dropped = _largest(faces, len(place))
+    position = found - 1.0  # in voxels
+    faces, dropped = _largest(faces, len(position))
     used, faces = np.unique(faces, return_inverse=True)
-    place, faces = place[used], faces.reshape(-1, 3).astype(np.int32)
-    weight = _sampled(volume.color_weight, place)
+    position, faces = position[used], faces.reshape(-1, 3).astype(np.int32)
+    weight = _sampled(volume.color_weight, position)
     seen = weight > 0
     if not seen.any():
         raise InputError(
             "no part of the surface was seen with depth and colour; the views contradict each other"
         )
-    color = np.stack([_sampled(volume.color[..., k], place) for k in range(3)], axis=1)
+    color = np.stack([_sampled(volume.color[..., k], position) for k in range(3)], axis=1)
     color[seen] /= weight[seen, None]
-    vertices = np.asarray(grid.origin) + grid.spacing * place
+    vertices = np.asarray(grid.origin) + grid.spacing * position
     if not seen.all():
         color[~seen] = color[seen][KDTree(vertices[seen]).query(vertices[~seen])[1]]
     return FusedMesh(vertices, faces, color, seen, dropped)
 
 
-def _sampled(values: np.ndarray, place: np.ndarray) -> np.ndarray:
-    return map_coordinates(values, place.T, order=1, mode="nearest")
+def _sampled(values: np.ndarray, position: np.ndarray) -> np.ndarray:
+    return map_coordinates(values, position.T, order=1, mode="nearest")
 
 
 def _largest(faces: np.ndarray, count: int) -> tuple[np.ndarray, int]:
@@ -180,5 +180,5 @@ def _largest(faces: np.ndarray, count: int) -> tuple[np.ndarray, int]:
     i, j = np.concatenate([faces[:, :2], faces[:, 1:]]).T
     graph = coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(count, count))
     of = connected_components(graph, directed=False)[1][faces[:, 0]]
-    kept = of == np.bincount(of).argmax()
-    return faces[kept], int((~kept).sum())
+    chosen = of == np.bincount(of).argmax()
+    return faces[chosen], int((~chosen).sum())

@@ -24,7 +24,7 @@ class MaskedView:
 
     color: np.ndarray  # (H, W, 3) linear RGB 0..1
     depth: np.ndarray  # (H, W) along the optical axis [m], NaN where unmeasured
-    mask: np.ndarray  # (H, W) bool, where the thing is seen
+    mask: np.ndarray  # (H, W) bool, where the body is visible
     camera: Camera
 
     def __post_init__(self) -> None:
@@ -65,8 +65,8 @@ class MaskedView:
 
     def points(self) -> np.ndarray:
         """Measured points (N, 3) of the thing, in world [m]."""
-        seen = self.mask & np.isfinite(self.depth)
-        return self.camera.unproject(self.depth)[seen]
+        observed = self.mask & np.isfinite(self.depth)
+        return self.camera.unproject(self.depth)[observed]
 
     def inside_px(self) -> np.ndarray:
         """Distance of each pixel's centre (H, W) to the mask's outline [px], negative outside the mask."""
@@ -81,7 +81,7 @@ class MaskedView:
 def checked_views(views: Sequence[MaskedView]) -> None:
     """Raises InputError when there is no view at all."""
     if len(views) == 0:
-        raise InputError("no views to fuse; give one at least, and all sides of the thing should be seen")
+        raise InputError("no views to fuse; give one at least, and all sides of the body should be visible")
 
 
 def corner_weights(u: np.ndarray, v: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

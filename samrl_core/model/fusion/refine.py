@@ -18,7 +18,7 @@ from samrl_core.model.real2sim.target_cloud import eroded, target_cloud
 from samrl_core.model.rendering.renderer import Rendered, Renderer
 from samrl_core.model.rendering.topology import Topology
 
-_KEEP_SLOPE, _KEEP_SQUARE = 0.9, 0.95  # of the running means, per iteration
+_KEEP_GRADIENT, _KEEP_SQUARE = 0.9, 0.95  # of the running means, per iteration
 # Of a cloud. A thin thing loses most of its pixels with the outline's, and what is left by chance in one
 # image and not in the other would pull along the thing: then eq. 5 is left out for this view.
 _FEWEST_POINTS = 64
@@ -155,7 +155,12 @@ class _Descent:
         self._start, self._std, self._field = start, std, field
         self._u = torch.zeros_like(start, requires_grad=True)
         self._step = 6.0 * std / iterations  # falling to 0, the steps add up to three deviations
-        self._slope, self._square, self._count, self._last = torch.zeros_like(start), 0.0, 0, iterations
+        self._gradient_mean, self._square, self._count, self._last = (
+            torch.zeros_like(start),
+            0.0,
+            0,
+            iterations,
+        )
 
     def value(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Where it is (V, 3), and the mean squared way to there in deviations, both with their graphs."""
@@ -165,18 +170,18 @@ class _Descent:
         return self._start + way, (way**2).sum(dim=1).mean() / self._std**2
 
     def step(self, total: torch.Tensor) -> None:
-        """One step against the slope of the loss."""
+        """One step against the gradient of the loss."""
         if self._std == 0.0:
             return
-        slope = torch.autograd.grad(total, self._u, retain_graph=True)[0]
+        gradient = torch.autograd.grad(total, self._u, retain_graph=True)[0]
         # Slopes of absolute differences do not vanish at their minimum: the steps must.
         share = 1.0 - self._count / self._last
         self._count += 1
-        self._slope = _KEEP_SLOPE * self._slope + (1.0 - _KEEP_SLOPE) * slope
-        square = float((slope**2).sum(dim=1).mean())
+        self._gradient_mean = _KEEP_GRADIENT * self._gradient_mean + (1.0 - _KEEP_GRADIENT) * gradient
+        square = float((gradient**2).sum(dim=1).mean())
         self._square = _KEEP_SQUARE * self._square + (1.0 - _KEEP_SQUARE) * square
         if self._square > 0.0:
-            mean = self._slope / (1.0 - _KEEP_SLOPE**self._count)
+            mean = self._gradient_mean / (1.0 - _KEEP_GRADIENT**self._count)
             way = mean / math.sqrt(self._square / (1.0 - _KEEP_SQUARE**self._count))
             way = way / torch.linalg.vector_norm(way, dim=1, keepdim=True).clamp(min=1.0)
             self._u = (self._u.detach() - share * self._step * way).requires_grad_()
@@ -191,7 +196,7 @@ def refine(
     """Moves vertices and colours against the gradient of the views' loss.
 
     Args:
-        mesh: where to start; what was not seen moves with its neighbours.
+        mesh: where to start; what no view saw moves with its neighbours.
         views: masked images with their cameras' poses, of one lens. Nothing but the thing is rendered, so
             other things must not hide it.
         settings: None for the defaults.

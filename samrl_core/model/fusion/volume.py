@@ -2,12 +2,12 @@
 
 Three kinds of evidence of a voxel, each a distance within the truncation and a weight:
 
-* the thing is seen there, with depth: depth less the voxel's own. Behind the surface the weight falls
+* the body is visible there, with depth: depth less the voxel's own. Behind the surface the weight falls
   linearly, because a thin part's other side lies there (Bylow et al., RSS 2013);
-* something else is seen there, and not in front of the voxel: the voxel is free by at least its distance
+* something else is visible there, and not in front of the voxel: the voxel is free by at least its distance
   from the outline of the mask, which lets thin parts that the depth camera loses keep their outline;
-* nothing that says anything: a voxel that is behind the surface or without depth in some view and free in
-  none is taken as solid, so that the surface is closed where no camera looks. So is a hollow that free
+* no measurement: a voxel that is behind the surface or without depth in some view and free in
+  none is taken as solid, so that the surface is closed where no camera can see. So is a hollow that free
   voxels do not join to the outside: no camera can have looked into it.
 """
 
@@ -51,13 +51,13 @@ class Volume:
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
-    """What one view says of N voxels."""
+    """Measurement of N voxels from one view."""
 
-    distance: np.ndarray  # (N,) [m], 0 where nothing is said
+    distance: np.ndarray  # (N,) [m], 0 where nothing is measured
     weight: np.ndarray  # (N,)
     color: np.ndarray  # (N, 3)
     color_weight: np.ndarray  # (N,)
-    hidden: np.ndarray  # (N,) bool, the thing is seen, but nothing is said of the voxel
+    hidden: np.ndarray  # (N,) bool, the body is visible, but the voxel is not measured
 
 
 class _ViewEvidence:
@@ -85,21 +85,21 @@ class _ViewEvidence:
         inside = (self._inside[pixels] * share).sum(axis=0)  # [px]
         own = framed & (inside > 0)
         along = self._depth(pixels, share, nearest) - z
-        seen = own & (along > -self._truncation)  # False where depth is NaN
+        observed = own & (along > -self._truncation)  # False where depth is NaN
         # A pixel of something else, or of nothing, frees the voxel unless that something is in front of it.
         free = framed & ~own & ~(self._other[nearest] < z - self._truncation)
-        distance = np.where(seen, along, -inside * z * self._pixel)
+        distance = np.where(observed, along, -inside * z * self._pixel)
         distance = np.clip(distance, -self._truncation, self._truncation)
         # Depth from disparity errs with the square of the distance.
-        weight = (seen | free) / z**4
-        weight = weight * np.where(seen & (along < 0), 1.0 + along / self._truncation, 1.0)
-        near = seen & (along < self._truncation)
+        weight = (observed | free) / z**4
+        weight = weight * np.where(observed & (along < 0), 1.0 + along / self._truncation, 1.0)
+        near = observed & (along < self._truncation)
         return _Evidence(
             np.where(weight > 0, distance, 0.0),
             weight,
             np.einsum("knc,kn->nc", self._color[pixels], share),
             np.where(near, weight * np.clip(inside / _COLOR_INSET, 0.0, 1.0), 0.0),
-            own & ~seen,
+            own & ~observed,
         )
 
     def _depth(self, pixels: np.ndarray, share: np.ndarray, nearest: np.ndarray) -> np.ndarray:
@@ -120,7 +120,7 @@ def integrate(views: Sequence[MaskedView], grid: Grid, truncation: float, floor_
     Args:
         views: of one thing that does not move.
         grid: where.
-        truncation: farther from the surface a distance says no more than its sign [m].
+        truncation: farther from the surface only the sign of a distance counts [m].
         floor_height: the thing stands on this plane and does not reach below it, in world [m]; -inf for none.
     """
     count = int(np.prod(grid.shape))

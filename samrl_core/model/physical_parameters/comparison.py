@@ -10,7 +10,8 @@ from samrl_core.model.physical_parameters.push_scene import LATENCY, PushScene
 class PushComparison:
     """Rows of one push, in units of their noise: M1 of the tip, then M2 of the sightings.
 
-    The readings are those of the moment `latency` after the drive's: to first order place + latency x speed.
+    The readings are those of the moment `latency` after the drive's: to first order position + latency x
+    speed.
 
     Args:
         scene: of the push.
@@ -21,13 +22,13 @@ class PushComparison:
 
     def __init__(self, scene: PushScene, tip_noise: float, seen_noise: float, tip_period_s: float) -> None:
         push = scene.push
-        # Only while the force acts: after that the arm is held, and its place says nothing of the disc.
+        # Only while the force acts: after that the arm is held, and its position does not depend on the disc.
         every = max(1, round(tip_period_s / push.period_s))
         tip = np.arange(every, push.push_steps, every)
         self._step = np.concatenate([tip, push.seen_step]) * scene.substeps
-        # States begin with the blade's place and the disc's, velocities too.
-        self._place = np.repeat([0, 1], [len(tip), len(push.seen)])
-        self._speed = self._place + scene.coordinates
+        # States begin with the blade's position and the disc's, velocities too.
+        self._coordinate = np.repeat([0, 1], [len(tip), len(push.seen)])
+        self._speed = self._coordinate + scene.coordinates
         self._noise = np.repeat([tip_noise, seen_noise], [len(tip), len(push.seen)])
         self._measured = np.concatenate([push.tip[tip], push.seen])
 
@@ -35,7 +36,7 @@ class PushComparison:
         """Model (T + 1, Q + D) less measurement (M,)."""
         return (self._read(states, latency) - self._measured) / self._noise
 
-    def slopes(self, states: np.ndarray, change: np.ndarray, latency: float) -> np.ndarray:
+    def jacobian(self, states: np.ndarray, change: np.ndarray, latency: float) -> np.ndarray:
         """Of the residual (M, P), from those of the states (T + 1, Q + D, P), which know of no latency."""
         rows = self.response(change, latency)
         rows[:, LATENCY] += states[self._step, self._speed] / self._noise
@@ -46,4 +47,4 @@ class PushComparison:
         return self._read(change, latency) / self._noise.reshape(-1, *[1] * (change.ndim - 2))
 
     def _read(self, values: np.ndarray, latency: float) -> np.ndarray:
-        return values[self._step, self._place] + latency * values[self._step, self._speed]
+        return values[self._step, self._coordinate] + latency * values[self._step, self._speed]

@@ -114,10 +114,10 @@ def wandering(
         for friction, force in product(settings.friction, settings.force):
             whole = np.eye(len(residual)) + friction**2 * of_friction + force**2 * of_force
             root = np.linalg.cholesky(whole)
-            r, slopes = np.linalg.solve(root, residual), np.linalg.solve(root, jacobian)
-            information = slopes.T @ slopes + precision
+            r, whitened_jacobian = np.linalg.solve(root, residual), np.linalg.solve(root, jacobian)
+            information = whitened_jacobian.T @ whitened_jacobian + precision
             covariance = np.linalg.inv(information)
-            pull = back - slopes.T @ r
+            pull = back - whitened_jacobian.T @ r
             evidence = 0.5 * (pull @ covariance @ pull - r @ r - np.linalg.slogdet(information)[1])
             weights.append(evidence - np.log(np.diag(root)).sum())
             means.append(parameters + covariance @ pull)

@@ -82,8 +82,8 @@ def combinations_of(covariance: np.ndarray, names: Sequence[str]) -> tuple[Combi
 
     Exponents (0.7, 0.7) mean that the product is known, (0.7, -0.7) the ratio, (1, 0) the mass itself.
     """
-    places = [list(names).index(name) for name in PAIR]
-    variances, axes = np.linalg.eigh(covariance[np.ix_(places, places)])
+    columns = [list(names).index(name) for name in PAIR]
+    variances, axes = np.linalg.eigh(covariance[np.ix_(columns, columns)])
     best, worst = (_combination(axis, v) for v, axis in zip(variances, axes.T, strict=True))
     return best, worst
 

@@ -1,7 +1,7 @@
 """Mass and friction of a pushed disc from whole trajectories (paper eqs. 9-11), with intervals.
 
 Eq. 10 compares one final pose and eq. 11 follows its gradient. Here every sighting of the disc and every
-reading of the arm counts by its noise, and the step is Gauss-Newton's with damping, on the slopes of the
+reading of the arm counts by its noise, and the step is Gauss-Newton's with damping, on the gradients of the
 physics model. What the model gets wrong is estimated from what the fit leaves over (`discrepancy`), and what
 the data leave open is filled by priors, and named as such.
 """
@@ -71,7 +71,7 @@ class IdentifySettings:
     wander: WanderSettings = field(default_factory=WanderSettings)
     contact: PushContactSettings = field(default_factory=PushContactSettings)
     # A step of 0.3 standard deviations may be left: the step to what the wandering makes of it takes it too.
-    solver: LeastSquaresSettings = field(default_factory=lambda: LeastSquaresSettings(small_gain=0.1))
+    solver: LeastSquaresSettings = field(default_factory=lambda: LeastSquaresSettings(least_decrease=0.1))
 
     def __post_init__(self) -> None:
         if not (self.seen_noise > 0 and self.tip_noise > 0 and self.tip_period_s > 0):
@@ -83,7 +83,7 @@ class IdentifySettings:
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What the pushes say."""
+    """Result of `identify`."""
 
     parameters: tuple[PhysicalParameter, ...]  # in the order of `push_scene.NAMES`
     combinations: tuple[Combination, ...]  # of mass and table friction, the best determined first
@@ -146,13 +146,13 @@ def identify(
         ]
         return np.concatenate([*parts, (theta - median) / spread])
 
-    def slopes(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def residual_and_jacobian(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         parts, blocks = [], []
         newest[:] = [sensitivity(scene, _own(theta, i)) for i, scene in enumerate(scenes)]
         for i, (found, rows) in enumerate(zip(newest, compared, strict=True)):
-            states, change = found.states.numpy(), found.slopes.numpy()
+            states, change = found.states.numpy(), found.residual_and_jacobian.numpy()
             parts.append(rows.residual(states, theta[LATENCY]))
-            here = rows.slopes(states, change, theta[LATENCY])  # (M, START + 1)
+            here = rows.residual_and_jacobian(states, change, theta[LATENCY])  # (M, START + 1)
             block = np.zeros((len(here), theta.size))
             block[:, :START], block[:, START + i] = here[:, :START], here[:, START]
             blocks.append(block)
@@ -162,7 +162,7 @@ def identify(
     begin = median.copy()
     if before is not None:
         begin[: before.wander.parameters.size] = before.wander.parameters
-    found = least_squares(residual, slopes, begin, s.solver)
+    found = least_squares(residual, residual_and_jacobian, begin, s.solver)
     path = np.exp(found.path[:, MASS])
     if found.why_stopped == "diverged":
         return _unknown(found.parameters, spread, path, np.inf, "diverged")
@@ -171,8 +171,8 @@ def identify(
     misfit = float(found.residual @ found.residual) / max(1, data)
     latency = float(found.parameters[LATENCY])
     of_pushes = [
-        responses(scene, slope, rows, latency, s.wander.bin_s)
-        for scene, slope, rows in zip(scenes, newest, compared, strict=True)
+        responses(scene, sensitivity_of_push, rows, latency, s.wander.bin_s)
+        for scene, sensitivity_of_push, rows in zip(scenes, newest, compared, strict=True)
     ]
     wander = wandering(
         found.residual[:data], found.jacobian[:data], found.parameters, median, spread, of_pushes, s.wander

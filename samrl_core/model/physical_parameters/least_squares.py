@@ -12,7 +12,9 @@ import scipy.optimize
 from samrl_core.common.errors import InputError, SolveError
 
 Residual = Callable[[np.ndarray], np.ndarray]  # parameters (P,) -> whitened residual (M,)
-Slopes = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # -> the same, and its Jacobian (M, P)
+ResidualAndJacobian = Callable[
+    [np.ndarray], tuple[np.ndarray, np.ndarray]
+]  # -> the same, and its Jacobian (M, P)
 
 
 @dataclass(frozen=True)
@@ -20,8 +22,9 @@ class LeastSquaresSettings:
     """When to stop."""
 
     max_iterations: int = 30
-    # Converged when the squared residual would fall by no more: a step of a tenth of a standard deviation.
-    small_gain: float = 0.01
+    # Converged when the squared residual would decrease by no more: a step of a tenth of a standard
+    # deviation.
+    least_decrease: float = 0.01
     small_step: float = 1e-6  # no descent: the trust region is below this share of the parameters' norm
 
 
@@ -41,17 +44,20 @@ class _Stopped(Exception):
 
 
 def least_squares(
-    residual: Residual, slopes: Slopes, start: np.ndarray, settings: LeastSquaresSettings | None = None
+    residual: Residual,
+    residual_and_jacobian: ResidualAndJacobian,
+    start: np.ndarray,
+    settings: LeastSquaresSettings | None = None,
 ) -> LeastSquaresResult:
     """Minimise the squared residual by SciPy's trust region method, scaled by the Jacobian's columns.
 
     A trial point where the model cannot be solved, or gives no number, counts as worse. When that is so at
     the start itself, the answer is "diverged" with an empty residual: there is nothing to improve on. So is
-    it where the squares of residual or slopes are no numbers.
+    it where the squares of residual or Jacobian are not finite.
 
     Args:
         residual: whitened, priors included as rows, so that J^T J is the information.
-        slopes: residual and Jacobian.
+        residual_and_jacobian: both, at parameters (P,).
         start: parameters (P,).
         settings: when to stop.
 
@@ -63,7 +69,7 @@ def least_squares(
     if x.ndim != 1 or not np.isfinite(x).all():
         raise InputError(f"start {start} must be a vector of finite numbers")
     try:
-        r, jacobian = slopes(x)
+        r, jacobian = residual_and_jacobian(x)
     except SolveError:
         return _nothing(x)
     if not _usable(r, jacobian):
@@ -85,11 +91,11 @@ def least_squares(
         nonlocal here
         if not np.array_equal(x, path[-1]):
             path.append(x.copy())
-            here = slopes(x)
+            here = residual_and_jacobian(x)
         if not _usable(*here):
             raise _Stopped("diverged")
         gradient = here[1].T @ here[0]
-        if gradient @ np.linalg.pinv(here[1].T @ here[1], hermitian=True) @ gradient <= s.small_gain:
+        if gradient @ np.linalg.pinv(here[1].T @ here[1], hermitian=True) @ gradient <= s.least_decrease:
             raise _Stopped("converged")
         if len(path) > s.max_iterations:
             raise _Stopped("iteration_limit")

@@ -31,8 +31,8 @@ class Disc:
 
 @dataclass(frozen=True, eq=False)
 class PushRecord:
-    """One push along a line, T control periods of the arm and N sightings of the disc; places are along the
-    line, in one frame. The arm is at rest at the first sample.
+    """One push along a line, T control periods of the arm and N observations of the disc; positions are along
+    the line, in one frame. The arm is at rest at the first sample.
 
     `free_acceleration` and `effective_mass` come from the commanded torque and the measured joints by the
     arm's nominal dynamics (`robots.tip_dynamics`), never from a simulator.
@@ -43,11 +43,11 @@ class PushRecord:
 
     period_s: float  # of the arm's samples [s]
     push_steps: int  # the force acts in the first so many periods, then the arm brakes
-    tip: np.ndarray  # (T,) measured place of the tool's tip [m]
+    tip: np.ndarray  # (T,) measured position of the tool's tip [m]
     free_acceleration: np.ndarray  # (T,) of the tip, had it touched nothing in that period [m/s2]
     effective_mass: np.ndarray  # (T,) of the arm at its tip along the line [kg]
-    seen_step: np.ndarray  # (N,) int, period at whose start the disc was seen
-    seen: np.ndarray  # (N,) place of the disc's centre [m]
+    seen_step: np.ndarray  # (N,) int, period at whose start the disc was observed
+    seen: np.ndarray  # (N,) observed position of the disc's centre [m]
 
     def __post_init__(self) -> None:
         steps, sightings = np.shape(self.tip), np.shape(self.seen)

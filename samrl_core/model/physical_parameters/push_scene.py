@@ -83,7 +83,7 @@ class PushScene:
 
     @property
     def coordinates(self) -> int:
-        """Of a state: so many places, then velocities."""
+        """Positions in a state; as many velocities follow."""
         return len(self.model.layout.start_q)
 
     @property
@@ -104,9 +104,9 @@ class PushScene:
         q = torch.zeros_like(state.q)
         q[:, 0] = float(self.push.tip[0])
         q[:, 3], q[:, 7] = self._start_z, 1.0
-        place = torch.zeros_like(q)
-        place[:, 1] = 1.0
-        return PhysicsState(q + place * theta[:, START, None], state.v)
+        direction = torch.zeros_like(q)
+        direction[:, 1] = 1.0
+        return PhysicsState(q + direction * theta[:, START, None], state.v)
 
     def action(self, theta: torch.Tensor, step: torch.Tensor) -> PhysicsAction:
         """Force on the blade in the model's steps `step` (B,), one per row of theta."""

@@ -1,8 +1,8 @@
 """How a whole trajectory changes with the parameters, from the physics model's own gradients.
 
-One backward pass gives the slope of one number; a trajectory has hundreds. But the steps are independent once
-their starts are known: all of them, once per output, are one batch of single steps, whose one backward pass
-gives every step's slopes. Chained from the start they are the trajectory's.
+One backward pass gives the gradient of one number; a trajectory has hundreds. But the steps are independent
+once their starts are known: all of them, once per output, are one batch of single steps, whose one backward
+pass gives every step's Jacobian. Chained from the start they are the trajectory's.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from samrl_core.model.physics.state import PhysicsState
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """A trajectory of T steps with states of S numbers, and its slopes."""
+    """A trajectory of T steps with states of S numbers, and its Jacobian."""
 
     states: torch.Tensor  # (T + 1, S) coordinates, then velocities
-    slopes: torch.Tensor  # (T + 1, S, P) by theta
+    jacobian: torch.Tensor  # (T + 1, S, P) by theta
     by_state: torch.Tensor  # (T, S, S) of each step's end by its start
     by_theta: torch.Tensor  # (T, S, P) of each step's end by theta in this step alone
 
@@ -53,7 +53,7 @@ def trajectory(scene: PushScene, theta: torch.Tensor) -> torch.Tensor:
 
 
 def sensitivity(scene: PushScene, theta: torch.Tensor) -> Sensitivity:
-    """The trajectory for theta (P,), and its slopes.
+    """The trajectory for theta (P,), and its Jacobian.
 
     Raises:
         SolveError: the physics could not be solved for this theta.
@@ -61,7 +61,7 @@ def sensitivity(scene: PushScene, theta: torch.Tensor) -> Sensitivity:
     states = trajectory(scene, theta)
     steps, size = states.shape[0] - 1, states.shape[1]
     coordinates, outputs = scene.coordinates, torch.tensor(scene.in_plane)
-    # Row (step, output): the same step for each output, so that each has a slope of its own.
+    # Row (step, output): the same step for each output, so that each has a gradient of its own.
     rows = steps * len(outputs)
     before = states[:-1].repeat_interleave(len(outputs), dim=0).requires_grad_()
     values = theta.expand(rows, -1).clone().requires_grad_()
@@ -77,14 +77,14 @@ def sensitivity(scene: PushScene, theta: torch.Tensor) -> Sensitivity:
     for whole, of in zip((by_state, by_theta), of_rows, strict=True):
         whole[:, outputs] = of.reshape(steps, len(outputs), -1)
 
-    slopes = theta.new_zeros((steps + 1, size, len(theta)))
-    slopes[0] = _start_slopes(scene, theta)
+    jacobian = theta.new_zeros((steps + 1, size, len(theta)))
+    jacobian[0] = _start_jacobian(scene, theta)
     for k in range(steps):
-        slopes[k + 1] = by_state[k] @ slopes[k] + by_theta[k]
-    return Sensitivity(states, slopes, by_state, by_theta)
+        jacobian[k + 1] = by_state[k] @ jacobian[k] + by_theta[k]
+    return Sensitivity(states, jacobian, by_state, by_theta)
 
 
-def _start_slopes(scene: PushScene, theta: torch.Tensor) -> torch.Tensor:
+def _start_jacobian(scene: PushScene, theta: torch.Tensor) -> torch.Tensor:
     def start(values: torch.Tensor) -> torch.Tensor:
         state = scene.start(values[None])
         return torch.cat([state.q, state.v], dim=-1)[0]

@@ -14,7 +14,7 @@ from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, Phy
 from samrl_core.model.physics.workspace import MOTION, PARAMETERS, Constants, Workspace
 
 RESIDUAL_LIMIT = 1.0e-3  # of all impulses added without sign; above it a step is not solved
-KEPT_WORKSPACES = 4  # lengths and batches whose arrays are kept
+CACHED_WORKSPACES = 4  # lengths and batches whose arrays are kept
 
 
 class PhysicsModel:
@@ -87,7 +87,7 @@ class PhysicsModel:
         """Arrays of rollouts of this size; the oldest are dropped when there are many sizes."""
         key = (batch, steps)
         if key not in self._workspaces:
-            while len(self._workspaces) >= KEPT_WORKSPACES:
+            while len(self._workspaces) >= CACHED_WORKSPACES:
                 self._workspaces.pop(next(iter(self._workspaces)))
             self._workspaces[key] = Workspace(self._constants, batch, steps)
         return self._workspaces[key]
@@ -128,13 +128,13 @@ class PhysicsModel:
         changed = [
             name
             for name, (value, version) in now.items()
-            if name not in known or known[name][1] != version or not _same_place(value, known[name][0])
+            if name not in known or known[name][1] != version or not _same_memory(value, known[name][0])
         ]
         parameters.check(changed)
         self._checked = now
 
 
-def _same_place(a: torch.Tensor, b: torch.Tensor) -> bool:
+def _same_memory(a: torch.Tensor, b: torch.Tensor) -> bool:
     """Whether two tensors are the same view of the same memory, which neither lets go."""
     return a.data_ptr() == b.data_ptr() and a.shape == b.shape and a.stride() == b.stride()
 

@@ -16,7 +16,7 @@ from samrl_core.model.real2sim.minimize import Minimum, checked_start
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """An objective near one place."""
+    """An objective near one point."""
 
     value: float
     gradient: np.ndarray  # (N,)
@@ -38,7 +38,9 @@ class DampedSettings:
     max_evaluations: int = 20
     largest_step: float = 1.0  # longest change of a parameter in a step [scale]
     smallest_step: float = 0.01  # converged when a step is below [scale]
-    smallest_gain: float = 1e-3  # converged when two steps in a row gain less than this share of the value
+    smallest_decrease: float = (
+        1e-3  # converged when two steps in a row decrease the value by less than this share
+    )
     patience: int = 4  # converged when so many steps in a row do not help
     first_damping: float = 0.05  # added to the curvature, as a share of its diagonal (Marquardt 1963)
     ease: float = 0.3  # factor on the damping after a step that helped
@@ -56,7 +58,7 @@ def minimize_damped(
 ) -> Minimum:
     """Go down by (H + damping diag H)^-1 g; a step that does not help is taken back and tried shorter.
 
-    Deterministic. A value, slope or curvature that is not finite ends the search with "diverged" and the
+    Deterministic. A value, gradient or curvature that is not finite ends the search with "diverged" and the
     best parameters before it.
 
     Args:
@@ -66,7 +68,7 @@ def minimize_damped(
         lower: bounds (N,).
         upper: bounds (N,).
         settings: step control.
-        watch: told the best parameters so far after each evaluation.
+        watch: called with the best parameters so far after each evaluation.
 
     Raises:
         InputError: shapes disagree, a scale is not positive, a bound is crossed, or the start is not finite.
@@ -81,8 +83,8 @@ def minimize_damped(
         if here is None:
             here, first = there, there.value
         elif there.value < here.value:
-            gain = (here.value - there.value) / max(abs(here.value), 1e-300)
-            idle = idle + 1 if gain < s.smallest_gain else 0
+            decrease = (here.value - there.value) / max(abs(here.value), 1e-300)
+            idle = idle + 1 if decrease < s.smallest_decrease else 0
             best, here, damping, failed = trial, there, max(damping * s.ease, 1e-4), 0
         else:
             damping, failed = damping * s.brake, failed + 1

@@ -66,12 +66,12 @@ def farthest_points(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def earth_movers(first: np.ndarray, second: np.ndarray, max_points: int = MAX_POINTS) -> EarthMovers:
-    """Mean distance of the cheapest one-to-one matching, after both are thinned to equal size.
+    """Mean distance of the cheapest one-to-one matching, after both are subsampled to equal size.
 
     Args:
         first: cloud (N, 3) [m], the one that moves.
         second: cloud (K, 3) [m].
-        max_points: both are thinned to min(N, K, max_points) by farthest-point sampling.
+        max_points: both are subsampled to min(N, K, max_points) by farthest-point sampling.
 
     Raises:
         InputError: a cloud is empty, of wrong shape or not finite.

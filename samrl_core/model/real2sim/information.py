@@ -47,9 +47,9 @@ class ViewInformation:
 
     matrix: np.ndarray  # (P, P) inverse of the covariance that this view alone would give [1/unit2]
     pixels: int  # target pixels in the image
-    near: np.ndarray  # (H, W) bool, the K pixels that tell something
+    near: np.ndarray  # (H, W) bool, the K pixels with information
     inside: np.ndarray  # (H, W) bool, where depth is compared
-    sensitivity: np.ndarray  # (K, 4, P) slope of red, green, blue and depth in units of their noise
+    sensitivity: np.ndarray  # (K, 4, P) derivative of red, green, blue and depth in units of their noise
     weight: np.ndarray  # (K,)
     middle: np.ndarray  # (K, 4) image where it was linearised, in units of noise
     unit: np.ndarray  # (K, 4) noise of a channel: 0..1 and [m]
@@ -66,9 +66,9 @@ def view_information(
 ) -> ViewInformation:
     """J^T W J by differences of images, less what an unknown shift of the image spoils.
 
-    A pixel's variance is that of its colour and depth plus that of an edge's position times the squared slope
-    of the image there. A shift (du, dv) of the whole image, which the fit does not estimate, adds the error
-    that it causes.
+    A pixel's variance is that of its colour and depth plus that of an edge's position times the squared
+    gradient of the image there. A shift (du, dv) of the whole image, which the fit does not estimate, adds
+    the error that it causes.
 
     Args:
         render: image of the target for parameters (P,).
@@ -88,8 +88,8 @@ def view_information(
     if v.ndim != 1 or h.shape != v.shape or not np.all(h > 0):
         raise InputError(f"steps {h} must be positive, one per parameter {v}")
     count = v.size
-    places = np.concatenate([v[None], v + np.diag(h), *([v - np.diag(h)] if central else [])])
-    images = [render(p) for p in places] if render_all is None else render_all(places)
+    samples = np.concatenate([v[None], v + np.diag(h), *([v - np.diag(h)] if central else [])])
+    images = [render(p) for p in samples] if render_all is None else render_all(samples)
     window = _window(images)
     height, width = images[0].mask.shape
     middle, *moved = [_cut(image, window) for image in images]
@@ -103,21 +103,21 @@ def view_information(
     unit = np.full((*middle.mask.shape, 4), noise.color)
     unit[..., 3] = noise.depth * np.where(inside, middle.depth, 1.0) ** 2
 
-    def slope(axis: int) -> np.ndarray:
-        depth = np.where(inside, _slope_within(middle.depth, middle.mask, axis), 0.0)
+    def image_gradient(axis: int) -> np.ndarray:
+        depth = np.where(inside, _gradient_within(middle.depth, middle.mask, axis), 0.0)
         return np.concatenate([np.gradient(middle.color, axis=axis), depth[..., None]], axis=-1) / unit
 
-    slope_v, slope_u = slope(0), slope(1)  # of channels of unit noise, per pixel
+    gradient_v, gradient_u = image_gradient(0), image_gradient(1)  # of channels of unit noise, per pixel
     columns = [(_channels(a, inside, unit) - _channels(b, inside, unit)) for a, b in ends]
     sensitivity = np.stack(columns, axis=-1) / span  # (H, W, 4, P)
     # One edge is one piece of evidence, in however many channels it shows.
-    steepness = slope_u**2 + slope_v**2  # (H, W, 4)
-    place = np.where(eroded(middle.mask, 2), noise.inner_edge, noise.edge) * resolution  # [px]
-    variance = 1.0 + place**2 * steepness[..., :3].sum(axis=-1)
+    steepness = gradient_u**2 + gradient_v**2  # (H, W, 4)
+    edge_error = np.where(eroded(middle.mask, 2), noise.inner_edge, noise.edge) * resolution  # [px]
+    variance = 1.0 + edge_error**2 * steepness[..., :3].sum(axis=-1)
     variance += (noise.edge * resolution) ** 2 * steepness[..., 3]
     near = middle.mask | (np.abs(sensitivity).sum(axis=(-1, -2)) > 0)
-    # A shift of the image by +u moves what was at u - 1 here: the slope with the opposite sign.
-    rows, shift = sensitivity[near], -np.stack([slope_u[near], slope_v[near]], axis=-1)
+    # A shift of the image by +u moves what was at u - 1 here: the gradient with the opposite sign.
+    rows, shift = sensitivity[near], -np.stack([gradient_u[near], gradient_v[near]], axis=-1)
     shared_by = noise.shared_by if middle.rim else noise.thin_shared_by
     weight = 1.0 / (shared_by * resolution * variance[near])  # along edges pixels fall with the side
     information = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
@@ -142,7 +142,7 @@ def view_information(
 
 
 def _window(images: list[TargetImage]) -> Window:
-    """Outside of it no image shows anything of the target; with a rim for slopes."""
+    """Outside of it no image shows anything of the target; with a rim for gradients."""
     any_ = np.any([(i.color != 0).any(axis=-1) | i.mask for i in images], axis=0)
     ends: list[tuple[int, int]] = []
     for axis, size in zip((0, 1), any_.shape[::-1], strict=True):
@@ -158,7 +158,7 @@ def _cut(image: TargetImage, window: Window) -> TargetImage:
     return TargetImage(image.color[at], image.depth[at], image.mask[at], image.rim)
 
 
-def _slope_within(depth: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:
+def _gradient_within(depth: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:
     """Slope of depth (H, W) [m/px] from neighbours that are target too: both, or the one there is, else 0."""
     whole = np.where(mask, depth, 0.0)
     lower, upper = np.full(whole.shape, np.nan), np.full(whole.shape, np.nan)
@@ -191,7 +191,7 @@ def newton_step(
         real: the real image cut by the real mask; depth NaN where it was not measured.
         outlier: in standard deviations of a pixel's channel.
         belief: distance from here to the mean of what was believed before (P,), and the inverse of its
-            covariance (P, P); the step then goes to the likeliest place of both. Without it, directions that
+            covariance (P, P); the step then goes to the likeliest point of both. Without it, directions that
             the image does not show are left alone.
     """
     near = view.near
@@ -205,11 +205,11 @@ def newton_step(
     size = np.sqrt((residual**2).sum(axis=-1) * own)
     weight = view.weight * np.minimum(1.0, outlier / np.maximum(size, 1e-12))
     normal = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
-    slope = np.einsum("kci,k,kc->i", rows, weight, residual)
+    gradient = np.einsum("kci,k,kc->i", rows, weight, residual)
     if belief is not None:
         home, precision = belief
-        return np.linalg.solve(normal + precision, slope + precision @ home)
-    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ slope
+        return np.linalg.solve(normal + precision, gradient + precision @ home)
+    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ gradient
 
 
 def fused(
@@ -240,7 +240,7 @@ def widened_belief(
     if not eigenvalues.min() > 0:
         raise InputError(f"covariance has eigenvalues {eigenvalues}, must be positive definite")
     offset = fit - mean
-    # Covariance of the offset; in directions that the image does not see, the fit says nothing.
+    # Covariance of the offset; in directions that the image does not show, the fit has no information.
     gain = covariance @ np.linalg.inv(np.eye(mean.size) + information @ covariance) @ information
     spread = information - information @ gain  # (C + I^-1)^-1 without inverting a singular I
     distance = float(offset @ spread @ offset) / mean.size

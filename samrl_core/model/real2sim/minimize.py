@@ -19,8 +19,8 @@ class MinimizeSettings:
     first_step: float = 0.1  # [scale]
     largest_step: float = 0.5  # [scale]
     smallest_step: float = 2e-3  # converged when every step is below [scale]
-    growth: float = 1.2  # factor while a slope keeps its sign (Riedmiller and Braun 1993)
-    shrink: float = 0.5  # factor when a slope changes its sign (the same)
+    growth: float = 1.2  # factor while a gradient keeps its sign (Riedmiller and Braun 1993)
+    shrink: float = 0.5  # factor when a gradient changes its sign (the same)
     max_evaluations: int = 40
 
 
@@ -43,12 +43,13 @@ def minimize(
     upper: np.ndarray,
     settings: MinimizeSettings,
 ) -> Minimum:
-    """Follow the sign of each slope with a step that grows on agreement and halves on a change of sign.
+    """Follow the sign of each gradient component with a step that grows on agreement and halves on a change
+    of sign.
 
-    Absolute differences (eq. 4) have slopes whose size says nothing about the distance to the minimum and
+    Absolute differences (eq. 4) have gradients whose size says nothing about the distance to the minimum and
     jump across it; the sign is what is left, and the step halves at each crossing. This is iRprop-
     (Riedmiller and Braun 1993; Igel and Huesken 2003). No random numbers: the same input gives the same bits.
-    A value or slope that is not finite stops with "diverged" and the best parameters before it.
+    A value or gradient that is not finite stops with "diverged" and the best parameters before it.
 
     Args:
         objective: returns the value and the gradient (N,).
@@ -74,14 +75,14 @@ def minimize(
         if value < best_value:
             best, best_value = x, value
         sign = np.sign(gradient)
-        # At a bound that the slope pushes against there is nowhere to go: such a step is done.
+        # At a bound that the gradient pushes against there is nowhere to go: such a step is done.
         held = ((x <= lower) & (sign > 0)) | ((x >= upper) & (sign < 0)) | (sign == 0)
         agree = sign * last_sign
         step = np.where(agree > 0, np.minimum(step * settings.growth, settings.largest_step), step)
         step = np.where(agree < 0, step * settings.shrink, step)
         if np.all(held | (step < settings.smallest_step)):
             return Minimum(best, float(best_value), float(first_value), k + 1, "converged")
-        # After a change of sign the next slope is taken as new (iRprop-): no double halving.
+        # After a change of sign the next gradient is taken as new (iRprop-): no double halving.
         last_sign = np.where(agree < 0, 0.0, sign)
         x = np.clip(x - step * sign * scale, lower, upper)
     return Minimum(best, float(best_value), float(first_value), settings.max_evaluations, "iteration_limit")

@@ -101,10 +101,10 @@ class Misfit:
         colors = torch.tensor(parameters[count:].reshape(-1, 3), requires_grad=True)
         r = self._renderer.render(values, colors)
         loss = self.color_loss(r)
-        slopes = torch.autograd.grad(loss, (values, colors))
-        emd, emd_slope = self._emd(parameters[:count], r, FINE_POINTS)
-        gradient = self.color_weight * np.concatenate([slopes[0].numpy(), slopes[1].numpy().ravel()])
-        gradient[:count] += self.emd_weight * emd_slope
+        gradients = torch.autograd.grad(loss, (values, colors))
+        emd, emd_gradient = self._emd(parameters[:count], r, FINE_POINTS)
+        gradient = self.color_weight * np.concatenate([gradients[0].numpy(), gradients[1].numpy().ravel()])
+        gradient[:count] += self.emd_weight * emd_gradient
         return self.color_weight * loss.item() + self.emd_weight * emd, gradient
 
     def color_loss(self, rendered: Rendered) -> torch.Tensor:

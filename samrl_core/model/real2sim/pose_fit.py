@@ -1,6 +1,6 @@
 """Fit of the target's pose to one image where parameters act together: rotations, joints of a chain.
 
-Eq. 6 is reduced by damped Newton steps: its slope comes from the renderer and the matched points, its
+Eq. 6 is reduced by damped Newton steps: its gradient comes from the renderer and the matched points, its
 curvature from how the target's points move. Then a few steps weigh every pixel by its noise, and the
 result is the likeliest pose of image and belief together, with its covariance.
 """
@@ -39,8 +39,8 @@ class PoseFitSettings:
     step_pixels: float = 8.0  # [px]
     step_limits: tuple[float, float] = (1.0, 6.0)  # [parameter's scale]
     coarse_above: float = 0.004  # distance of the clouds above which EMD alone is reduced first [m]
-    # A rigid target whose clouds stay this far apart is looked for again, turned either way about each axis:
-    # past its edge a disc shows its other face, and no slope leads there.
+    # A rigid target whose clouds stay this far apart is searched again, turned either way about each axis:
+    # past its edge a disc shows its other face, and no gradient leads there.
     lost_above: float = 0.012  # [m]
     turn: float = 0.7  # [rad]
     coarse: DampedSettings = DampedSettings(max_evaluations=10, patience=2)
@@ -67,12 +67,12 @@ class PoseFit:
 
 
 def acts_together(task: Task) -> bool:
-    """Whether a task's parameters are more than the three coordinates of a place: rotations or joints."""
+    """Whether a task's parameters are more than the three coordinates of a position: rotations or joints."""
     return len(task.parameters()) > 3
 
 
 class PoseObjective:
-    """Eqs. 5 and 6 and a pull towards the belief, each with slope and curvature."""
+    """Eqs. 5 and 6 and the prior's term, each with gradient and curvature."""
 
     def __init__(
         self,
@@ -88,11 +88,11 @@ class PoseObjective:
         self._misfit = misfit
         self._mean, self._deviation = belief
         self._belief_weight = belief_weight
-        # What eq. 4 gains per pixel of way across the boundary.
+        # What eq. 4 grows by per pixel of motion across the boundary.
         mask = real.image.mask
         rim = np.abs(np.diff(mask.astype(np.int8), axis=0)).sum() + np.abs(np.diff(mask, axis=1)).sum()
         brightness = float(real.image.color[mask].mean()) if mask.any() else 0.0
-        self._edge_slope = brightness * float(rim) / max(real.pixels, 1)
+        self._edge_gradient = brightness * float(rim) / max(real.pixels, 1)
 
     def coarse(self, values: np.ndarray, colors: np.ndarray) -> Local:
         """Eq. 5 [m]."""
@@ -105,11 +105,11 @@ class PoseObjective:
         variable = torch.tensor(values, requires_grad=True)
         r = self._renderer.render(variable, torch.as_tensor(colors))
         loss = self._misfit.color_loss(r)
-        (slope,) = torch.autograd.grad(loss, variable)
+        (gradient,) = torch.autograd.grad(loss, variable)
         pull, pixel_motion = self._pull(values, r)
         # |d| has the curvature 1 / |d| at a distance d (iterated least squares); a pixel stands for it here.
-        edges = self._edge_slope * np.einsum("ncp,ncq->pq", pixel_motion, pixel_motion) / len(pixel_motion)
-        color = Local(loss.item(), slope.numpy(), edges)
+        edges = self._edge_gradient * np.einsum("ncp,ncq->pq", pixel_motion, pixel_motion) / len(pixel_motion)
+        color = Local(loss.item(), gradient.numpy(), edges)
         m = self._misfit
         total = Local(0.0, np.zeros_like(values), np.zeros((values.size, values.size)))
         total = total.plus(color, m.color_weight).plus(pull, m.emd_weight)
@@ -160,7 +160,7 @@ def fit_pose(
         belief: covariance of the belief (P, P).
         noise: of the image.
         settings: see there.
-        watch: told the best values after each rendering with gradient, and after each step at the end.
+        watch: called with the best values after each rendering with gradient, and after each step at the end.
     """
     s = settings
     specs = renderer.model.task.parameters()

@@ -1,8 +1,8 @@
 """What an estimate becomes while the tool moves, between two images: the belief before the next update.
 
-The process model of an extended Kalman filter: the mean follows eq. 3, the covariance its slope, taken over
-one standard deviation of the belief because contact bends it; what the model does not know grows with what
-moves and with what contact holds.
+The process model of an extended Kalman filter: the mean follows eq. 3, the covariance its Jacobian, taken
+over one standard deviation of the belief because contact bends it; what the model does not know grows with
+what moves and with what contact holds.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def predictions(
     tip_after: np.ndarray,
     settings: PredictionSettings | None = None,
 ) -> tuple[Estimate, ...]:
-    """What the estimate may be after the tool's tip has moved straight from one place to another.
+    """What the estimate may be after the tool's tip has moved straight from one position to another.
 
     What stands on edge falls or stands: where a deviation within the belief ends far from the mean's end, or
     the mean went far, that end and "it stayed" are given too. An image decides (`likeliest`).
@@ -79,12 +79,12 @@ def predictions(
         for _ in range(steps):
             state = dynamics.forward(state, action)
     ends = np.array([dynamics.read(q)[0] for q in state.q.numpy()])
-    slope = (ends[1 : count + 1] - ends[count + 1 :]).T / (2 * spread)
+    jacobian = (ends[1 : count + 1] - ends[count + 1 :]).T / (2 * spread)
     change = ends[0] - estimate.values
     # What keeps its own error is untouched; what does not is held by contact, as well as the model knows it.
-    held = np.clip(np.abs(1.0 - np.diag(slope)), 1e-6, 1.0)
+    held = np.clip(np.abs(1.0 - np.diag(jacobian)), 1e-6, 1.0)
     unknown = (s.model_error * change) ** 2 + (s.held_error * scale * held) ** 2
-    covariance = slope @ estimate.covariance @ slope.T + np.diag(unknown)
+    covariance = jacobian @ estimate.covariance @ jacobian.T + np.diag(unknown)
     lower, upper = np.array([p.lower for p in specs]), np.array([p.upper for p in specs])
     # A disc that turns over jumps from one end of its range to the other: no deviation exceeds half of it.
     shrink = np.minimum(1.0, 0.5 * (upper - lower) / np.sqrt(np.diag(covariance)))

@@ -129,15 +129,16 @@ class Real2Sim:
     ) -> Estimate:
         """Reduce eq. 6 over poses and colours, then fuse the fit with the belief before it.
 
-        Coarse: EMD alone, whose slope reaches across the range. Fine: eq. 6 over poses and colours, along the
+        Coarse: EMD alone, whose gradient reaches across the range. Fine: eq. 6 over poses and colours, along
+            the
         renderer's gradient. The fit's information (`view_information`) gives its covariance; the result is
         the Gaussian product of fit and belief, so that views add up. Rotations and the joints of a chain are
-        fitted by `pose_fit`, places by steps of their own for each parameter.
+        fitted by `pose_fit`, positions by a step size for each parameter.
 
         Args:
             estimate: belief before this image.
             observation: image and joints.
-            watch: told the values (P,) as the fit goes on, by `pose_fit` alone.
+            watch: called with the values (P,) as the fit goes on, by `pose_fit` alone.
             compared: whether `likeliest` has others to compare the result with, and so needs `loss_known`.
 
         Returns:
@@ -281,8 +282,8 @@ class Real2Sim:
             return np.concatenate([some[:count], every.ravel()])
 
         def objective(some: np.ndarray) -> tuple[float, np.ndarray]:
-            loss, slope = misfit.fine(whole(some))
-            return loss, np.concatenate([slope[:count], slope[count:].reshape(-1, 3)[targets].ravel()])
+            loss, gradient = misfit.fine(whole(some))
+            return loss, np.concatenate([gradient[:count], gradient[count:].reshape(-1, 3)[targets].ravel()])
 
         start = np.concatenate([values, colors[targets].ravel()])
         found = minimize(objective, start, scale, lower, upper, steps)

@@ -1,4 +1,4 @@
-"""Renders the target of a task as one image saw it, and says how its points move there."""
+"""Renders the target of a task from one image's camera, and how its points move there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from samrl_core.model.rendering.window import Window
 
 
 class TargetRenderer:
-    """Renders the target from one camera with the tool arm where its joints say."""
+    """Renders the target from one camera, with the tool arm at given joint positions."""
 
     def __init__(
         self,
@@ -61,12 +61,12 @@ class TargetRenderer:
     def images(self, values: np.ndarray, colors: np.ndarray) -> list[TargetImage]:
         """The same for values (B, P), in one rendering; depth is 0 far from the target."""
         with torch.no_grad():
-            drawn = self.model.render_target(
+            rendered = self.model.render_target(
                 torch.as_tensor(values), torch.as_tensor(colors), self.camera, self._tool_arm
             )
-            color, depth, mask = self._shown(*drawn)
+            color, depth, mask = self._shown(*rendered)
         shape = (self.camera.intrinsics.height, self.camera.intrinsics.width)
-        whole = [drawn[1].pasted(part, *shape) for part in (color, depth, mask)]
+        whole = [rendered[1].pasted(part, *shape) for part in (color, depth, mask)]
         return [TargetImage(c, d, m, 0 if self.thin else 1) for c, d, m in zip(*whole, strict=True)]
 
     def _shown(self, r: Rendered, window: Window) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -138,15 +138,15 @@ class TargetRenderer:
         return np.concatenate(shares, axis=-1), rest
 
     def group_pixels(self, values: np.ndarray, colors: np.ndarray) -> np.ndarray:
-        """How many pixels of the target show each of its colour groups: the slope of the summed image.
+        """How many pixels of the target show each of its colour groups: the gradient of the summed image.
 
         (G,), zero for what is not the target's, though pixels that it covers in part show that, too.
         """
         variable = torch.tensor(colors, requires_grad=True)
         r = self.render(torch.as_tensor(values), variable)
-        (slope,) = torch.autograd.grad((r.color[..., 0] * r.target.detach()).sum(), variable)
+        (gradient,) = torch.autograd.grad((r.color[..., 0] * r.target.detach()).sum(), variable)
         pixels = np.zeros(len(colors))
-        pixels[self.target_groups] = slope[self.target_groups, 0].numpy()
+        pixels[self.target_groups] = gradient[self.target_groups, 0].numpy()
         return pixels
 
     def motion(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -156,7 +156,7 @@ class TargetRenderer:
     def visibility(self, values: np.ndarray, colors: np.ndarray) -> float:
         """Share of the target's surface turned to the camera that the image shows, 0..1.
 
-        Judged at the faces' centres, by area as seen; what lies outside the image or behind something,
+        Evaluated at the faces' centres, by projected area; what lies outside the image or behind something,
         the target itself included, is not shown.
         """
         corners = self.model.target_surface(values, self._tool_arm)  # (F, 3, 3)

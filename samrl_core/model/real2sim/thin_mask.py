@@ -83,10 +83,10 @@ def _mended(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.nda
     unknown = np.argwhere(asked & ~known)
     if not behind.any():  # nothing to compare with: the mask is believed
         return result | (asked & ~known & mask)
-    places = np.argwhere(front | behind)
-    tint = color[tuple(unknown.T)][:, None] - color[tuple(places.T)][None]
-    squared = np.square(tint / _PIXEL).sum(-1) + np.square(unknown[:, None] - places[None]).sum(-1)
-    like = front[tuple(places[np.argmin(squared, axis=1)].T)]
+    pixels = np.argwhere(front | behind)
+    tint = color[tuple(unknown.T)][:, None] - color[tuple(pixels.T)][None]
+    squared = np.square(tint / _PIXEL).sum(-1) + np.square(unknown[:, None] - pixels[None]).sum(-1)
+    like = front[tuple(pixels[np.argmin(squared, axis=1)].T)]
     result[tuple(unknown[like].T)] = True
     return result
 

@@ -1,4 +1,4 @@
-"""Poses of the bodies that a task's parameters move, as tensors with their slope."""
+"""Poses of the bodies that a task's parameters move, as tensors with their Jacobian."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ def checked_values(values: torch.Tensor, count: int) -> np.ndarray:
     return here
 
 
-def first_order(rows: np.ndarray, slopes: Callable[[], np.ndarray], values: torch.Tensor) -> torch.Tensor:
-    """Rows (..., 12) as a tensor whose gradient by `values` (P,) is `slopes` (..., 12, P), if wanted."""
+def first_order(rows: np.ndarray, jacobians: Callable[[], np.ndarray], values: torch.Tensor) -> torch.Tensor:
+    """Rows (..., 12) as a tensor whose gradient by `values` (P,) is `jacobians` (..., 12, P), if wanted."""
     tensor = torch.from_numpy(rows)
     if not (values.requires_grad and torch.is_grad_enabled()):
         return tensor
     moved = (values - values.detach()).to("cpu", torch.float64)
-    return tensor + torch.from_numpy(slopes()) @ moved
+    return tensor + torch.from_numpy(jacobians()) @ moved
 
 
-def central_slopes(
+def central_differences(
     function: Callable[[np.ndarray], np.ndarray], values: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
     """Slope (..., P) of a function of parameters (P,), which have these scales, by central differences."""
@@ -65,7 +65,7 @@ class BodyMotion:
         self._task = task
         self._scale = np.array([p.scale for p in task.parameters()])
         self._rows_at: tuple[bytes, dict[str, np.ndarray]] | None = None
-        self._slopes_at: tuple[bytes, dict[str, np.ndarray]] | None = None
+        self._jacobians_at: tuple[bytes, dict[str, np.ndarray]] | None = None
 
     def __call__(self, values: torch.Tensor) -> dict[str, TensorPose]:
         """Poses at `values` (P,), exact in value, first order in gradient.
@@ -77,7 +77,7 @@ class BodyMotion:
         return {
             name: TensorPose(flat[:9].reshape(3, 3), flat[9:])
             for name, rows in self.rows(here).items()
-            for flat in [first_order(rows, lambda name=name: self.slopes(here)[name], values)]
+            for flat in [first_order(rows, lambda name=name: self.jacobians(here)[name], values)]
         }
 
     def rows(self, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -87,17 +87,19 @@ class BodyMotion:
             self._rows_at = (key, self._rows(values))
         return self._rows_at[1]
 
-    def slopes(self, values: np.ndarray) -> dict[str, np.ndarray]:
+    def jacobians(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """How `rows` change with the values, (12, P) of each body."""
         key = values.tobytes()
-        if self._slopes_at is None or self._slopes_at[0] != key:
+        if self._jacobians_at is None or self._jacobians_at[0] != key:
             names = list(self.rows(values))
-            slopes = {}
+            jacobians = {}
             if names:
-                every = central_slopes(lambda v: np.array(list(self._rows(v).values())), values, self._scale)
-                slopes = dict(zip(names, every, strict=True))
-            self._slopes_at = (key, slopes)
-        return self._slopes_at[1]
+                every = central_differences(
+                    lambda v: np.array(list(self._rows(v).values())), values, self._scale
+                )
+                jacobians = dict(zip(names, every, strict=True))
+            self._jacobians_at = (key, jacobians)
+        return self._jacobians_at[1]
 
     def _rows(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Rotation by rows and position, (12,) per body."""

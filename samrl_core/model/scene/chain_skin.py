@@ -15,7 +15,7 @@ from samrl_core.model.scene.meshes import ball_rings, flatten, part_mesh, revolv
 
 CHAIN = "<chain>"  # frame of its piece; no body can have this name
 _SEGMENTS = 12  # of a thread some pixels wide
-_MEAN_COSINE = 0.25  # of a surface to a light, mean over all directions, 0 where it looks away
+_MEAN_COSINE = 0.25  # of a surface to a light, mean over all directions, 0 where it faces away
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +126,6 @@ def _rigid(chain: Sequence[ChainLink]) -> tuple[SurfaceMesh, np.ndarray, np.ndar
             start, count = start + len(mesh.vertices), count + 1
         above += link.length
     if not vertices:
-        raise InputError("the chain's links have no parts; nothing of it could be drawn")
+        raise InputError("the chain's links have no parts; nothing of it could be rendered")
     mesh = SurfaceMesh(np.concatenate(vertices), np.concatenate(faces), np.zeros((sum(map(len, faces)), 3)))
     return mesh, np.concatenate(part), np.concatenate(carrier), np.concatenate(face_link)

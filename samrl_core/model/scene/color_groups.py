@@ -32,7 +32,7 @@ def color_groups(body: Body, ambient: float, towards_light: np.ndarray) -> Color
     """Top, bottom, four quadrants of the outside, and the bore, each split by CAD colour.
 
     A side face looks outwards when its normal points away from the body's z axis, else it is a bore;
-    a bore is one group: its far wall alone is seen, and small. A group starts with its CAD colour times
+    a bore is one group: only its far wall is visible, and small. A group starts with its CAD colour times
     the mean brightness of its faces (by area).
     """
     mesh = body.mesh

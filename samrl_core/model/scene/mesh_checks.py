@@ -89,7 +89,7 @@ def require_sound(
     """Refuses a surface that is no body's.
 
     Args:
-        mesh: to look at.
+        mesh: to check.
         name: of the mesh, for the message.
         limits: what is granted; None for a closed body of the cell's size.
         part: as for `mesh_faults`.
@@ -123,7 +123,7 @@ def require_sound(
         if count > limit:
             raise InputError(
                 f"{name}: {count} {what}, the limit is {limit}; {remedy} in the modelling program, or raise "
-                "the limit if it is only to be looked at"
+                "the limit if it is only to be rendered"
             )
     if found.open_edges == 0 and found.volume < 0.0:
         raise InputError(

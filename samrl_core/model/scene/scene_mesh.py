@@ -40,7 +40,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """Pieces in drawing order, their common topology and the colour groups."""
+    """Pieces in rendering order, their common topology and the colour groups."""
 
     pieces: tuple[Piece, ...]
     skin: ChainSkin | None  # of the piece in frame `CHAIN`, if the tool has a chain

@@ -1,4 +1,4 @@
-"""What the model looks like where nothing has been measured yet, and how it is drawn."""
+"""Appearance of the model before any measurement, and settings of its rendering."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from samrl_core.cell.types.scene import Rgb
 
 @dataclass(frozen=True)
 class ModelSettings:
-    """Look of the model. Colours and light are ASSUMPTIONS: first guesses that Real2Sim corrects."""
+    """Appearance of the model. Colours and light are ASSUMPTIONS: first guesses that Real2Sim corrects."""
 
     supersample: int = 2  # samples per pixel and direction
     device: str = "cpu"  # torch's name

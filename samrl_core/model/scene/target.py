@@ -23,18 +23,18 @@ class TargetFrames:
     """The F frames that the target's parts are fixed to: bodies first, then links of the chain."""
 
     rows: np.ndarray  # (F, 12) rotation by rows, then position in world [m]
-    slopes: np.ndarray  # (F, 12, P) how `rows` change with the parameters
-    places: np.ndarray  # (M, 3) points by which other points find their part, in its frame [m]
-    place_frame: np.ndarray  # (M,) which frame
+    jacobians: np.ndarray  # (F, 12, P) of `rows` by the parameters
+    anchors: np.ndarray  # (M, 3) points of each part, in its frame; other points belong to the nearest [m]
+    anchor_frame: np.ndarray  # (M,) which frame
 
     def frame_of(self, points: np.ndarray) -> np.ndarray:
-        """Which frame each point (N, 3) [m] belongs to, that of the nearest place, (N,)."""
+        """Which frame each point (N, 3) [m] belongs to, that of the nearest anchor, (N,)."""
         if len(self.rows) == 1:
             return np.zeros(len(points), dtype=np.int64)
-        turn = self.rows[:, :9].reshape(-1, 3, 3)[self.place_frame]
-        places = np.einsum("mij,mj->mi", turn, self.places) + self.rows[self.place_frame, 9:]
-        squared = np.square(points[:, None] - places[None]).sum(axis=-1)
-        return self.place_frame[np.argmin(squared, axis=1)]
+        turn = self.rows[:, :9].reshape(-1, 3, 3)[self.anchor_frame]
+        anchors = np.einsum("mij,mj->mi", turn, self.anchors) + self.rows[self.anchor_frame, 9:]
+        squared = np.square(points[:, None] - anchors[None]).sum(axis=-1)
+        return self.anchor_frame[np.argmin(squared, axis=1)]
 
     def motion(self, points: np.ndarray) -> np.ndarray:
         """How points (N, 3) of the target move with the parameters, (N, 3, P) [m per unit].
@@ -45,6 +45,6 @@ class TargetFrames:
         frame = self.frame_of(points)
         turn = self.rows[:, :9].reshape(-1, 3, 3)[frame]
         local = np.einsum("nji,nj->ni", turn, points - self.rows[frame, 9:])
-        slopes = self.slopes[frame]
-        turning = slopes[:, :9].reshape(len(points), 3, 3, -1)
-        return np.einsum("nijp,nj->nip", turning, local) + slopes[:, 9:]
+        jacobians = self.jacobians[frame]
+        turning = jacobians[:, :9].reshape(len(points), 3, 3, -1)
+        return np.einsum("nijp,nj->nip", turning, local) + jacobians[:, 9:]

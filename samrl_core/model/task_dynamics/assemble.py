@@ -13,7 +13,7 @@ from samrl_core.cell.types import scene as things
 from samrl_core.cell.types.pose import Pose
 from samrl_core.model.physics.scene import Joint, JointKind, PhysicsBody, PhysicsScene
 from samrl_core.model.physics.shapes import plane
-from samrl_core.model.task_dynamics.contacts import ContactPairs, Placed
+from samrl_core.model.task_dynamics.contacts import ContactPairs, SceneBody
 from samrl_core.model.task_dynamics.grip import grip_of
 from samrl_core.model.task_dynamics.settings import ContactSettings
 from samrl_core.model.task_dynamics.solids import UNTURNED, part_at, solid_of, solids_of
@@ -23,13 +23,15 @@ AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """A physics scene, and what its coordinates are: first the driven tip's three, then as the fields say."""
+    """A physics scene, and what its coordinates are: first the driven tip's three, then those named by the
+    fields.
+    """
 
     scene: PhysicsScene
     sprung: bool  # five more: by how much the tip gives way [m], and its tilts about x and y [rad]
     chain: tuple[things.ChainLink, ...]  # two coordinates each [rad]
     movable: tuple[str, ...]  # bodies with a free joint, seven coordinates each
-    shifted: tuple[things.Body, ...]  # bodies that stand where the parameters say, three coordinates each [m]
+    shifted: tuple[things.Body, ...]  # bodies whose position the parameters give, three coordinates each [m]
 
 
 def assemble(task: Task, cell: CellSpec, settings: ContactSettings) -> Assembly:
@@ -52,30 +54,32 @@ def assemble(task: Task, cell: CellSpec, settings: ContactSettings) -> Assembly:
 
     held = part_at(tool.parts, tool.tip_in_flange.position)
     bodies = _tip_bodies(task, cell, tool, held, s, sprung)
-    tip = Placed(len(bodies) - 1, len(bodies[-1].shapes), tool.friction)
+    tip = SceneBody(len(bodies) - 1, len(bodies[-1].shapes), tool.friction)
     first_link = len(bodies)
     bodies += _chain_bodies(tool.chain, tip.index)
-    placed: dict[str, Placed] = {}
+    in_physics: dict[str, SceneBody] = {}
     for body in (*free, *shifted, *welded):
         shapes = solids_of(body, s.edge)
-        placed[body.name] = Placed(len(bodies), len(shapes), body.friction)
+        in_physics[body.name] = SceneBody(len(bodies), len(shapes), body.friction)
         if body in free:
             made = PhysicsBody(body.name, body.mass, body.inertia, (Joint(JointKind.FREE),), shapes=shapes)
         else:  # welded or driven: its mass moves nothing
             shift = _drive() if body in shifted else ()
-            place = Pose.from_rotation(np.zeros(3), body.body_in_world.rotation)
-            weld = Joint(JointKind.WELD, joint_in_parent=place if body in shifted else body.body_in_world)
+            pose_in_parent = Pose.from_rotation(np.zeros(3), body.body_in_world.rotation)
+            weld = Joint(
+                JointKind.WELD, joint_in_parent=pose_in_parent if body in shifted else body.body_in_world
+            )
             made = PhysicsBody(body.name, 1.0, np.eye(3), (*shift, weld), shapes=shapes)
         bodies.append(made)
 
-    fixed = [placed[body.name] for body in (*shifted, *welded)]
-    loose = [placed[body.name] for body in free]
+    fixed = [in_physics[body.name] for body in (*shifted, *welded)]
+    loose = [in_physics[body.name] for body in free]
     pairs = ContactPairs(s)
     pairs.chain(tool.chain, first_link, fixed)
     for body in free:
-        pairs.movable(body, placed[body.name], fixed, tip)
+        pairs.movable(body, in_physics[body.name], fixed, tip)
     for body in (*shifted, *welded):
-        pairs.edges(body, placed[body.name], [*loose, tip] if sprung else loose)
+        pairs.edges(body, in_physics[body.name], [*loose, tip] if sprung else loose)
     pairs.held(tool, held, tip, fixed, loose)
     physics = PhysicsScene(
         tuple(bodies),
@@ -125,8 +129,8 @@ def _chain_bodies(chain: tuple[things.ChainLink, ...], tip: int) -> list[Physics
     for i, link in enumerate(chain):
         start = Pose(np.array([0.0, 0.0, chain[i - 1].length if i else 0.0]), UNTURNED)
         about_x, about_y = (
-            Joint(JointKind.REVOLUTE, axis, place, stiffness=link.stiffness, damping=link.damping)
-            for axis, place in ((AXES[0], start), (AXES[1], Pose.identity()))
+            Joint(JointKind.REVOLUTE, axis, pose_in_parent, stiffness=link.stiffness, damping=link.damping)
+            for axis, pose_in_parent in ((AXES[0], start), (AXES[1], Pose.identity()))
         )
         center = (float(link.center_of_mass[0]), float(link.center_of_mass[1]), float(link.center_of_mass[2]))
         bodies.append(PhysicsBody(link.name, link.mass, link.inertia, (about_x, about_y), center, tip + i))

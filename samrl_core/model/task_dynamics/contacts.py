@@ -19,8 +19,8 @@ from samrl_core.model.task_dynamics.solids import capsule_balls, edge_balls, rim
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """A thing of the scene, and which body of the physics it is."""
+class SceneBody:
+    """A body of the scene and its index in the physics model."""
 
     index: int
     solids: int  # number of its shapes
@@ -34,7 +34,7 @@ class ContactPairs:
         self._settings = settings
         self.found: list[ContactPair] = []
 
-    def chain(self, links: tuple[ChainLink, ...], first: int, fixed: list[Placed]) -> None:
+    def chain(self, links: tuple[ChainLink, ...], first: int, fixed: list[SceneBody]) -> None:
         """Links, the first of which is body `first`, against what stands fixed; the table is out of reach."""
         s = self._settings
         for k, link in enumerate(links):
@@ -42,11 +42,11 @@ class ContactPairs:
                 if not isinstance(part, Capsule):
                     raise InputError(f"link {link.name} has a part that is no capsule; chains need capsules")
                 balls = capsule_balls(part, s.link_balls)
-                me = Placed(first + k, 0, link.friction)
+                me = SceneBody(first + k, 0, link.friction)
                 for other in fixed:
                     self._meet(me, balls, part.radius, other, s.chain_stiffness)
 
-    def movable(self, body: Body, me: Placed, fixed: list[Placed], tool: Placed) -> None:
+    def movable(self, body: Body, me: SceneBody, fixed: list[SceneBody], tool: SceneBody) -> None:
         """A movable body of cylinders with rounded rims, against the table, the fixed and what is held."""
         for part in body.parts:
             if not isinstance(part, Cylinder) or body.rounding <= 0.0:
@@ -55,7 +55,7 @@ class ContactPairs:
             for other in (*self._table(), *fixed, tool):
                 self._meet(me, balls, body.rounding, other)
 
-    def edges(self, body: Body, me: Placed, others: list[Placed]) -> None:
+    def edges(self, body: Body, me: SceneBody, others: list[SceneBody]) -> None:
         """The upper edges of a fixed body against cylinders: of a single box, or of a hole."""
         s = self._settings
         ring = ring_of(body)
@@ -74,7 +74,7 @@ class ContactPairs:
             self._meet(me, balls, s.edge, other)
 
     def held(
-        self, tool: Tool, part: Part | None, me: Placed, fixed: list[Placed], moved: list[Placed]
+        self, tool: Tool, part: Part | None, me: SceneBody, fixed: list[SceneBody], moved: list[SceneBody]
     ) -> None:
         """What is held: a box's leading edges against movable bodies, a cylinder's end against all else."""
         s = self._settings
@@ -91,11 +91,11 @@ class ContactPairs:
         for other in others:
             self._meet(me, flange_in_tip.apply(balls), s.edge, other)
 
-    def _table(self) -> list[Placed]:
-        return [Placed(WORLD, 1, self._settings.table_friction)]
+    def _table(self) -> list[SceneBody]:
+        return [SceneBody(WORLD, 1, self._settings.table_friction)]
 
     def _meet(
-        self, me: Placed, balls: np.ndarray, radius: float, other: Placed, stiffness: float = 0.0
+        self, me: SceneBody, balls: np.ndarray, radius: float, other: SceneBody, stiffness: float = 0.0
     ) -> None:
         s = self._settings
         friction = float(np.sqrt(me.friction * other.friction))

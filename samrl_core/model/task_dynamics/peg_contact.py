@@ -137,5 +137,5 @@ def step(
 
 
 def _norm(v: torch.Tensor) -> torch.Tensor:
-    """Length, with a slope at zero."""
+    """Length, with a finite gradient at zero."""
     return (v.square().sum(dim=-1) + 1e-18).sqrt()

@@ -40,8 +40,8 @@ class PegDynamics(TaskDynamics):
         # Linear in the values: differences are exact but for rounding.
         origin = self._origin(nominal)
         columns = [self._origin(nominal + step) - origin for step in np.eye(len(nominal))]
-        self._slope = torch.from_numpy(np.stack(columns, axis=1))
-        self._offset = torch.from_numpy(origin) - self._slope @ torch.from_numpy(nominal)
+        self._jacobian = torch.from_numpy(np.stack(columns, axis=1))
+        self._offset = torch.from_numpy(origin) - self._jacobian @ torch.from_numpy(nominal)
 
     def prepare(self) -> None:
         """Nothing is compiled."""
@@ -63,7 +63,7 @@ class PegDynamics(TaskDynamics):
             raise InputError(f"action has shape {tuple(action.shape)}, must be ({batch}, 3): one per state")
         tips = []
         for q, one in zip(state.q, action, strict=True):
-            origin = self._slope @ q[3:] + self._offset
+            origin = self._jacobian @ q[3:] + self._offset
             tips.append(peg_contact.step(q[:3], one, origin, self._sizes, self._table))
         return TaskState(torch.cat([torch.stack(tips), state.q[:, 3:]], dim=1), state.v, state.rest)
 

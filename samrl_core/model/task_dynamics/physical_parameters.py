@@ -1,4 +1,4 @@
-"""Physical parameters that a task's model can have otherwise than its scene says."""
+"""Physical parameters that a task's model can have that differ from its scene's."""
 
 from __future__ import annotations
 

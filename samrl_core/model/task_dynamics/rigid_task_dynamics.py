@@ -26,7 +26,7 @@ FINER = 8  # an action that cannot be solved is tried again with its steps cut i
 class TaskPhysics(TaskDynamics):
     """The physics of one task in one cell.
 
-    A chain's springs are taken to hold it where the estimate sees it: their rest angles follow from that, not
+    A chain's springs are taken to hold it in the estimated shape: their rest angles follow from that, not
     from the start of the episode, so an error of the estimate moves nothing.
 
     Args:
@@ -94,7 +94,7 @@ class TaskPhysics(TaskDynamics):
             free = [self._coordinates(poses[name]) for name in self._assembly.movable]
             shifted = [poses[body.name].position for body in self._assembly.shifted]
             rows.append(np.concatenate([tip, np.zeros(self._chain.start - 3), angles, *free, *shifted]))
-            slack.append(self._rest(tip, angles))
+            slack.append(self._slack_angles(tip, angles))
         q = torch.from_numpy(np.array(rows))
         v = torch.zeros((len(rows), len(self.physics.layout.link_of_v)), dtype=torch.float64)
         return TaskState(q, v, torch.from_numpy(np.array(slack)))
@@ -112,10 +112,10 @@ class TaskPhysics(TaskDynamics):
         return self._rollout(state, self._speeds[:, None, None] * action)
 
     def track(self, state: TaskState, tips: torch.Tensor) -> PhysicsState:
-        """All states while the tip takes given places.
+        """All states while the tip follows given positions.
 
         Args:
-            state: B states, their tips at the first place.
+            state: B states, their tips at the first position.
             tips: (T + 1, B, 3) in the tool arm's base frame, one per step of the physics [m].
         """
         return self._rollout(state, (tips[1:] - tips[:-1]) / self.settings.contact.step_s)
@@ -160,7 +160,7 @@ class TaskPhysics(TaskDynamics):
         slack = torch.cat([before, rest, after], dim=1)
         return replace(self._parameters, **fields, joint_rest=slack)
 
-    def _rest(self, tip: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    def _slack_angles(self, tip: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """Angles (2 K,) at which the springs are slack, so that they hold the chain at `angles`."""
         if not len(angles):
             return np.zeros(0)
@@ -182,5 +182,5 @@ class TaskPhysics(TaskDynamics):
 def _speeds(steps: int, rest: int) -> torch.Tensor:
     """Share of the displacement in each step: the quintic of minimal jerk, then rest."""
     s = torch.linspace(0.0, 1.0, steps + 1, dtype=torch.float64)
-    place = 10 * s**3 - 15 * s**4 + 6 * s**5
-    return torch.cat([place[1:] - place[:-1], torch.zeros(rest, dtype=torch.float64)])
+    progress = 10 * s**3 - 15 * s**4 + 6 * s**5
+    return torch.cat([progress[1:] - progress[:-1], torch.zeros(rest, dtype=torch.float64)])

@@ -42,10 +42,10 @@ def ring_of(body: Body) -> tuple[float, float, float] | None:
     boxes = _radial_boxes(body)
     if not boxes:
         return None
-    places = np.array([b.part_in_body.position for b in boxes])
+    centers = np.array([b.part_in_body.position for b in boxes])
     halves = np.array([b.half_extents for b in boxes])
-    distance = np.hypot(places[:, 0], places[:, 1])
-    numbers = np.column_stack([distance - halves[:, 0], distance + halves[:, 0], places[:, 2], halves[:, 2]])
+    distance = np.hypot(centers[:, 0], centers[:, 1])
+    numbers = np.column_stack([distance - halves[:, 0], distance + halves[:, 0], centers[:, 2], halves[:, 2]])
     if np.ptp(numbers, axis=0).max() > 1e-6:
         raise InputError(f"body {body.name} is no even ring: radii, heights and sizes of its boxes differ")
     inner, outer, middle, half_height = numbers[0].tolist()
@@ -96,10 +96,10 @@ def edge_balls(part: Box, edge: float, axis: int, ends: Sequence[tuple[int, int]
     return part.part_in_body.apply(points.reshape(-1, 3))
 
 
-def part_at(parts: Sequence[Part], place: np.ndarray) -> Part | None:
+def part_at(parts: Sequence[Part], point: np.ndarray) -> Part | None:
     """The part that ends at a place (3,) of its body: a cylinder's far end, or the middle of a box's edge."""
     for part in parts:
-        local = part.part_in_body.inverse().apply(place)
+        local = part.part_in_body.inverse().apply(point)
         if isinstance(part, Box):
             half = np.array(part.half_extents)
             if abs(abs(local[0]) - half[0]) < 1e-6 and abs(local[1]) < 1e-6 and abs(local[2]) <= half[2]:
@@ -113,8 +113,8 @@ def _radial_boxes(body: Body) -> list[Box]:
     """Boxes whose x axes point away from the body's z axis, if there are enough for a ring."""
     found = []
     for part in body.parts:
-        place, axis = part.part_in_body.position, part.part_in_body.rotation[:, 0]
-        distance = float(np.hypot(place[0], place[1]))
-        if isinstance(part, Box) and distance > 1e-9 and axis[:2] @ place[:2] > distance * (1.0 - 1e-6):
+        point, axis = part.part_in_body.position, part.part_in_body.rotation[:, 0]
+        distance = float(np.hypot(point[0], point[1]))
+        if isinstance(part, Box) and distance > 1e-9 and axis[:2] @ point[:2] > distance * (1.0 - 1e-6):
             found.append(part)
     return found if len(found) > 2 else []

@@ -1,4 +1,4 @@
-"""What a planner needs of a model of motion (eq. 3): a state, where actions lead it, and what it says."""
+"""Dynamics as a planner needs them (eq. 3): a state, the step by an action, and how to read the state."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class TaskDynamics(ABC):
 
     @abstractmethod
     def start(self, values: np.ndarray, tip_position: np.ndarray) -> TaskState:
-        """States at rest as an estimate says.
+        """States at rest at an estimate.
 
         Args:
             values: (B, P) in the order of `Task.parameters`.

@@ -84,7 +84,7 @@ def test_responses_are_those_of_a_changed_bin() -> None:
     rows = PushComparison(scene, 1e-4, 1e-3, 0.010)
     found = sensitivity(scene, at)
     got = responses(scene, found, rows, 0.0, 0.010)
-    whole = rows.slopes(found.states.numpy(), found.slopes.numpy(), 0.0)
+    whole = rows.jacobian(found.states.numpy(), found.jacobian.numpy(), 0.0)
     np.testing.assert_allclose(got.friction.sum(axis=1), whole[:, TABLE_FRICTION], rtol=1e-9, atol=1e-9)
     # Before the touch and after the release the arm's force does not wander.
     assert np.abs(got.force[:, 0]).max() == 0.0 and np.abs(got.force[:, -1]).max() == 0.0
@@ -119,11 +119,11 @@ def test_readings_may_be_later_than_the_drive() -> None:
     scene, at = PushScene(pushes.DISC, push, pushes.CONTACT), pushes.theta(0.6, 0.35)
     rows, found = PushComparison(scene, 1e-4, 1e-3, 0.010), sensitivity(scene, pushes.theta(0.6, 0.35))
     states = found.states.numpy()
-    slopes = rows.slopes(states, found.slopes.numpy(), 0.0)[:, LATENCY]
+    jacobian = rows.jacobian(states, found.jacobian.numpy(), 0.0)[:, LATENCY]
     h = 1e-3
     difference = (rows.residual(states, h) - rows.residual(states, -h)) / (2 * h)
-    np.testing.assert_allclose(slopes, difference, rtol=1e-6, atol=1e-6)
-    assert np.abs(slopes).max() > 0.1 / 1e-4  # at 0.1 m/s a second is 0.1 m
+    np.testing.assert_allclose(jacobian, difference, rtol=1e-6, atol=1e-6)
+    assert np.abs(jacobian).max() > 0.1 / 1e-4  # at 0.1 m/s a second is 0.1 m
     assert at.numel() == LATENCY + 2
 
 

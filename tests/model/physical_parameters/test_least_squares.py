@@ -39,10 +39,10 @@ def test_walks_around_what_cannot_be_solved() -> None:
             raise SolveError("no solution")
         return np.array([100 * (x[0] - 1.0) + 60 * (x[0] - 1.0) ** 3])
 
-    def slopes(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return residual(x), np.array([[100 + 180 * (x[0] - 1.0) ** 2]])
 
-    found = least_squares(residual, slopes, np.array([-3.0]))
+    found = least_squares(residual, jacobian, np.array([-3.0]))
     assert found.why_stopped == "converged"
     assert found.parameters[0] == pytest.approx(1.0, abs=1e-3)
 
@@ -60,10 +60,10 @@ def test_a_start_without_a_residual_is_divergence(value: float) -> None:
 
 
 def test_a_start_that_cannot_be_solved_is_divergence() -> None:
-    def slopes(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         raise SolveError("no solution")
 
-    assert least_squares(lambda x: x, slopes, np.zeros(1)).why_stopped == "diverged"
+    assert least_squares(lambda x: x, jacobian, np.zeros(1)).why_stopped == "diverged"
 
 
 def test_a_start_that_is_no_number_is_refused() -> None:

@@ -33,7 +33,7 @@ def test_slopes_are_those_of_the_whole_trajectory() -> None:
     scene = PushScene(pushes.DISC, pushes.drive(7.0, 0.16, 0.4), pushes.CONTACT)
     at = pushes.theta(0.6, 0.35)
     found = sensitivity(scene, at)
-    states, slopes = found.states, found.slopes
+    states, jacobian = found.states, found.jacobian
     assert torch.equal(states, trajectory(scene, at))
     places = slice(0, 2)  # of blade and disc
     for i, h in enumerate([1e-6] * START + [1e-8]):  # the latency is none of the trajectory's
@@ -42,14 +42,16 @@ def test_slopes_are_those_of_the_whole_trajectory() -> None:
         difference = (trajectory(scene, at + step) - trajectory(scene, at - step)) / (2 * h)
         expected = difference[:, places].numpy()
         scale = max(float(np.abs(expected).max()), 1e-3)
-        np.testing.assert_allclose(slopes[:, places, i].numpy(), expected, atol=1e-3 * scale, err_msg=str(i))
+        np.testing.assert_allclose(
+            jacobian[:, places, i].numpy(), expected, atol=1e-3 * scale, err_msg=str(i)
+        )
 
 
 def test_what_cannot_show_does_not() -> None:
     """A round disc pushed at its middle: its inertia moves nothing, its mass moves a lot."""
     scene = PushScene(pushes.DISC, pushes.drive(7.0, 0.16, 0.4), pushes.CONTACT)
-    slopes = sensitivity(scene, pushes.theta(0.6, 0.35)).slopes
-    of = {name: float(slopes[-1, 1, i].abs()) for i, name in enumerate(NAMES)}
+    jacobian = sensitivity(scene, pushes.theta(0.6, 0.35)).jacobian
+    of = {name: float(jacobian[-1, 1, i].abs()) for i, name in enumerate(NAMES)}
     assert of["inertia_ratio"] < 1e-3 * of["mass"] and of["blade_friction"] < 0.02 * of["mass"]
     assert of["mass"] > 0.02 and of["table_friction"] > 0.01
 

@@ -56,15 +56,15 @@ def test_frames_are_those_of_the_task() -> None:
 def test_slope_of_the_frames() -> None:
     """Analytic against central differences, and carried into torch."""
     motion = ChainMotion(TASK, CHAIN)
-    slopes = motion.slopes(ANGLES, TIP)
+    jacobians = motion.jacobians(ANGLES, TIP)
     h = 1e-6
     for k in range(20):
         step = h * np.eye(20)[k]
         numeric = (motion.rows(ANGLES + step, TIP) - motion.rows(ANGLES - step, TIP)) / (2 * h)
-        np.testing.assert_allclose(slopes[:, :, k], numeric, atol=1e-8)
+        np.testing.assert_allclose(jacobians[:, :, k], numeric, atol=1e-8)
     values = torch.from_numpy(ANGLES.copy()).requires_grad_(True)
-    (slope,) = torch.autograd.grad(motion(values, TIP).position[9, 2], values)
-    np.testing.assert_allclose(slope.numpy(), slopes[9, 11], atol=1e-12)
+    (gradient,) = torch.autograd.grad(motion(values, TIP).position[9, 2], values)
+    np.testing.assert_allclose(gradient.numpy(), jacobians[9, 11], atol=1e-12)
 
 
 def test_tube_lies_on_the_capsules() -> None:
@@ -155,7 +155,7 @@ def test_gradient_of_the_image(channel: str, task, values: np.ndarray) -> None:
         return (image * (weights[..., None] if image.ndim == 3 else weights)).sum()
 
     v = torch.tensor(values, requires_grad=True)
-    (slope,) = torch.autograd.grad(value(model, v), v)
+    (gradient,) = torch.autograd.grad(value(model, v), v)
     # Steps that move the picture by a third of a pixel: one sample in 16 is 0.06 px.
     speed = np.abs(model.target_frames(values, arm).motion(model.target_surface(values, arm).reshape(-1, 3)))
     numeric = []
@@ -166,7 +166,7 @@ def test_gradient_of_the_image(channel: str, task, values: np.ndarray) -> None:
             numeric.append((ends[0] - ends[1]) / (2 * h))
     scale = np.array([p.scale for p in task.parameters()])
     wanted = scale * np.array(numeric)
-    error = np.linalg.norm(scale * slope.numpy() - wanted) / np.linalg.norm(wanted)
+    error = np.linalg.norm(scale * gradient.numpy() - wanted) / np.linalg.norm(wanted)
     print(type(task).__name__, channel, "relative error", error)
     assert error < 0.03
 

@@ -20,7 +20,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.executor import free_cores, run_calls
 from samrl_core.common.files import append_line, folder_lock, keep_to, write_whole
 
-Tell = Callable[[str], None]  # hears a line of progress
+Progress = Callable[[str], None]  # receives a line of progress
 Case = dict[str, Any]  # "key" (str), and what was found
 CONFIG, CASES = "experiment.json", "cases.jsonl"
 
@@ -37,7 +37,7 @@ class Options:
     tasks: tuple[str, ...] = ()  # none: all that the experiment knows
     count: int = 0  # of episodes or states per condition; 0 takes the experiment's own
     seed: int = 0  # of the first one
-    device: str = "cpu"  # torch's name, for what is drawn in batches
+    device: str = "cpu"  # torch's name, for batched rendering
     workers: int = 0  # processes; 0 takes the free cores
     weights: Path | None = None  # folder of trained networks, in place of the package's
     conditions: tuple[str, ...] = ()  # of those that it can leave out; none: all of them
@@ -66,11 +66,11 @@ class Experiment:
     name: str
     shows: str  # one line
     tasks: tuple[str, ...]  # that it knows
-    run: Callable[[Options, Tell], dict[str, Any]]  # returns the summary; writes `<name>.png` in `out`
+    run: Callable[[Options, Progress], dict[str, Any]]  # returns the summary; writes `<name>.png` in `out`
     on_request: tuple[str, ...] = ()  # tasks that it knows, too, and leaves out unless asked for
     conditions: tuple[str, ...] = ()  # that may be asked for without the others; none: it makes them all
 
-    def result(self, options: Options, tell: Tell) -> dict[str, Any]:
+    def result(self, options: Options, progress: Progress) -> dict[str, Any]:
         """Run what is left of it, and write `<name>.json`.
 
         Raises:
@@ -84,7 +84,12 @@ class Experiment:
             free = ("out", "device", "workers", "conditions")  # may differ when it goes on
             asked = {k: v for k, v in asdict(options).items() if k not in free}
             keep_to(options.out / CONFIG, {"experiment": self.name, **asked}, "experiment", {})
-            summary = {"schema": 1, "experiment": self.name, "seed": options.seed, **self.run(options, tell)}
+            summary = {
+                "schema": 1,
+                "experiment": self.name,
+                "seed": options.seed,
+                **self.run(options, progress),
+            }
             write_whole(options.out / f"{self.name}.json", json.dumps(summary, indent=1) + "\n")
         return summary
 
@@ -96,7 +101,7 @@ class Experiment:
 
 
 class CaseLog:
-    """Cases of one folder, a line each, kept as soon as they are known."""
+    """Cases of one folder, a line each, written as soon as they are known."""
 
     def __init__(self, folder: Path) -> None:
         """Reads what is there; a last line that was cut off is left out and written over.
@@ -133,7 +138,7 @@ def run_cases(
     work: Callable[[Any], list[Case]],
     jobs: Sequence[tuple[Sequence[str], Any]],
     workers: int,
-    tell: Tell,
+    progress: Progress,
 ) -> list[Case]:
     """Every case of the jobs, in their order; jobs whose cases are all known are not run again.
 
@@ -142,7 +147,7 @@ def run_cases(
         work: of the top level of a module: one job's cases, in a process of its own where workers > 1.
         jobs: for each the keys of its cases, and what `work` gets.
         workers: processes.
-        tell: hears of every case.
+        progress: called with each case.
     """
     keys = [key for of_job, _ in jobs for key in of_job]
     left = [job for of_job, job in jobs if not all(key in log.cases for key in of_job)]
@@ -152,7 +157,7 @@ def run_cases(
             if case["key"] not in log.cases:
                 log.keep(case)
                 known = sum(key in log.cases for key in keys)
-                tell(f"{known}/{len(keys)}  {case['key']}  {_words(case)}")
+                progress(f"{known}/{len(keys)}  {case['key']}  {_words(case)}")
 
     for done in run_calls([partial(work, job) for job in left], workers):
         take(done.result)

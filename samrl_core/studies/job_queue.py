@@ -18,7 +18,7 @@ from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.common.files import room_for
 
-Tell = Callable[[str], None]  # hears a line of progress
+Progress = Callable[[str], None]  # receives a line of progress
 DEVICE, WORKERS = "{device}", "{workers}"  # in a command: filled in when it starts
 STOP_S = 10.0  # for commands that are interrupted to end by themselves
 OVERBOOKED = 1.5  # times the cores: no command keeps all its processes busy all the time
@@ -68,7 +68,9 @@ class JobQueue:
         InputError: two jobs have the same name, or one needs a job that is not there.
     """
 
-    def __init__(self, jobs: Sequence[CommandJob], machine: Machine, folder: Path, tell: Tell) -> None:
+    def __init__(
+        self, jobs: Sequence[CommandJob], machine: Machine, folder: Path, progress: Progress
+    ) -> None:
         """`folder`: where the commands run; their output goes to `logs/NAME.log` in it."""
         names = [job.name for job in jobs]
         for job in jobs:
@@ -77,7 +79,7 @@ class JobQueue:
             missing = [name for name in job.needs if name not in names]
             if missing:
                 raise InputError(f"job {job.name!r} needs {missing[0]!r}, which is not in the list")
-        self._left, self._machine, self._folder, self._tell = list(jobs), machine, folder, tell
+        self._left, self._machine, self._folder, self._progress = list(jobs), machine, folder, progress
         self._running: list[_Running] = []
         self._done: set[str] = set()
         self._failed: list[str] = []
@@ -133,7 +135,7 @@ class JobQueue:
                 start_new_session=True,  # a terminal's Ctrl-C reaches this process, which passes it on
                 preexec_fn=ends_with_parent(signal.SIGINT),
             )
-        self._tell(f"{job.name}: started, {filled[WORKERS]} processes, {device}")
+        self._progress(f"{job.name}: started, {filled[WORKERS]} processes, {device}")
         return _Running(job, process, gpu, time.monotonic())
 
     def _reap(self) -> None:
@@ -147,13 +149,13 @@ class JobQueue:
                 self._finish(one.job, f"done in {minutes:.1f} min")
             else:
                 self._failed.append(one.job.name)
-                self._tell(f"{one.job.name}: failed with code {code} after {minutes:.1f} min")
+                self._progress(f"{one.job.name}: failed with code {code} after {minutes:.1f} min")
 
     def _finish(self, job: CommandJob, how: str) -> None:
         if job.then is not None:
             job.then()
         self._done.add(job.name)
-        self._tell(f"{job.name}: {how}")
+        self._progress(f"{job.name}: {how}")
 
     def _drop_needy(self) -> None:
         for job in list(self._left):
@@ -161,7 +163,7 @@ class JobQueue:
             if lost:
                 self._left.remove(job)
                 self._failed.append(job.name)
-                self._tell(f"{job.name}: left out, {lost[0]} failed")
+                self._progress(f"{job.name}: left out, {lost[0]} failed")
 
     def _gpu_for(self, job: CommandJob) -> int | None:
         """The GPU with most memory left, -1 where none is needed, None while there is not enough."""

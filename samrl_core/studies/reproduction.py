@@ -1,4 +1,4 @@
-"""All trainings, tables and figures as one list of jobs: what the package's weights and figures come from."""
+"""All trainings, tables and figures as one list of jobs: how the package's weights and figures are made."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Recipe:
     """How a task is trained."""
 
     max_actions: int  # of an episode in the model
-    kept: int  # images of each state; with them a GPU learns ten times faster than it draws
+    cached_images: int  # images of each state; with them a GPU learns ten times faster than it renders
     epochs: int  # of the actor
-    gpu_gb: float  # that the kept images take, and what works on them
+    gpu_gb: float  # for the cached images and the training on them
     share: float  # of the cores
     states: int = 12_000
     rounds: int = 1  # of DAgger
@@ -52,7 +52,7 @@ RECIPES = {
 # The package's networks, seed 1, were trained longer.
 FIRST_RECIPES = {
     "peg_insertion": replace(RECIPES["peg_insertion"], epochs=16),
-    "spatula_flipping": replace(RECIPES["spatula_flipping"], kept=12, epochs=16, gpu_gb=60.0),
+    "spatula_flipping": replace(RECIPES["spatula_flipping"], cached_images=12, epochs=16, gpu_gb=60.0),
 }
 
 
@@ -125,7 +125,7 @@ class Reproduction:
         command += ["--q-loss", recipe.q_loss, "--q-unit", str(recipe.q_unit)]
         command += ["--actor-epochs", str(recipe.epochs), "--q-epochs", "8", "--batch-size", "256"]
         if self.on_gpu:
-            command += ["--kept", str(recipe.kept)]
+            command += ["--kept", str(recipe.cached_images)]
         if "sim_actor" in have:
             command += ["--actor", str(have["sim_actor"].absolute())]
         makes = [folder / weights_name(task, kind) for kind in KINDS]

@@ -91,7 +91,7 @@ def test_the_task_border_keeps_truth_with_world_and_evaluation(name: str) -> Non
 
 
 def test_only_the_compared_learners_are_rewarded_by_truth() -> None:
-    assert callers("judged_now") == MAY_BE_REWARDED
+    assert callers("evaluate_now") == MAY_BE_REWARDED
 
 
 def test_the_search_catches_a_breach() -> None:

@@ -15,7 +15,7 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import TASKS, task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.camera import Camera
-from samrl_core.cell.world.evaluation import judged_now, true_values
+from samrl_core.cell.world.evaluation import evaluate_now, true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.tool_motion import ToolMotion
 from samrl_core.model.model import Model
@@ -49,7 +49,7 @@ def test_an_expert_who_knows_the_truth_succeeds_in_the_world(task: Task) -> None
     world = PyBulletWorld(task, CELL)
     try:
         world.reset(3)
-        assert not judged_now(world, task).success
+        assert not evaluate_now(world, task).success
         motion = ToolMotion(world, task, CELL, period_s=0.1)
         for _ in range(task.max_actions):
             goals = task.sub_goals(true_values(task, world.truth()), motion.tip())
@@ -57,7 +57,7 @@ def test_an_expert_who_knows_the_truth_succeeds_in_the_world(task: Task) -> None
                 break
             way = goals[0].tip_position - motion.tip()
             motion.displace(way * min(1.0, goals[0].max_step / max(float(np.linalg.norm(way)), 1e-9)))
-        assert judged_now(world, task).success
+        assert evaluate_now(world, task).success
     finally:
         world.close()
 

@@ -45,8 +45,8 @@ def test_reachable_views_are_those_of_the_planner() -> None:
     assert 0 < found.sum() < len(found)
     region = MODEL.task.view_region()
     planner = ViewReach(MODEL.cell, MODEL.task, ReachSettings(azimuths=4, elevations=2, distances=3))
-    places = [viewpoint_of(view.camera_in_world.position, region) for view in planner.views]
-    taken = [p for p in places if abs(p[2] - grid.views[0, 2]) < 1e-3]
+    sites = [viewpoint_of(view.camera_in_world.position, region) for view in planner.views]
+    taken = [p for p in sites if abs(p[2] - grid.views[0, 2]) < 1e-3]
     expected = [any(np.abs(p[:2] - v[:2]).max() < 1e-3 for p in taken) for v in grid.views]
     np.testing.assert_array_equal(found, expected)
 
@@ -66,7 +66,7 @@ def test_one_episode_is_run_summed_up_and_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     options = Options(tmp_path, ("peg_insertion",), count=1, workers=1)
-    summary = fig6.run(options, print, draws=1, size=(3, 2))
+    summary = fig6.run(options, print, noise_samples=1, size=(3, 2))
     assert len((tmp_path / CASES).read_text().splitlines()) == 3
     whole = summary["tasks"]["peg_insertion"]["all"]
     assert whole["states"] == 3 and 0.1 < whole["error_mm"] < 10.0
@@ -75,4 +75,4 @@ def test_one_episode_is_run_summed_up_and_not_run_again(
     assert low <= whole["spearman"]["noisy"]["median"] <= high
     assert (tmp_path / "fig6.png").stat().st_size > 20_000
     monkeypatch.setattr(fig6, "view_maps", None)
-    assert fig6.run(options, print, draws=1, size=(3, 2)) == summary
+    assert fig6.run(options, print, noise_samples=1, size=(3, 2)) == summary

@@ -1,4 +1,4 @@
-"""Fig. 7: slopes and covered patches of functions whose pixels are known, and one episode as a whole."""
+"""Fig. 7: gradients and covered patches of functions whose pixels are known, and one episode as a whole."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import torch
 
 from samrl_core.studies.experiment import Options
 from samrl_core.studies.paper import fig7
-from samrl_core.studies.paper.saliency import SaliencySettings, cover_map, slope_maps, within_patches
+from samrl_core.studies.paper.saliency import SaliencySettings, cover_map, gradient_maps, within_patches
 from samrl_core.studies.paper.view_maps import rank_correlation
 from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
-SETTINGS = SaliencySettings(draws=2, patch=8, stride=8)
+SETTINGS = SaliencySettings(noise_samples=2, patch=8, stride=8)
 
 
 def corner(image: torch.Tensor) -> torch.Tensor:
@@ -24,11 +24,11 @@ def corner(image: torch.Tensor) -> torch.Tensor:
 
 def test_slopes_lie_where_the_output_looks() -> None:
     images = [torch.ones(2, 6, 32, 32), torch.zeros(2, 6, 32, 32)]
-    found = slope_maps(images, [corner, corner], 0.0)
+    found = gradient_maps(images, [corner, corner], 0.0)
     expected = np.zeros((2, 32, 32))
     expected[:, :8, 8:16] = 4.0
     np.testing.assert_allclose(found, expected)
-    blurred = slope_maps(images, [corner, corner], 1.5)
+    blurred = gradient_maps(images, [corner, corner], 1.5)
     assert blurred.sum() == pytest.approx(expected.sum()) and blurred.max() < 4.0 + 1e-6
 
 
@@ -40,12 +40,12 @@ def test_covering_changes_what_the_output_looks_at() -> None:
     expected[0, 1] = 2.0 * 64
     np.testing.assert_allclose(found, expected)
     assert torch.equal(image, torch.ones(6, 32, 32))
-    slopes = slope_maps([image[None]], [corner], 0.0)
-    assert rank_correlation(within_patches(slopes, SETTINGS).ravel(), found.ravel()) == pytest.approx(1.0)
+    gradients = gradient_maps([image[None]], [corner], 0.0)
+    assert rank_correlation(within_patches(gradients, SETTINGS).ravel(), found.ravel()) == pytest.approx(1.0)
 
 
 def test_one_episode_is_run_and_summed_up(tmp_path: Path) -> None:
-    settings = SaliencySettings(draws=1, patch=32, stride=32)
+    settings = SaliencySettings(noise_samples=1, patch=32, stride=32)
     options = Options(tmp_path, ("peg_insertion",), count=1, workers=1)
     summary = fig7.run(options, print, views=1, settings=settings)
     for network in ("actor", "q"):

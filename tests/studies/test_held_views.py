@@ -37,9 +37,9 @@ def test_the_arm_gets_there_and_is_in_nobodys_way(views: tuple[HeldView, ...]) -
 
 def test_views_are_spread() -> None:
     """Two heaps of places and one apart: three views, one of each."""
-    places = [[0.0, 0, 0], [0.01, 0, 0], [1, 0, 0], [1.01, 0, 0], [0.5, 2, 0]]
+    sites = [[0.0, 0, 0], [0.01, 0, 0], [1, 0, 0], [1.01, 0, 0], [0.5, 2, 0]]
     level = np.array([0.0, 0.0, 0.0, 1.0])
-    views = [HeldView(Pose(np.array(p, dtype=float), level), ()) for p in places]
+    views = [HeldView(Pose(np.array(p, dtype=float), level), ()) for p in sites]
     chosen = spread_views(views, 3)
     assert 4 in chosen and len(chosen) == 3 and len({i // 2 for i in chosen}) == 3
     assert spread_views(views, 9) == [0, 1, 2, 3, 4]

@@ -191,7 +191,7 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
     def here(orders: Sequence[Order]) -> list[Played]:
         if len(orders) == calibration_gap.EPISODES:  # of the search for the gap
             nominal.extend(orders)
-            return [Played((), "done", "", o.place.offset[0] < 0.48 * 0.0045, 0.0) for o in orders]
+            return [Played((), "done", "", o.site.offset[0] < 0.48 * 0.0045, 0.0) for o in orders]
         cells[-1].orders += orders
         return [cells[-1].play(order) for order in orders]
 
@@ -224,7 +224,7 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
     # No larger error was tried, and the scenes are the same at each.
     assert len(nominal) == 4 * calibration_gap.EPISODES
     assert len({o.seed for o in nominal}) == calibration_gap.EPISODES
-    assert {order.place.offset for order in cells[0].orders} == {calibration_gap.offset_of(0.005)}
+    assert {order.site.offset for order in cells[0].orders} == {calibration_gap.offset_of(0.005)}
     assert sum("real steps" in line for line in told) == 9
 
 
@@ -247,12 +247,12 @@ def test_kept_weights_are_judged_long_after_they_were_trained(
         now = evaluated(play, PLACE, 3, settings, weights)
         at_once.append((one.steps, one._episodes, sum(now.successes), now.residual))
     for point, (steps, episodes, successes, residual) in zip(settings.points, at_once, strict=True):
-        case = sample_efficiency.judged_at(job, point, tmp_path, play)
+        case = sample_efficiency.evaluate_at(job, point, tmp_path, play)
         assert (case["steps"], case["episodes"], case["successes"]) == (steps, episodes, successes)
         assert case["key"] == job.key(point) and residual > 0.0
         assert case["residual"] == pytest.approx(residual, rel=1e-2)
     with pytest.raises(InputError, match="steps_99"):
-        sample_efficiency.judged_at(job, 99, tmp_path, play)
+        sample_efficiency.evaluate_at(job, 99, tmp_path, play)
 
 
 @pytest.mark.parametrize("processes", [1, 25, 200])
@@ -264,16 +264,16 @@ def test_the_gap_is_the_smallest_at_which_nominal_actions_fail(
     from samrl_core.studies.experiment import CaseLog
     from samrl_core.studies.paper.calibration_gap import EPISODES, LADDER, gaps, offset_of
 
-    place = EpisodeSite("peg_insertion", "optimised", None, (0.0, 0.0, 0.0))
+    site = EpisodeSite("peg_insertion", "optimised", None, (0.0, 0.0, 0.0))
     orders: list[Order] = []
 
     def play(some: Sequence[Order]) -> list[Played]:
         orders.extend(some)
-        good = [np.linalg.norm(order.place.offset) < fails_from - 1e-9 for order in some]
+        good = [np.linalg.norm(order.site.offset) < fails_from - 1e-9 for order in some]
         return [Played((), "done", "", bool(one), 0.0) for one in good]
 
     for _ in range(2):
-        found = gaps(CaseLog(tmp_path), [place], play, lambda text: None, processes)["peg_insertion"]
+        found = gaps(CaseLog(tmp_path), [site], play, lambda text: None, processes)["peg_insertion"]
         assert found["length"] == taken and tuple(found["offset"]) == offset_of(taken)
     needed = [n for n in LADDER if n <= taken]
     at_once = max(1, processes // EPISODES)

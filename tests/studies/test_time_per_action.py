@@ -64,7 +64,7 @@ def test_a_run_is_summed_up(tmp_path: Path) -> None:
 
 
 def test_folders_without_times_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="tells no times"):
+    with pytest.raises(InputError, match="has no times"):
         time_per_action(tmp_path)
     summary = {"task": "t", "settings": {}, "timing": {}, "episodes": [{"episode": 0}]}
     (tmp_path / "summary.json").write_text(json.dumps(summary))

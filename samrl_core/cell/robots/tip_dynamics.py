@@ -38,7 +38,7 @@ class TipDynamics:
         """Tip in the base, (3,) [m]."""
         return self._arm.flange_in_base(q).apply(self._tip.position)
 
-    def slope(self, q: np.ndarray) -> np.ndarray:
+    def gradient(self, q: np.ndarray) -> np.ndarray:
         """u^T J: how the place along u changes with the joints, (J,) [m/rad]."""
         return self._direction @ self._jacobian(q)
 
@@ -48,16 +48,16 @@ class TipDynamics:
         Raises:
             InputError: at a singularity, where the arm cannot move along the direction.
         """
-        slope = self.slope(q)
-        if float(np.linalg.norm(slope)) < 1e-9:
+        gradient = self.gradient(q)
+        if float(np.linalg.norm(gradient)) < 1e-9:
             raise InputError(f"the arm cannot move along {self._direction} at {q} rad; choose another pose")
-        return 1.0 / float(slope @ np.linalg.solve(self._arm.mass_matrix(q), slope))
+        return 1.0 / float(gradient @ np.linalg.solve(self._arm.mass_matrix(q), gradient))
 
     def free_acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> float:
         """a under torques tau (J,) [N m], gravity included, at q [rad] and dq [rad/s], in [m/s2]."""
         q, dq = np.asarray(q, dtype=np.float64), np.asarray(dq, dtype=np.float64)
-        rate = (self.slope(q + RATE_STEP_S * dq) - self.slope(q - RATE_STEP_S * dq)) / (2 * RATE_STEP_S)
-        return float(self.slope(q) @ self._arm.forward_dynamics(q, dq, tau) + rate @ dq)
+        rate = (self.gradient(q + RATE_STEP_S * dq) - self.gradient(q - RATE_STEP_S * dq)) / (2 * RATE_STEP_S)
+        return float(self.gradient(q) @ self._arm.forward_dynamics(q, dq, tau) + rate @ dq)
 
     def _jacobian(self, q: np.ndarray) -> np.ndarray:
         """Of the tip's position (3, J), base axes."""

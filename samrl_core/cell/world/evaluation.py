@@ -65,7 +65,7 @@ def read_truth(path: Path) -> dict[int, dict[str, dict[str, Any]]]:
 
 
 def ending_of(entry: dict[str, Any]) -> Ending:
-    """What `Task.succeeded` judges, from an entry of `read_truth`."""
+    """Input of `Task.succeeded`, from an entry of `read_truth`."""
     return Ending(
         {
             k: Pose(np.array(v), np.array(entry["body_quat_xyzw"][k]))
@@ -79,7 +79,7 @@ def ending_of(entry: dict[str, Any]) -> Ending:
 
 
 def ending_now(truth: Truth) -> Ending:
-    """What `Task.succeeded` judges, were the episode to end at this instant."""
+    """Input of `Task.succeeded`, if the episode ended at this instant."""
     return Ending(
         _bodies(truth),
         dict(truth.body_speed),
@@ -99,15 +99,15 @@ def _bodies(truth: Truth) -> dict[str, Pose]:
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """What the truth of an instant is worth, and nothing of the truth itself."""
+class TrueOutcome:
+    """Metrics of the true state at one instant, without that state."""
 
     success: bool
     final_error: float  # [m]
     reward: float  # of the paper, for the learners that it compares with [m]
 
 
-def judged_now(world: SimulatedWorld, task: Task) -> Judgement:
-    """The episode judged as if it ended at this instant: for what compared learners are rewarded with."""
+def evaluate_now(world: SimulatedWorld, task: Task) -> TrueOutcome:
+    """Metrics of the episode if it ended now: rewards of the learners that are compared."""
     ending = ending_now(world.truth())
-    return Judgement(task.succeeded(ending), task.final_error(ending), task.shaped_reward(ending))
+    return TrueOutcome(task.succeeded(ending), task.final_error(ending), task.shaped_reward(ending))

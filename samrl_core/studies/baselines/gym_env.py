@@ -16,7 +16,7 @@ from gymnasium import spaces
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks import task_named
-from samrl_core.cell.world.evaluation import judged_now
+from samrl_core.cell.world.evaluation import evaluate_now
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.settings import WorldSettings
 from samrl_core.cell.world.tool_motion import ToolMotion
@@ -39,7 +39,7 @@ TIP_LIMIT = 2.0  # no tip is farther from its arm's base, per axis [m]
 
 
 class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
-    """One task in PyBullet, seen from where the task's episodes start.
+    """One task in PyBullet, with the camera where the task's episodes start.
 
     Observation: `image` (6, H, W) float32, see `learn.network_image`, and `tip` (3,) float32 in the tool
     arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]; the action space is a
@@ -103,12 +103,12 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Lay the scene anew; every episode draws its own from the seed that was given last."""
+        """Lay the scene anew; every episode samples its own from the seed that was given last."""
         super().reset(seed=seed)
         self._world.reset(int(self.np_random.integers(2**31)))
         self._motion.begin()
         self._actions = 0
-        return self._observe(), self._judge(refused=False)[1]
+        return self._observe(), self._evaluate(refused=False)[1]
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Displace the tip.
@@ -128,7 +128,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             refused = True
             self._motion.rest()
         self._actions += 1
-        reward, info = self._judge(refused)
+        reward, info = self._evaluate(refused)
         truncated = self._actions >= self._max_actions and not info["success"]
         return self._observe(), reward, info["success"], truncated, info
 
@@ -146,10 +146,10 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         image = observed_image(observation, tip, self._cell).numpy()
         return {"image": image, "tip": tip.astype(np.float32)}
 
-    def _judge(self, refused: bool) -> tuple[float, dict[str, Any]]:
-        judged = judged_now(self._world, self._task)
-        info = {"success": judged.success, "final_error": judged.final_error, "refused": refused}
-        return judged.reward, info
+    def _evaluate(self, refused: bool) -> tuple[float, dict[str, Any]]:
+        outcome = evaluate_now(self._world, self._task)
+        info = {"success": outcome.success, "final_error": outcome.final_error, "refused": refused}
+        return outcome.reward, info
 
 
 def differing_env(task: str, offset: Sequence[float], render_mode: str | None = None) -> CellEnv:

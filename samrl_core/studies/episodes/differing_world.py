@@ -1,10 +1,10 @@
-"""The world that the model does not know: what the residual is trained in, and the ablations judged in.
+"""The world that the model does not know: what the residual is trained in, and the ablations evaluated in.
 
-Three things differ from the nominal world, none of which the model is told. The tool arm's
+Three things differ from the nominal world, none of which the model knows. The tool arm's
 impedance is soft, its joints have friction and its gravity compensation falls short, so that small
 displacements are lost and the tool gives way. The light falls from another side and bodies cast shadows.
 Depth and colour are noisier. Where it is asked for, the calibration is off as well: the camera arm's base
-does not stand where it says.
+is not where the calibration has it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.sensor_noise import RgbdNoise
 from samrl_core.cell.world.settings import WorldSettings
 
-# ASSUMPTIONS, all of them: chosen to be such as a laboratory meets, before any result was seen.
+# ASSUMPTIONS, all of them: chosen to be such as a laboratory meets, before any result was known.
 STIFFNESS_SHARE = 0.25  # of the nominal joint stiffness; damping falls by its root and keeps its ratio
 JOINT_FRICTION = 0.003  # of the effort limits: 0.26 N m in joints 1 to 4; the nominal world has none
 UNCOMPENSATED = 0.03  # of the weight that the arms carry, their own links included
@@ -79,7 +79,7 @@ def differing_world(
     return PyBulletWorld(task, differing_cell(cell or cell_named(), offset), differing_settings())
 
 
-def trained_offset(figures: Mapping[str, float]) -> tuple[float, float, float]:
-    """The offset (3,) [m] of the world that a residual was trained in, from what its weight file says."""
-    x, y, z = (figures.get(f"offset_{axis}", 0.0) for axis in "xyz")
+def trained_offset(metrics: Mapping[str, float]) -> tuple[float, float, float]:
+    """The offset (3,) [m] of the world that a residual was trained in, from its weight file."""
+    x, y, z = (metrics.get(f"offset_{axis}", 0.0) for axis in "xyz")
     return x, y, z

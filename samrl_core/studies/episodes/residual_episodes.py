@@ -1,4 +1,4 @@
-"""Episodes in the world that differs, each told apart by what was ordered: in a process of its own or here.
+"""Episodes in the world that differs, each identified by its order: in a process of its own or here.
 
 The model's verdict is the reward, the truth is asked for once an episode has ended, and only counted.
 """
@@ -16,7 +16,7 @@ import torch
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
-from samrl_core.cell.world.evaluation import judged_now
+from samrl_core.cell.world.evaluation import evaluate_now
 from samrl_core.common.errors import ReachError, SamrlError
 from samrl_core.learning.residual.replay import End, ReplayStep
 from samrl_core.model.model import Model
@@ -33,7 +33,7 @@ from samrl_core.studies.episodes.world_plant import WorldPlant
 # ASSUMPTION: of the task's actions; one that goes well takes about half of them. More real steps would go
 # into what is stuck, and success within fewer actions is never more than within all.
 SHARE_OF_ACTIONS = 0.4
-ENDS = {"done": End.SUCCESS, "action_limit": End.FAILURE}  # what else ends an episode tells nothing
+ENDS = {"done": End.SUCCESS, "action_limit": End.FAILURE}  # other ends carry no reward
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class EpisodeSite:
 class Order:
     """One episode."""
 
-    place: EpisodeSite
+    site: EpisodeSite
     seed: int  # of the scene and the sensors
     max_actions: int
     residual: dict[str, np.ndarray]  # weights of the actor by name; empty is the zero residual
@@ -70,7 +70,7 @@ class Played:
     """What came of it."""
 
     steps: tuple[ReplayStep, ...]  # their episode is 0
-    ended: str  # as the loop says, or "error"
+    ended: str  # the loop's end, or "error"
     why: str  # of an error
     success: bool  # by the truth
     final_error: float  # by the truth [m]
@@ -89,14 +89,14 @@ class Stage:
     whichever process runs it.
     """
 
-    def __init__(self, place: EpisodeSite) -> None:
+    def __init__(self, site: EpisodeSite) -> None:
         """Builds the model and compiles what the agent needs."""
-        self._cell, self._task = cell_named(), task_named(place.task)
-        self._offset = place.offset
-        self._settings = AgentSettings(policy=place.policy, strategy=STRATEGY_OF[place.policy])
+        self._cell, self._task = cell_named(), task_named(site.task)
+        self._offset = site.offset
+        self._settings = AgentSettings(policy=site.policy, strategy=STRATEGY_OF[site.policy])
         networks: Networks | None = None
         if self._settings.needs_networks:
-            networks = trained_networks(place.task, self._cell, place.weights)
+            networks = trained_networks(site.task, self._cell, site.weights)
         self._model = Model(self._task, self._cell)
         self._agent = Agent(self._model, self._settings, networks)
         self._agent.prepare()
@@ -114,9 +114,9 @@ class Stage:
             steps, ended = self._steps(episode), episode.ended
         except SamrlError as error:
             why = str(error)
-        judged = judged_now(world, self._task)
+        outcome = evaluate_now(world, self._task)
         world.close()
-        return Played(steps, ended, why, judged.success, judged.final_error)
+        return Played(steps, ended, why, outcome.success, outcome.final_error)
 
     def _exploring(self, order: Order) -> AgentSettings:
         return replace(
@@ -128,8 +128,8 @@ class Stage:
         )
 
     def _steps(self, episode: Episode) -> tuple[ReplayStep, ...]:
-        seen = [step.observation for step in episode.steps] + [episode.last]
-        tips = [self._model.tip_in_base(one.tool_arm.position).position for one in seen]
+        observations = [step.observation for step in episode.steps] + [episode.last]
+        tips = [self._model.tip_in_base(one.tool_arm.position).position for one in observations]
         return tuple(
             ReplayStep(
                 0,
@@ -155,13 +155,13 @@ def _residual(order: Order) -> ResidualActor | None:
 
 
 @lru_cache(maxsize=3)  # the tasks that share a process
-def _stage(place: EpisodeSite) -> Stage:
-    return Stage(place)
+def _stage(site: EpisodeSite) -> Stage:
+    return Stage(site)
 
 
 def play(order: Order) -> Played:
-    """One episode, on the stage that this process keeps for its place."""
-    return _stage(order.place).play(order)
+    """One episode, on the stage that this process holds for its site."""
+    return _stage(order.site).play(order)
 
 
 class _PatientPlant:

@@ -24,7 +24,7 @@ from samrl_core.studies.experiment import Case
 def rates(cases: Sequence[Case]) -> dict[str, Any]:
     """Figures of one condition; medians unless named otherwise.
 
-    `detector` counts how often the model's word, done or not, was what truth said.
+    `detector` counts how often the model's detection, done or not, agreed with truth.
     """
     actions = max(1, sum(c["actions"] for c in cases))
     return {
@@ -52,15 +52,15 @@ def compared(cases: Sequence[Case], others: Sequence[Case]) -> dict[str, Any]:
     if not seeds:
         raise InputError("two conditions have no seed in common; run both from the same --seed")
     first, second = [mine[s] for s in seeds], [theirs[s] for s in seeds]
-    gains = [int(a) - int(b) for a, b in zip(first, second, strict=True)]
+    differences = [int(a) - int(b) for a, b in zip(first, second, strict=True)]
 
     def mean(some: Sequence[int]) -> float:
         return float(np.mean(some))
 
     return {
         "pairs": len(seeds),
-        "gain": mean(gains),
-        "gain_ci95": bootstrap_interval(gains, mean, np.random.default_rng(0)),
+        "gain": mean(differences),
+        "gain_ci95": bootstrap_interval(differences, mean, np.random.default_rng(0)),
         "p_more_often": mcnemar_p(first, second),
         "p_less_often": mcnemar_p(second, first),
     }
@@ -73,13 +73,15 @@ def write_bars(summary: dict[str, dict[str, dict[str, Any]]], title: str, path: 
     width = 0.85 / len(names)
     for k, name in enumerate(names):
         found = [(x, of_task[name]) for x, of_task in enumerate(summary.values()) if name in of_task]
-        places = [x + (k - (len(names) - 1) / 2) * width for x, _ in found]
+        positions = [x + (k - (len(names) - 1) / 2) * width for x, _ in found]
         share = 100 * np.array([row["value"] for _, row in found])
         ends = 100 * np.array([row["ci95"] for _, row in found])
         errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
-        axis.bar(places, share, 0.92 * width, yerr=errors, capsize=2, label=name.replace("_", " "))
-        for place, row in zip(places, (row for _, row in found), strict=True):
-            axis.annotate(f"n={row['trials']}", (place, 1), rotation=90, ha="center", va="bottom", fontsize=6)
+        axis.bar(positions, share, 0.92 * width, yerr=errors, capsize=2, label=name.replace("_", " "))
+        for position, row in zip(positions, (row for _, row in found), strict=True):
+            axis.annotate(
+                f"n={row['trials']}", (position, 1), rotation=90, ha="center", va="bottom", fontsize=6
+            )
     axis.set_xticks(range(len(summary)), [task.replace("_", " ") for task in summary])
     axis.set(ylim=(0, 105), ylabel="success by truth [%], 95 % intervals", title=title)
     axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

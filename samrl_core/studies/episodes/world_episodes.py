@@ -1,4 +1,5 @@
-"""One episode of Algorithm 1 in a PyBullet world as a case of an experiment: judged by truth, and timed."""
+"""One episode of Algorithm 1 in a PyBullet world as a case of an experiment: evaluated by truth, and timed.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
-from samrl_core.cell.world.evaluation import judged_now
+from samrl_core.cell.world.evaluation import evaluate_now
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import SamrlError
 from samrl_core.model.model import Model
@@ -24,7 +25,7 @@ from samrl_core.policy.networks.weights import sha256_of
 from samrl_core.studies.episodes.differing_world import differing_world
 from samrl_core.studies.episodes.stopwatch import Stopwatch
 from samrl_core.studies.episodes.world_plant import WorldPlant
-from samrl_core.studies.experiment import Case, CaseLog, Tell, run_cases
+from samrl_core.studies.experiment import Case, CaseLog, Progress, run_cases
 
 HELD = "held"  # besides the agent's strategies: the view that the episode starts with
 
@@ -61,9 +62,9 @@ class EpisodeJob:
     residual: Path | None = None  # file, for conditions that have one
 
 
-def run_episodes(log: CaseLog, jobs: Sequence[EpisodeJob], workers: int, tell: Tell) -> list[Case]:
-    """Cases of the jobs in their order, each run once and kept; see `run_cases`."""
-    return run_cases(log, episode_cases, [((job.key,), job) for job in jobs], workers, tell)
+def run_episodes(log: CaseLog, jobs: Sequence[EpisodeJob], workers: int, progress: Progress) -> list[Case]:
+    """Cases of the jobs in their order, each run once and cached; see `run_cases`."""
+    return run_cases(log, episode_cases, [((job.key,), job) for job in jobs], workers, progress)
 
 
 def episode_cases(job: EpisodeJob) -> list[Case]:
@@ -84,7 +85,7 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     for stop in job.way:
         plant.move_camera(np.array(stop))
     views = 0 if job.condition.strategy == HELD else LoopSettings.views_per_search
-    # A model that is not updated cannot say when a task is done.
+    # A model that is not updated cannot detect when a task is done.
     loop = LoopSettings(
         task.max_actions, job.condition.view_period, views, stop_on_model_success=job.condition.update
     )
@@ -94,7 +95,7 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
         ended = str(run_episode(agent, plant, loop, watch).ended)
     except SamrlError as error:  # out of reach, or a state that some part refuses: this episode has failed
         ended, trouble = "stopped", str(error)
-    judged = judged_now(world, task)
+    outcome = evaluate_now(world, task)
     simulated_s = 1e-9 * (world.time_ns - began_ns)
     world.close()
     return [
@@ -104,10 +105,10 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
             "condition": job.name,
             "seed": job.seed,
             "view": job.view,
-            "success": judged.success,
+            "success": outcome.success,
             "believed": ended == "done",
-            "why": "" if judged.success else trouble or ended,
-            "final_error": judged.final_error,
+            "why": "" if outcome.success else trouble or ended,
+            "final_error": outcome.final_error,
             "actions": watch.entered["move"],
             "camera_moves": watch.entered["look"],
             "simulated_s": simulated_s,

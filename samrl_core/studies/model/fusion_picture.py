@@ -22,11 +22,11 @@ _TITLES = {
 
 @dataclass(frozen=True, eq=False)
 class PictureRow:
-    """One body from one held-out place."""
+    """One body from one held-out pose."""
 
     name: str
     photo: MaskedView  # without noise
-    drawn: dict[str, np.ndarray]  # per stage (H, W, 3)
+    rendered: dict[str, np.ndarray]  # per stage (H, W, 3)
 
 
 def save_picture(rows: list[PictureRow], path: Path) -> None:
@@ -41,7 +41,7 @@ def save_picture(rows: list[PictureRow], path: Path) -> None:
         upper[0].imshow(cut[window], interpolation="nearest")
         upper[0].set_title(f"{row.name}: photo", fontsize=9)
         for k, (stage, title) in enumerate(_TITLES.items(), start=1):
-            image = np.clip(row.drawn[stage], 0.0, 1.0)
+            image = np.clip(row.rendered[stage], 0.0, 1.0)
             apart = np.abs(image - cut).mean(axis=-1)
             upper[k].imshow(image[window], interpolation="nearest")
             upper[k].set_title(title, fontsize=9)

@@ -82,10 +82,10 @@ def _write_picture(found: Identified, path: Path) -> None:
     path_axis, axis = figure.subplots(1, 2)
     path_axis.plot(found.mass_path, marker="o")
     path_axis.set(xlabel="iteration", ylabel="mass [kg]")
-    for place, one in enumerate(found.parameters):
+    for row, one in enumerate(found.parameters):
         low, high = 100 * (1 - one.lower / one.value), 100 * (one.upper / one.value - 1)
         color = "tab:blue" if one.determined else "0.7"
-        axis.errorbar([0.0], [place], xerr=[[low], [high]], fmt="o", color=color, capsize=3)
+        axis.errorbar([0.0], [row], xerr=[[low], [high]], fmt="o", color=color, capsize=3)
     axis.set_yticks(range(len(found.parameters)))
     axis.set_yticklabels([f"{p.name.replace('_', ' ')} {p.value:.3g}" for p in found.parameters])
     axis.set_xscale("symlog", linthresh=10)

@@ -1,11 +1,10 @@
 """Mass of a pancake from pushes (the paper's Fig. 10), the simulated cell as the real one.
 
-Each case draws a mass and a friction, builds a world with them, pushes twice with different forces, and fits
-from a guess that is 50 % off: to the first push alone, then from there on to both. What the fit gets is what
-drivers and Real2Sim give; sightings are the true place with white noise. Truth is read here alone, after the
-fits.
-Run it with `python -m samrl_core.studies.model.mass_from_pushes --out DIR`; a second run goes on where the
-first one ended.
+Each case samples a mass and a friction, builds a world with them, pushes twice with different forces, and
+fits from a guess that is 50 % off: to the first push alone, then from there on to both. What the fit gets is
+what drivers and Real2Sim give; observations are the true position with white noise. Truth is read here alone,
+after the fits. Run it with `python -m samrl_core.studies.model.mass_from_pushes --out DIR`; a second run goes
+on where the first one ended.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ FRICTION_RANGE = (0.30, 0.45)  # between pancake and table; all of them slide un
 
 @dataclass(frozen=True)
 class PushCase:
-    """What one case is drawn to be."""
+    """Sampled parameters of one case."""
 
     name: str
     group: str
@@ -131,7 +130,7 @@ def summary(found: Identified, case: PushCase) -> dict[str, Any]:
     }
 
 
-def told(fit: dict[str, Any]) -> tuple[str, ...]:
+def conclusions(fit: dict[str, Any]) -> tuple[str, ...]:
     """The sentences of a stored fit."""
     fields = [{k: v for k, v in a.items() if k != "determined"} for a in fit["attributes"]]
     return describe_parameters(
@@ -232,7 +231,7 @@ def run_study(out: Path, heavy: int, light: int, seed: int) -> None:
             f"{row['friction_covered']:2}/{row['cases']:2}      {row['converged']:2}/{row['cases']:2}"
         )
         print(f"{'':24} determined: " + ", ".join(f"{n} {c}" for n, c in row["determined"].items()))
-    sentences = {r["case"]["name"]: {n: told(f) for n, f in r["fits"].items()} for r in results}
+    sentences = {r["case"]["name"]: {n: conclusions(f) for n, f in r["fits"].items()} for r in results}
     record = {
         "schema": SCHEMA,
         "seed": seed,

@@ -2,11 +2,11 @@
 
 A body of each task is photographed from known poses with the cell's noise, fused, and updated by eq. 7. A
 second update starts from the fused mesh swollen by 3 mm, as a CAD model of the wrong size would be. Truth
-(the CAD surface at its place, photos without noise) is read here alone, after the meshes are made.
+(the CAD surface at its pose, photos without noise) is read here alone, after the meshes are made.
 
 Distances: from samples of the whole mesh to the CAD surface, undersides that close it included; and from
 samples of that part of the CAD surface that some view shows to the mesh. The chamfer distance is their mean.
-Colours: on photos without noise from four places that the mesh was not made from, mean absolute difference of
+Colours: on photos without noise from four poses that the mesh was not made from, mean absolute difference of
 mask times colour per pixel of the mask (eq. 4), and of colours alone where both show the body.
 
     python -m samrl_core.studies.model.mesh_fusion --out DIR
@@ -44,7 +44,7 @@ TARGET_M = 0.003  # chamfer distance
 BODIES = {"pancake": "spatula_flipping", "needle": "needle_threading", "hole_board": "peg_insertion"}
 SWELLING = 0.003  # of the rough start [m]
 DISTANCE = 0.38  # of the cameras from the middle of the body [m]
-HELD_OUT = 4  # photos to judge by
+HELD_OUT = 4  # photos for the evaluation
 SAMPLES = 6000  # of each surface
 _NEAR_SURFACE = 0.004  # a sample whose depth differs less from the photo's is shown by it [m]
 
@@ -58,7 +58,7 @@ class MeshScore:
     cad_to_mesh: float  # [m]
     mesh_to_cad_95: float  # 95 % of the samples are nearer [m]
     cad_to_mesh_95: float  # [m]
-    seen_to_cad: float  # from the part of the mesh that was seen [m]
+    seen_to_cad: float  # from the observed part of the mesh [m]
     image_error: float  # eq. 4 on held-out photos, 0..1
     color_error: float  # where photo and mesh both show the body, 0..1
     overlap: float  # of the masks, intersection over union
@@ -79,7 +79,7 @@ class Result:
 
 
 def cameras(middle: np.ndarray, count: int, intrinsics: Intrinsics) -> list[Camera]:
-    """Around a place (3,), at 25 and 55 degrees above the horizon in turn."""
+    """Around a point (3,), at 25 and 55 degrees above the horizon in turn."""
     return [_camera(middle, 2 * math.pi * k / count, (25.0, 55.0)[k % 2], intrinsics) for k in range(count)]
 
 
@@ -93,7 +93,7 @@ class MeshEvaluator:
     """The truth about one body, and the mesh's distance to it."""
 
     def __init__(self, body: Body, photos: BodyPhotos, views: list[Camera], intrinsics: Intrinsics) -> None:
-        """Perfect photos from the views, to know what they show, and from elsewhere, to judge colours by."""
+        """Perfect photos from the views, to know what they show, and from elsewhere, to evaluate colours."""
         vertices = body.body_in_world.apply(body.mesh.vertices)
         self.middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         elsewhere = [
@@ -112,7 +112,7 @@ class MeshEvaluator:
         self._cad = (samples[shown], Surface(vertices, body.mesh.faces))
 
     def images(self, mesh: FusedMesh) -> tuple[np.ndarray, np.ndarray]:
-        """Coverage times colour (B, H, W, 3), and coverage (B, H, W), from the held-out places."""
+        """Coverage times colour (B, H, W, 3), and coverage (B, H, W), from the held-out poses."""
         with torch.no_grad():
             image = MeshRenderer(mesh, self.held_out)(
                 torch.from_numpy(mesh.vertices), torch.from_numpy(mesh.color)
@@ -120,16 +120,16 @@ class MeshEvaluator:
         return image.color.numpy(), image.target.numpy()
 
     def stage(self, mesh: FusedMesh) -> MeshScore:
-        """All figures of a mesh."""
+        """All metrics of a mesh."""
         samples, face = surface_samples(mesh.vertices, mesh.faces, SAMPLES, np.random.default_rng(1))
         apart: Chamfer = chamfer((samples, Surface(mesh.vertices, mesh.faces)), self._cad)
-        seen = np.all(mesh.seen[mesh.faces[face]], axis=1)
+        observed = np.all(mesh.seen[mesh.faces[face]], axis=1)
         color, coverage = self.images(mesh)
         image_error, color_error, overlap = [], [], []
-        for view, drawn, share in zip(self.held_out, color, coverage, strict=True):
-            cut = np.abs(drawn - view.color * view.mask[..., None]).mean(axis=-1)
+        for view, rendered, share in zip(self.held_out, color, coverage, strict=True):
+            cut = np.abs(rendered - view.color * view.mask[..., None]).mean(axis=-1)
             image_error.append(cut.sum() / view.mask.sum())
-            apart_there = np.abs(drawn - view.color).mean(axis=-1)
+            apart_there = np.abs(rendered - view.color).mean(axis=-1)
             color_error.append(float(np.mean(apart_there, where=view.mask & (share > 0.99))))
             overlap.append((view.mask & (share > 0.5)).sum() / (view.mask | (share > 0.5)).sum())
         return MeshScore(
@@ -138,7 +138,7 @@ class MeshEvaluator:
             apart.backward,
             apart.largest_forward,
             apart.largest_backward,
-            float(self._cad[1].distance(samples[seen]).mean()),
+            float(self._cad[1].distance(samples[observed]).mean()),
             float(np.mean(image_error)),
             float(np.mean(color_error)),
             float(np.mean(overlap)),
@@ -163,7 +163,7 @@ def swollen(mesh: FusedMesh, by: float) -> FusedMesh:
 def run(
     name: str, seed: int, count: int, fusion: FusionSettings, settings: RefineSettings
 ) -> tuple[Result, PictureRow]:
-    """Photographs, fuses, updates and judges one body."""
+    """Photographs, fuses, updates and evaluates one body."""
     cell = cell_named()
     body = next(b for b in task_named(BODIES[name]).scene(cell).bodies if b.name == name)
     photos = BodyPhotos(body)
@@ -179,21 +179,21 @@ def run(
     far = replace(settings, vertex_std=SWELLING)
     for start, chosen in (("fused", settings), ("rough", far)):
         began = time.process_time()
-        updated = refine(meshes[start], views, chosen, partial(_say, name, start))
+        updated = refine(meshes[start], views, chosen, partial(_describe, name, start))
         spent[f"{start}_updated"] = time.process_time() - began
         why[f"{start}_updated"] = updated.why_stopped
         meshes[f"{start}_updated"] = updated.mesh
-    judge = MeshEvaluator(body, photos, around, cell.intrinsics)
+    evaluator = MeshEvaluator(body, photos, around, cell.intrinsics)
     photos.close()
-    stages = {stage: judge.stage(mesh) for stage, mesh in meshes.items()}
+    stages = {stage: evaluator.stage(mesh) for stage, mesh in meshes.items()}
     result = Result(
-        name, seed, len(fused.faces), float(fused.seen.mean()), judge.shown_share, stages, why, spent
+        name, seed, len(fused.faces), float(fused.seen.mean()), evaluator.shown_share, stages, why, spent
     )
-    shown = {stage: judge.images(mesh)[0][0] for stage, mesh in meshes.items()}
-    return result, PictureRow(name, judge.held_out[0], shown)
+    shown = {stage: evaluator.images(mesh)[0][0] for stage, mesh in meshes.items()}
+    return result, PictureRow(name, evaluator.held_out[0], shown)
 
 
-def _say(name: str, start: str, iteration: int, loss: float) -> None:
+def _describe(name: str, start: str, iteration: int, loss: float) -> None:
     if iteration % 10 == 0:
         print(f"  {name}, update of the {start} mesh, iteration {iteration}: loss {loss:.4f}", flush=True)
 

@@ -1,6 +1,6 @@
 """How far and how fast the model is put right by one image (the paper's Fig. 9).
 
-Thread: straight ways off are drawn at random, both the true one and the one that the fit starts from; its
+Thread: straight offsets are sampled at random, both the true one and the one that the fit starts from; its
 colour is that of the model, another, or changes from link to link. Pancake: the fit starts centimetres and
 tens of degrees off. The images are PyBullet's with the sensors' noise; the truth is read after each fit, to
 score it. Then the belief is disturbed as much as one action may, and the update of the loop is timed.
@@ -40,7 +40,7 @@ from samrl_core.studies.model.model_updating_cases import UpdateCase, line_of, r
 from samrl_core.studies.model.model_updating_picture import write_picture
 
 HUES = ((0.85, 0.10, 0.10), (0.15, 0.65, 0.20), (0.15, 0.25, 0.85))  # of links in turn
-OTHER_COLOR = (0.15, 0.55, 0.30)  # that the model believes where it is told wrong
+OTHER_COLOR = (0.15, 0.55, 0.30)  # that the model starts from where it is given a wrong one
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class UpdatingSetup:
         looped = self._loop.update(replace(found, values=self._bounded(found.values + push)), again)
         loop_took = time.perf_counter() - began[0], time.process_time() - began[1]
 
-        truth = self.world.truth()  # after the fits: nothing above has seen it
+        truth = self.world.truth()  # after the fits: nothing above has used it
         scores = [self._score(v, image, truth) for v in (*way, found.values)]
         loop = self._score(looped.values, again, truth)
         error = found.values - true_values(self.study.task, truth)
@@ -119,7 +119,7 @@ class UpdatingSetup:
             *loop_took,
         )
         shown = {"before": start, "after": found}
-        pictures = {name: self._drawn(e, image) for name, e in shown.items()}
+        pictures = {name: self._render(e, image) for name, e in shown.items()}
         return case, pictures | {"real": image.frame.color / 255.0}
 
     @property
@@ -133,14 +133,14 @@ class UpdatingSetup:
         colors = estimate.colors.copy()
         if self.study.recolored:
             colors[self.model.target_groups] = OTHER_COLOR
-        # What is known of the start: how it was drawn, and how the truth is.
+        # What is known of the start: how it was sampled, and how the truth is.
         covariance = estimate.covariance + np.diag(spread**2 / 3.0)
         return replace(estimate, values=values, colors=colors, covariance=covariance)
 
     def _bounded(self, values: np.ndarray) -> np.ndarray:
         return np.clip(values, [p.lower for p in self._specs], [p.upper for p in self._specs])
 
-    def _drawn(self, estimate: Estimate, image: Observation) -> np.ndarray:
+    def _render(self, estimate: Estimate, image: Observation) -> np.ndarray:
         with torch.no_grad():
             r = self.model.render(
                 torch.from_numpy(estimate.values),
@@ -219,9 +219,9 @@ def main(arguments: list[str] | None = None) -> int:
 
     chosen = {s.name: [c for c in cases if c.study == s.name and c.seed in seeds] for s in studies}
     result = {name: summary(some) for name, some in chosen.items()}
-    for name, figures in result.items():
+    for name, metrics in result.items():
         print(f"\n{name}")
-        for key, value in figures.items():
+        for key, value in metrics.items():
             print(f"  {key:22} {value:.3g}")
     record = {"schema": 1, "summary": result, "cases": [asdict(c) for some in chosen.values() for c in some]}
     write_whole(options.out / "model_updating.json", json.dumps(record, indent=1))

@@ -1,4 +1,4 @@
-"""What `model_updating` keeps of each fit, and the figures of many."""
+"""Results of `model_updating` for each fit, and the metrics of many."""
 
 from __future__ import annotations
 

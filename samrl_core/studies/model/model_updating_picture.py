@@ -22,7 +22,7 @@ def write_picture(
     Args:
         curves: per study and case, L1 distance at the start and after each iteration [m].
         iterations: length of each study's axis.
-        pictures: folder with `<study>.npz`; a study without is drawn without images.
+        pictures: folder with `<study>.npz`; a study without is plotted without images.
         path: of the PNG.
     """
     rows = len(curves)

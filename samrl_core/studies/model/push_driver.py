@@ -1,6 +1,6 @@
 """Pushes a thing along a line with a force, as an arm's driver would, and records what drivers know.
 
-The arm keeps its impedance controller. What it is told to track is the point of a straight joint path that is
+The arm keeps its impedance controller. Its reference is the point of a straight joint path that is
 level with where it is, at the speed that it has: so it is held across the line and free along it, and the
 force is feed-forward torque. No clock but the world's, no truth.
 """
@@ -40,7 +40,7 @@ class PushSettings:
     total_s: float = 0.45  # and the thing is watched so long (the paper's T2) [s]
     ramp_s: float = 0.01  # the force grows so long: drives limit the rate of torque [s]
     brake_force: float = 12.0  # against the motion afterwards [N]
-    stop_speed: float = 0.02  # below it the arm holds its place [m/s]
+    stop_speed: float = 0.02  # below it the arm holds its position [m/s]
     sight_period_s: float = 1.0 / 30.0  # of the camera [s]
     reach: float = 0.18  # length of the line [m]
     touch_above_tip: float = 0.0025  # where on the blade the thing is touched [m]
@@ -66,7 +66,7 @@ class PushDriver:
         self._tip = TipDynamics(self._arm, self._touch_in_flange, ALONG)
 
     def push(self, world: SimulatedWorld, force: float, sensor: PoseSensor) -> PushRecord:
-        """One push from where the arm stands, at rest.
+        """One push from the arm's present position, at rest.
 
         Args:
             world: advanced by `total_s`.
@@ -85,39 +85,39 @@ class PushDriver:
         seen_step = np.unique(np.rint(sights).astype(int))
         path = self._joint_path(world.read_arm("tool_arm").position)
         rate, zero = path.derivative(), np.zeros(len(self._cell.tool_arm.joint_names))
-        rows, seen = np.zeros((steps, 3)), []
+        rows, observed = np.zeros((steps, 3)), []
         stopped_at: float | None = None
         for k in range(steps):
             if k in seen_step:
-                seen.append(float(sensor.read() @ ALONG))
+                observed.append(float(sensor.read() @ ALONG))
             reading = world.read_arm("tool_arm")
             q, dq = reading.position, reading.velocity
-            slope = self._tip.slope(q)
-            place, speed = float(self._tip.position(q) @ ALONG), float(slope @ dq)
-            if not path.x[0] <= place <= path.x[-1]:
+            gradient = self._tip.gradient(q)
+            position, speed = float(self._tip.position(q) @ ALONG), float(gradient @ dq)
+            if not path.x[0] <= position <= path.x[-1]:
                 raise LimitError(
-                    f"the tip is at {place:.3f} m, beyond its line {path.x[0]:.3f}..{path.x[-1]:.3f} m; push "
-                    f"with less force than {force} N or for less than {s.push_s} s"
+                    f"the tip is at {position:.3f} m, beyond its line {path.x[0]:.3f}..{path.x[-1]:.3f} m; "
+                    f"push with less force than {force} N or for less than {s.push_s} s"
                 )
             if k < push_steps:
                 wanted = force * min(1.0, (k + 1) * period / s.ramp_s)
             elif stopped_at is None and speed > s.stop_speed:
                 wanted = -s.brake_force
             else:
-                stopped_at, wanted = place if stopped_at is None else stopped_at, 0.0
-            level, pace = (place, speed) if stopped_at is None else (stopped_at, 0.0)
-            goal = ArmCommand(world.time_ns, path(level), rate(level) * pace, zero, slope * wanted)
+                stopped_at, wanted = position if stopped_at is None else stopped_at, 0.0
+            level, pace = (position, speed) if stopped_at is None else (stopped_at, 0.0)
+            goal = ArmCommand(world.time_ns, path(level), rate(level) * pace, zero, gradient * wanted)
             world.command("tool_arm", goal)
             world.advance()
             torque = world.commanded_effort("tool_arm")
-            rows[k] = place, self._tip.free_acceleration(q, dq, torque), self._tip.effective_mass(q)
+            rows[k] = position, self._tip.free_acceleration(q, dq, torque), self._tip.effective_mass(q)
         if seen_step[-1] == steps:
-            seen.append(float(sensor.read() @ ALONG))
+            observed.append(float(sensor.read() @ ALONG))
         tip, free, mass = rows.T
-        return PushRecord(period, push_steps, tip, free, mass, seen_step, np.array(seen))
+        return PushRecord(period, push_steps, tip, free, mass, seen_step, np.array(observed))
 
     def _joint_path(self, start: np.ndarray) -> CubicSpline:
-        """Joints (J,) [rad] over the place along the line [m], the tool's orientation kept."""
+        """Joints (J,) [rad] over the position along the line [m], with constant tool orientation."""
         first = self._arm.flange_in_base(start) @ self._touch_in_flange
         ahead = np.arange(-KNOT_SPACING, self.settings.reach, KNOT_SPACING)
         joints, q = [], start

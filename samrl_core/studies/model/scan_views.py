@@ -27,7 +27,7 @@ SHOWN = 4  # views in the picture, at most
 ARRAYS = {
     "color": "(N, H, W, 3) uint8, linear RGB",
     "depth": "(N, H, W) float along the optical axis [m], NaN where unmeasured",
-    "mask": "(N, H, W) bool, where the thing is seen",
+    "mask": "(N, H, W) bool, where the body is visible",
     "intrinsics": "(4,) fx, fy, cx, cy [px], counted from the outer corner of the first pixel",
     "camera_in_world": "(N, 4, 4) pose of each optical frame",
 }

@@ -2,7 +2,7 @@
 
 States are those of an expert's episode in the model at three phases. In each, actor and Q are asked from a
 grid of views at the region's middle distance, of clean images and of images with the camera's noise. Whether
-Q knows where the actor sees well is told by Spearman's correlation of Q and the error's negative over the
+Q knows where the actor sees well is measured by Spearman's correlation of Q and the error's negative over the
 grid, state by state, and by what the view of highest Q loses against the grid's best.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS
 from samrl_core.common.statistics import pooled_median
 from samrl_core.learning.images.batch_render import model_of
-from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress, run_cases
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig6_picture import write_picture
 from samrl_core.studies.paper.view_bench import processes, view_bench
@@ -49,7 +49,7 @@ class Fig6Job:
     seed: int
     device: str
     weights: Path | None
-    draws: int
+    noise_samples: int
     size: tuple[int, int]  # azimuths and elevations
 
 
@@ -59,13 +59,13 @@ def keys_of(task: str, seed: int) -> list[str]:
 
 
 def run_job(job: Fig6Job) -> list[Case]:
-    """Maps and figures of one episode's states."""
+    """Maps and metrics of one episode's states."""
     bench = view_bench(job.task, job.device, job.weights)
     model = bench.renderer.model
     grid = view_grid(model.task.view_region(), *job.size)
     cases: list[Case] = []
     for key, state in zip(keys_of(job.task, job.seed), expert_states(model, job.seed), strict=True):
-        maps = view_maps(bench.renderer, bench.networks, state, grid.views, job.seed, job.draws)
+        maps = view_maps(bench.renderer, bench.networks, state, grid.views, job.seed, job.noise_samples)
         case: Case = {"key": key, "task": job.task, "seed": job.seed, "phase": state.phase}
         case |= {"step": state.step, "sub_goal": state.sub_goal, "error_mm": float(1e3 * maps.error.mean())}
         pairs = {name: [getattr(maps, which) for which in pair] for name, pair in PAIRS.items()}
@@ -77,16 +77,23 @@ def run_job(job: Fig6Job) -> list[Case]:
     return cases
 
 
-def run(options: Options, tell: Tell, draws: int = DRAWS, size: tuple[int, int] = (24, 9)) -> dict[str, Any]:
+def run(
+    options: Options, progress: Progress, noise_samples: int = DRAWS, size: tuple[int, int] = (24, 9)
+) -> dict[str, Any]:
     """All episodes; the summary by task and phase."""
     count = options.count or COUNT
     jobs = [
-        (keys_of(task, seed), Fig6Job(task, seed, options.device, options.weights, draws, size))
+        (keys_of(task, seed), Fig6Job(task, seed, options.device, options.weights, noise_samples, size))
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
     ]
-    cases = run_cases(CaseLog(options.out), run_job, jobs, processes(options), tell)
-    summary: dict[str, Any] = {"episodes": count, "draws_of_noise": draws, "grid": list(size), "tasks": {}}
+    cases = run_cases(CaseLog(options.out), run_job, jobs, processes(options), progress)
+    summary: dict[str, Any] = {
+        "episodes": count,
+        "draws_of_noise": noise_samples,
+        "grid": list(size),
+        "tasks": {},
+    }
     reached = {}
     for task in options.tasks:
         model = model_of(task)
@@ -102,11 +109,11 @@ def _summary(cases: list[Case], reached: np.ndarray, seed: int) -> dict[str, Any
     found: dict[str, Any] = {"reachable_views": float(reached.mean())}
     for phase in ("all", *PHASES):
         of_phase = [case for case in cases if phase in ("all", case["phase"])]
-        found[str(phase)] = _figures(of_phase, reached, seed)
+        found[str(phase)] = _metrics_of(of_phase, reached, seed)
     return found
 
 
-def _figures(cases: list[Case], reached: np.ndarray, seed: int) -> dict[str, Any]:
+def _metrics_of(cases: list[Case], reached: np.ndarray, seed: int) -> dict[str, Any]:
     found: dict[str, Any] = {"states": len(cases)}
     episodes = sorted({case["seed"] for case in cases})
 
@@ -133,7 +140,8 @@ def _figures(cases: list[Case], reached: np.ndarray, seed: int) -> dict[str, Any
 
 
 def _alike(maps: np.ndarray) -> float:
-    """Median rank correlation of the errors of two states: how much of a map another state's tells."""
+    """Median rank correlation of the errors of two states: how much a map has in common with another state's.
+    """
     pairs = [rank_correlation(maps[i], maps[j]) for i in range(len(maps)) for j in range(i)]
     return float(np.median(pairs)) if pairs else 1.0
 

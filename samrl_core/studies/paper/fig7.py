@@ -2,7 +2,7 @@
 
 Slopes of actor and Q by the image, averaged over the camera's noise, in states of an expert's episode from
 random views. How much more of them lies in the object than its area would have is their energy's share over
-the area's. Covering parts of the image tells whether the slopes mean anything: both maps should agree.
+the area's. Covering parts of the image tells whether the gradients mean anything: both maps should agree.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from samrl_core.cell.tasks import TASKS
 from samrl_core.common.statistics import pooled_median
 from samrl_core.policy.view.views import ViewSettings, sample_views
-from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress, run_cases
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig7_picture import write_picture
 from samrl_core.studies.paper.saliency import NETWORKS, Examined, SaliencySettings, examine, within_patches
@@ -25,7 +25,7 @@ from samrl_core.studies.paper.view_maps import rank_correlation
 
 COUNT = 20  # episodes per task
 VIEWS = 4  # of each state
-LEAST_PIXELS = 30  # of a mask; less is hidden, and says nothing
+LEAST_PIXELS = 30  # of a mask; smaller ones are hidden
 MASKS = ("target", "objects")
 SHOWN = 1  # the phase of the picture
 
@@ -54,13 +54,13 @@ def run_job(job: Fig7Job) -> list[Case]:
         }
         case |= {f"{name}_area": getattr(examined, name).mean(axis=(1, 2)).tolist() for name in MASKS}
         for network in NETWORKS:
-            case[network] = _figures(examined, network, job.settings)
+            case[network] = _metrics_of(examined, network, job.settings)
         cases.append(case)
     return cases
 
 
 def run(
-    options: Options, tell: Tell, views: int = VIEWS, settings: SaliencySettings | None = None
+    options: Options, progress: Progress, views: int = VIEWS, settings: SaliencySettings | None = None
 ) -> dict[str, Any]:
     """All episodes; the summary by task and network."""
     count, s = options.count or COUNT, settings or SaliencySettings()
@@ -72,7 +72,7 @@ def run(
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
     ]
-    cases = run_cases(CaseLog(options.out), run_job, jobs, processes(options), tell)
+    cases = run_cases(CaseLog(options.out), run_job, jobs, processes(options), progress)
     summary: dict[str, Any] = {"episodes": count, "views_of_each_state": views, "tasks": {}}
     shown = {}
     for task in options.tasks:
@@ -99,17 +99,17 @@ def _episode(job: Fig7Job, phases: tuple[float, ...]) -> list[Examined]:
     return found
 
 
-def _figures(examined: Examined, network: str, settings: SaliencySettings) -> dict[str, list[float]]:
-    """Per view: share of the slopes' energy within each mask, and how well covering agrees."""
-    slopes, covered = examined.slopes[network], examined.covered[network]
-    whole = np.maximum(slopes.sum(axis=(1, 2)), np.finfo(float).tiny)
+def _metrics_of(examined: Examined, network: str, settings: SaliencySettings) -> dict[str, list[float]]:
+    """Per view: share of the gradients' energy within each mask, and how well covering agrees."""
+    gradients, covered = examined.gradients[network], examined.covered[network]
+    whole = np.maximum(gradients.sum(axis=(1, 2)), np.finfo(float).tiny)
     found = {
-        f"{name}_energy": ((slopes * getattr(examined, name)).sum(axis=(1, 2)) / whole).tolist()
+        f"{name}_energy": ((gradients * getattr(examined, name)).sum(axis=(1, 2)) / whole).tolist()
         for name in MASKS
     }
-    means = within_patches(slopes, settings)
+    means = within_patches(gradients, settings)
     pairs = zip(means, covered, strict=True)
-    found["covering"] = [rank_correlation(slope.ravel(), change.ravel()) for slope, change in pairs]
+    found["covering"] = [rank_correlation(gradient.ravel(), change.ravel()) for gradient, change in pairs]
     return found
 
 
@@ -121,8 +121,8 @@ def _summary(cases: list[Case], network: str, seed: int) -> dict[str, Any]:
 
     def add(name: str, values: dict[int, list[float]]) -> None:
         middle, interval = pooled_median(values, np.random.default_rng([seed, 77]))
-        seen = sum(len(some) for some in values.values())
-        found[name] = {"median": middle, "interval95": list(interval), "views": seen}
+        count = sum(len(some) for some in values.values())
+        found[name] = {"median": middle, "interval95": list(interval), "views": count}
 
     for mask in MASKS:
         ratios: dict[int, list[float]] = {episode: [] for episode in episodes}

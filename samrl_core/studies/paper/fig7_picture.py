@@ -24,7 +24,7 @@ def write_picture(
 
     Args:
         path: of the PNG.
-        shown: per task one state; its first view is drawn.
+        shown: per task one state; its first view is shown.
         summary: per task and network.
         settings: of the patches.
     """
@@ -41,22 +41,22 @@ def write_picture(
         if row == 0:
             axes.set_title("image; outlined: target (red),\nall objects of the task (white)", fontsize=8)
         for k, network in enumerate(NETWORKS):
-            slope, covered = one.slopes[network][0], one.covered[network][0]
+            gradient, covered = one.gradients[network][0], one.covered[network][0]
             axes = _blank(fig.add_subplot(grid[row, 1 + 2 * k]), image.mean(axis=2), "gray")
-            axes.imshow(slope / slope.max(), cmap="inferno", alpha=0.75, vmin=0.0, vmax=1.0)
+            axes.imshow(gradient / gradient.max(), cmap="inferno", alpha=0.75, vmin=0.0, vmax=1.0)
             _outline(axes, one.target[0], "cyan")
             if row == 0:
-                axes.set_title(f"slope of {_NAMES[network]}\n(dark: 0, bright: the most)", fontsize=8)
+                axes.set_title(f"gradient of {_NAMES[network]}\n(dark: 0, bright: the most)", fontsize=8)
             axes = _blank(fig.add_subplot(grid[row, 2 + 2 * k]), image.mean(axis=2), "gray")
             half, size = settings.patch / 2.0, settings.stride
             high, wide = covered.shape
             first, last = half - size / 2.0 - 0.5, half + size / 2.0 - 0.5
             extent = (first, last + (wide - 1) * size, last + (high - 1) * size, first)
             unit = 1e3 if network == "actor" else 1.0
-            drawn = axes.imshow(unit * covered, cmap="inferno", alpha=0.75, extent=extent, vmin=0.0)
+            overlay = axes.imshow(unit * covered, cmap="inferno", alpha=0.75, extent=extent, vmin=0.0)
             axes.set(xlim=(-0.5, image.shape[1] - 0.5), ylim=(image.shape[0] - 0.5, -0.5))
             _outline(axes, one.target[0], "cyan")
-            bar = fig.colorbar(drawn, ax=axes, pad=0.02, aspect=14)
+            bar = fig.colorbar(overlay, ax=axes, pad=0.02, aspect=14)
             bar.set_label("way of the action [mm]" if network == "actor" else "change of Q [-]", fontsize=7)
             bar.ax.tick_params(labelsize=7)
             if row == 0:
@@ -87,10 +87,10 @@ def _ratios(axes: Axes, found: dict[str, Any], first: bool) -> None:
         for i, (mask, color) in enumerate((("target", "C3"), ("objects", "0.5"))):
             one = found[network][f"{mask}_energy_over_area"]
             low, high = one["interval95"]
-            place, value = k + 0.36 * i - 0.18, one["median"]
-            axes.bar(place, value, 0.34, color=color, label=mask if k == 0 else None)
+            position, value = k + 0.36 * i - 0.18, one["median"]
+            axes.bar(position, value, 0.34, color=color, label=mask if k == 0 else None)
             axes.errorbar(
-                place, value, [[value - low], [high - value]], color="black", capsize=3, linewidth=1
+                position, value, [[value - low], [high - value]], color="black", capsize=3, linewidth=1
             )
     axes.axhline(1.0, color="0.3", linewidth=0.7, linestyle=":")
     axes.set_xticks(range(len(NETWORKS)), ["actor", "Q"], fontsize=8)

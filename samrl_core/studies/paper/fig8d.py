@@ -17,7 +17,7 @@ from samrl_core.policy.networks.weights import load_weights, sha256_of, weights_
 from samrl_core.studies.episodes.differing_world import trained_offset
 from samrl_core.studies.episodes.success_rates import compared, rates, write_bars
 from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob, run_episodes
-from samrl_core.studies.experiment import CaseLog, Experiment, Options, Tell
+from samrl_core.studies.experiment import CaseLog, Experiment, Options, Progress
 
 COUNT = 50  # episodes per condition
 ABLATIONS = {
@@ -28,11 +28,11 @@ ABLATIONS = {
 }
 
 
-def run(options: Options, tell: Tell) -> dict[str, Any]:
+def run(options: Options, progress: Progress) -> dict[str, Any]:
     """All cases, the summary, and the picture."""
     jobs = {task: episodes_of(task, options) for task in options.tasks}
     together = [job for of_task in jobs.values() for job in of_task]
-    found = run_episodes(CaseLog(options.out), together, options.processes, tell)
+    found = run_episodes(CaseLog(options.out), together, options.processes, progress)
     summary: dict[str, Any] = {}
     versus: dict[str, Any] = {}
     for task, of_task in jobs.items():

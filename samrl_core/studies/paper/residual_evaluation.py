@@ -1,7 +1,7 @@
-"""How a run of residual training goes, which episodes it plays, and how a residual of it is judged.
+"""How a run of residual training goes, which episodes it plays, and how a residual of it is evaluated.
 
-An episode is told by the run's seed, its number and what it is for alone, so that weights which were kept
-can be judged at any time and in any process, and come to the same.
+An episode is determined by the run's seed, its number and its purpose alone, so that saved weights can be
+evaluated at any time and in any process with the same result.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def weights_of(actor: nn.Module, updates: float) -> dict[str, np.ndarray]:
 def order_of(
     kind: int,
     number: int,
-    place: EpisodeSite,
+    site: EpisodeSite,
     seed: int,
     settings: RunSettings,
     weights: dict[str, np.ndarray],
@@ -90,7 +90,7 @@ def order_of(
     Args:
         kind: TRAINING or EVALUATION.
         number: of the episode among those of its kind.
-        place: where it is played.
+        site: where it is played.
         seed: of the run.
         settings: of the run.
         weights: see `weights_of`; none is the zero residual.
@@ -98,15 +98,15 @@ def order_of(
     scene, noise = np.random.SeedSequence([kind, seed, number]).generate_state(2) >> 1
     s = settings
     return Order(
-        place, int(scene), s.max_actions, weights, s.learner.limit, s.exploration, s.memory, int(noise)
+        site, int(scene), s.max_actions, weights, s.learner.limit, s.exploration, s.memory, int(noise)
     )
 
 
 def evaluated(
-    play: Play, place: EpisodeSite, seed: int, settings: RunSettings, weights: dict[str, np.ndarray]
+    play: Play, site: EpisodeSite, seed: int, settings: RunSettings, weights: dict[str, np.ndarray]
 ) -> Evaluated:
     """Episodes of the run's own scenes, the same ones for all weights; arguments as of `order_of`."""
-    orders = [order_of(EVALUATION, k, place, seed, settings, weights) for k in range(settings.evaluated)]
+    orders = [order_of(EVALUATION, k, site, seed, settings, weights) for k in range(settings.evaluated)]
     played = play([replace(order, exploration=0.0) for order in orders])
     lengths = [np.linalg.norm(step.residual) for one in played for step in one.steps]
     return Evaluated(
@@ -120,13 +120,13 @@ def evaluated(
 
 
 def evaluated_file(
-    play: Play, place: EpisodeSite, seed: int, settings: RunSettings, file: Path, cell: CellSpec
+    play: Play, site: EpisodeSite, seed: int, settings: RunSettings, file: Path, cell: CellSpec
 ) -> tuple[Evaluated, WeightsInfo]:
-    """A residual that a run has kept, and what its file says of itself.
+    """A residual that a run has saved, and its file's description.
 
     Args:
         play: plays the episodes.
-        place: where they are played.
+        site: where they are played.
         seed: of the run.
         settings: of the run.
         file: of `ResidualRun.save_weights`.
@@ -135,6 +135,6 @@ def evaluated_file(
     Raises:
         InputError: the file does not fit; see `load_weights`.
     """
-    actor, info = load_weights(file, "residual_actor", place.task, cell)
+    actor, info = load_weights(file, "residual_actor", site.task, cell)
     weights = weights_of(actor, info.figures["updates"])
-    return evaluated(play, place, seed, settings, weights), info
+    return evaluated(play, site, seed, settings, weights), info

@@ -1,8 +1,9 @@
 """One training of a residual, from before the first real step on: rounds of episodes, and updates in between.
 
 A round's episodes are played with the same weights, side by side where there are processes for it; then the
-learner makes its updates. What an episode draws depends on the run's seed and its number alone, so the result
-does not depend on how many processes there are. Weights, optimisers and replay are on the disk after every
+learner makes its updates. What an episode samples depends on the run's seed and its number alone, so the
+result does not depend on how many processes there are. Weights, optimisers and replay are on the disk after
+every
 round: a run that was stopped goes on at the last whole one.
 """
 
@@ -31,7 +32,7 @@ KIND = "residual_run"
 
 
 class ResidualRun:
-    """One task, one seed; `advance` up to each point, `save_weights` there; `evaluated_file` judges them.
+    """One task, one seed; `advance` up to each point, `save_weights` there; `evaluated_file` evaluates them.
 
     Raises:
         InputError: what lies in the folder is corrupt, or was made with other settings.
@@ -40,7 +41,7 @@ class ResidualRun:
     def __init__(
         self,
         folder: Path,
-        place: EpisodeSite,
+        site: EpisodeSite,
         cell: CellSpec,
         encoder: Encoder,
         seed: int,
@@ -48,14 +49,14 @@ class ResidualRun:
         play: Play,
         device: str = "cpu",
     ) -> None:
-        self._folder, self._place, self._cell, self._seed = folder, place, cell, seed
+        self._folder, self._site, self._cell, self._seed = folder, site, cell, seed
         self._settings, self._play = settings, play
         self._learner = create_learner(settings.learner, encoder, seed, device)
         # No step is ever written over: the longest run's last round may go beyond its last point.
         capacity = settings.points[-1] + settings.episodes * settings.max_actions
-        self._replay = Replay.write(folder / "replay.bin", ReplayInfo(place.task, cell.intrinsics, capacity))
+        self._replay = Replay.write(folder / "replay.bin", ReplayInfo(site.task, cell.intrinsics, capacity))
         described = {**asdict(settings), "learner": settings_to_json(settings.learner)}
-        about = {"place": asdict(place), "seed": seed, "settings": described}
+        about = {"place": asdict(site), "seed": seed, "settings": described}
         about["encoder"] = encoder_sha256(encoder)
         self._about = {name: _plain(value) for name, value in about.items()}
         self._episodes = 0
@@ -82,7 +83,7 @@ class ResidualRun:
         self._replay.close()
 
     def advance(self, steps: int, going: Callable[[], bool] = lambda: True) -> None:
-        """Rounds until there are so many real steps, or `going` says no.
+        """Rounds until there are so many real steps, or `going` returns False.
 
         Raises:
             SolveError: a loss or gradient is not finite; the state that led to it is saved as
@@ -94,11 +95,11 @@ class ResidualRun:
     def save_weights(self, path: Path) -> None:
         """The residual as a weight file."""
         limit = self._settings.learner.limit
-        off = dict(zip(("offset_x", "offset_y", "offset_z"), self._place.offset, strict=True))
+        off = dict(zip(("offset_x", "offset_y", "offset_z"), self._site.offset, strict=True))
         counts = {"steps": self.steps, "episodes": self._episodes, "updates": self._learner.updates}
-        figures = {name: float(count) for name, count in counts.items()} | off
+        metrics = {name: float(count) for name, count in counts.items()} | off
         info = WeightsInfo(
-            "residual_actor", self._place.task, self._cell.intrinsics, limit, self._seed, figures
+            "residual_actor", self._site.task, self._cell.intrinsics, limit, self._seed, metrics
         )
         save_weights(path, self._learner.actor, info)
 
@@ -110,7 +111,7 @@ class ResidualRun:
         weights = weights_of(self._learner.actor, self._learner.updates)
         played = self._play(
             [
-                order_of(TRAINING, first + k, self._place, self._seed, self._settings, weights)
+                order_of(TRAINING, first + k, self._site, self._seed, self._settings, weights)
                 for k in range(count)
             ]
         )

@@ -1,4 +1,4 @@
-"""Which pixels actor and Q go by: slopes of what they say by the image, and what covering a part changes."""
+"""Which pixels actor and Q depend on: gradients of their outputs, and the effect of covering a part."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ Output = Callable[[torch.Tensor], torch.Tensor]  # images (B, 6, H, W) to (B,)
 
 @dataclass(frozen=True)
 class SaliencySettings:
-    """Of slopes and patches."""
+    """Of gradients and patches."""
 
-    draws: int = 16  # of the camera's noise, whose slopes are averaged
-    blur: float = 1.5  # of a slope's map, standard deviation [px]
+    noise_samples: int = 16  # of the camera's noise, over which the gradients are averaged
+    smoothing: float = 1.5  # Gaussian filter of a gradient's map, standard deviation [px]
     beside: int = 2  # an object's mask holds its outline, and so many pixels around it
     patch: int = 16  # side of what is covered [px]
     stride: int = 8  # between patches [px]
@@ -39,7 +39,7 @@ class Examined:
     images: np.ndarray  # (V, 6, H, W) clean network images
     target: np.ndarray  # (V, H, W) bool, what the task's parameters move
     objects: np.ndarray  # (V, H, W) bool, that, the tool and the task's other bodies
-    slopes: dict[str, np.ndarray]  # per network (V, H, W), see `slope_maps`
+    gradients: dict[str, np.ndarray]  # per network (V, H, W), see `gradient_maps`
     covered: dict[str, np.ndarray]  # per network (V, h, w), see `cover_maps`
 
 
@@ -51,11 +51,11 @@ def examine(
     seed: int,
     settings: SaliencySettings | None = None,
 ) -> Examined:
-    """Slopes and covered patches of a state from every view (V, 6), as `sample_views` gives them.
+    """Gradients and covered patches of a state from every view (V, 6), as `sample_views` gives them.
 
-    The actor's slope is that of its squared error against the expert (the paper's eq. 26), Q's is that of Q
-    with the actor's action as given (eq. 17). Covering is judged by how far the action goes from that on the
-    whole image, and by how much Q of that action changes.
+    The actor's gradient is that of its squared error against the expert (the paper's eq. 26), Q's is that of
+    Q with the actor's action as given (eq. 17). Covering is measured by how far the action goes from that on
+    the whole image, and by how much Q of that action changes.
 
     Args:
         renderer: of the networks' task and on their device.
@@ -63,7 +63,7 @@ def examine(
         state: with the expert's action.
         views: where from.
         seed: of the noise.
-        settings: of slopes and patches.
+        settings: of gradients and patches.
     """
     s = settings or SaliencySettings()
     count = len(views)
@@ -71,7 +71,7 @@ def examine(
     generator = torch.Generator(renderer.device).manual_seed(seed)
     images = renderer.images(frames, tips, views)
     wanted = torch.as_tensor(state.action, device=renderer.device).float()
-    noisy = [renderer.images(frames, tips, views, None, NOISE, generator) for _ in range(s.draws)]
+    noisy = [renderer.images(frames, tips, views, None, NOISE, generator) for _ in range(s.noise_samples)]
     with torch.no_grad():
         given = [networks.actor(one) for one in noisy]
         own = networks.actor(images)
@@ -81,9 +81,9 @@ def examine(
         return (networks.actor(image) - wanted).square().sum(dim=1)
 
     values = [lambda image, a=action: networks.q(image, a) for action in given]
-    slopes = {
-        "actor": slope_maps(noisy, [error] * s.draws, s.blur),
-        "q": slope_maps(noisy, values, s.blur),
+    gradients = {
+        "actor": gradient_maps(noisy, [error] * s.noise_samples, s.smoothing),
+        "q": gradient_maps(noisy, values, s.smoothing),
     }
     covered: dict[str, list[np.ndarray]] = {name: [] for name in NETWORKS}
     for k in range(count):
@@ -101,24 +101,25 @@ def examine(
             covered[name].append(cover_map(images[k], output, s, renderer.chunk))
     target, objects = _masks(renderer, frames, views, s.beside)
     maps = {name: np.array(some) for name, some in covered.items()}
-    return Examined(images.cpu().numpy(), target, objects, slopes, maps)
+    return Examined(images.cpu().numpy(), target, objects, gradients, maps)
 
 
-def slope_maps(images: list[torch.Tensor], outputs: list[Output], blur: float) -> np.ndarray:
-    """Size of an output's slope by each pixel, (B, H, W), its mean over noisy draws (Smilkov et al. 2017).
+def gradient_maps(images: list[torch.Tensor], outputs: list[Output], smoothing: float) -> np.ndarray:
+    """Size of an output's gradient by each pixel, (B, H, W), its mean over noise samples (Smilkov et al.
+    2017).
 
     Args:
-        images: (B, 6, H, W) of each draw.
+        images: (B, 6, H, W) of each noise sample.
         outputs: what is asked of each.
-        blur: of the map, standard deviation [px]; 0 leaves it.
+        smoothing: of the map, standard deviation [px]; 0: none.
     """
     total = torch.zeros_like(images[0][:, 0])
     for image, output in zip(images, outputs, strict=True):
         leaf = image.detach().requires_grad_()
-        (slope,) = torch.autograd.grad(output(leaf).sum(), leaf)
-        total += slope.abs().sum(dim=1)
+        (gradient,) = torch.autograd.grad(output(leaf).sum(), leaf)
+        total += gradient.abs().sum(dim=1)
     maps = (total / len(images)).double().cpu().numpy()
-    return gaussian_filter(maps, (0.0, blur, blur)) if blur else maps
+    return gaussian_filter(maps, (0.0, smoothing, smoothing)) if smoothing else maps
 
 
 def cover_map(image: torch.Tensor, output: Output, settings: SaliencySettings, chunk: int) -> np.ndarray:
@@ -131,15 +132,15 @@ def cover_map(image: torch.Tensor, output: Output, settings: SaliencySettings, c
         chunk: images at a time.
     """
     rows, columns = (_corners(size, settings) for size in image.shape[1:])
-    places = [(r, c) for r in rows for c in columns]
+    patches = [(r, c) for r in rows for c in columns]
     found = []
-    for start in range(0, len(places), chunk):
-        few = places[start : start + chunk]
+    for start in range(0, len(patches), chunk):
+        few = patches[start : start + chunk]
         batch = image.repeat(len(few), 1, 1, 1)
         for one, (r, c) in zip(batch, few, strict=True):
             part = one[:, r : r + settings.patch, c : c + settings.patch]
             part[: XYZ.start] = 0.0  # mid grey
-            part[XYZ] = 0.0  # as where nothing is seen
+            part[XYZ] = 0.0  # as where nothing is visible
         with torch.no_grad():
             found.append(output(batch))
     return torch.cat(found).double().cpu().numpy().reshape(len(rows), len(columns))

@@ -2,12 +2,12 @@
 
 Per task and training seed, episodes of the agent in a PyBullet world that its model does not know fill a
 replay, and TD3 trains the residual on it (eqs. 13 to 16). The model's own verdict is the reward. At each
-point of the curve, the first one before any real step, the weights are kept and judged by the truth on
+point of the curve, the first one before any real step, the weights are saved and evaluated by the truth on
 episodes of other scenes; these explore nothing, are not learnt from and not counted as steps. `count` is the
 number of real steps. How far the calibration is off in that world is found first, see `calibration_gap`.
 
 Episodes of all runs share the worker processes; the learners are threads of this process and update on
-`device`, so that one accelerator serves them all. Kept weights are judged while the training goes on: its
+`device`, so that one accelerator serves them all. Saved weights are evaluated while the training goes on: its
 rounds are small at first and leave processes idle.
 """
 
@@ -29,7 +29,7 @@ from samrl_core.common.executor import worker_pool
 from samrl_core.learning.residual.transitions import nominal_encoder
 from samrl_core.policy.networks.weights import weights_file, weights_name
 from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Order, Play, Played, play
-from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress
 from samrl_core.studies.paper.calibration_gap import gaps, offset_of
 from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated_file
 from samrl_core.studies.paper.residual_run import ResidualRun
@@ -52,7 +52,7 @@ def policy_for(task: str, weights: Path | None) -> str:
     return "learned" if weights_file(task, "sim_actor", weights).is_file() else "optimised"
 
 
-def run(options: Options, tell: Tell) -> dict[str, Any]:
+def run(options: Options, progress: Progress) -> dict[str, Any]:
     """The gap, then all runs side by side; see the module."""
     points = points_up_to(options.count or BUDGET)
     log = CaseLog(options.out)
@@ -60,18 +60,18 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
         EpisodeSite(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0))
         for t in options.tasks
     ]
-    for place in calibrated:
-        tell(f"{place.task}: nominal actions are {place.policy}")
+    for site in calibrated:
+        progress(f"{site.task}: nominal actions are {site.policy}")
     with _player(options) as player:
-        found = gaps(log, calibrated, player, tell, options.processes)
-        places = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
+        found = gaps(log, calibrated, player, progress, options.processes)
+        sites = [replace(p, offset=offset_of(found[p.task]["length"])) for p in calibrated]
         jobs = [
-            TrainingJob(place, options.seed + k, RunSettings(points, max_actions=place.max_actions))
+            TrainingJob(site, options.seed + k, RunSettings(points, max_actions=site.max_actions))
             for k in range(SEEDS)
-            for place in places
+            for site in sites
         ]
         left = [job for job in jobs if any(job.key(n) not in log.cases for n in points)]
-        _run_all(left, options, log, player, tell)
+        _run_all(left, options, log, player, progress)
     cases = [log.cases[job.key(n)] for job in jobs for n in points]
     summary = {
         "settings": asdict(jobs[0].settings),
@@ -87,13 +87,13 @@ def run(options: Options, tell: Tell) -> dict[str, Any]:
 class TrainingJob:
     """One training."""
 
-    place: EpisodeSite
+    site: EpisodeSite
     seed: int
     settings: RunSettings
 
     def key(self, point: int) -> str:
         """Of its case at a point of the curve."""
-        return f"{self.place.task}/{self.seed}/{point}"
+        return f"{self.site.task}/{self.seed}/{point}"
 
 
 @contextmanager
@@ -117,7 +117,9 @@ def _here(orders: Sequence[Order]) -> list[Played]:
         return [play(order) for order in orders]
 
 
-def _run_all(jobs: Sequence[TrainingJob], options: Options, log: CaseLog, player: Play, tell: Tell) -> None:
+def _run_all(
+    jobs: Sequence[TrainingJob], options: Options, log: CaseLog, player: Play, progress: Progress
+) -> None:
     if not jobs:
         return
     lock, stop = threading.Lock(), threading.Event()
@@ -126,29 +128,29 @@ def _run_all(jobs: Sequence[TrainingJob], options: Options, log: CaseLog, player
         with lock:
             log.keep(case)
             rate = case["successes"] / case["evaluated"]
-            tell(f"{case['key']}: success {rate:.2f} after {case['steps']} real steps")
+            progress(f"{case['key']}: success {rate:.2f} after {case['steps']} real steps")
 
     torch.set_num_threads(max(1, options.processes // len(jobs)))
     with (
-        ThreadPoolExecutor(len(jobs)) as judges,
+        ThreadPoolExecutor(len(jobs)) as evaluators,
         ThreadPoolExecutor(len(jobs)) as threads,
         ExitStack() as last,
     ):
         last.callback(stop.set)  # before the threads are waited for: they end with their round
-        judged: list[Future[None]] = []
+        evaluations: list[Future[None]] = []
 
-        def judge(job: TrainingJob, point: int) -> None:
+        def evaluate(job: TrainingJob, point: int) -> None:
             if not stop.is_set():
-                keep(judged_at(job, point, options.out, player))
+                keep(evaluate_at(job, point, options.out, player))
 
-        def kept(job: TrainingJob, point: int) -> None:
+        def on_saved(job: TrainingJob, point: int) -> None:
             if job.key(point) not in log.cases:
-                judged.append(judges.submit(judge, job, point))
+                evaluations.append(evaluators.submit(evaluate, job, point))
 
-        runs = [threads.submit(_train, job, options, player, kept, stop) for job in jobs]
+        runs = [threads.submit(_train, job, options, player, on_saved, stop) for job in jobs]
         for one in as_completed(runs):
             one.result()
-        for other in as_completed(judged):
+        for other in as_completed(evaluations):
             other.result()
 
 
@@ -156,23 +158,23 @@ def _train(
     job: TrainingJob,
     options: Options,
     player: Play,
-    kept: Callable[[TrainingJob, int], None],
+    on_saved: Callable[[TrainingJob, int], None],
     stop: threading.Event,
 ) -> None:
-    """One training from where it was left; `kept` hears of each point that its weights lie there."""
-    folder = options.out / "runs" / f"{job.place.task}-{job.seed}"
+    """One training from where it was left; `on_saved` is called with each point whose weights are saved."""
+    folder = options.out / "runs" / f"{job.site.task}-{job.seed}"
     cell = cell_named()
-    encoder = nominal_encoder(job.place.task, cell, job.place.weights)
-    run = ResidualRun(folder, job.place, cell, encoder, job.seed, job.settings, player, options.device)
+    encoder = nominal_encoder(job.site.task, cell, job.site.weights)
+    run = ResidualRun(folder, job.site, cell, encoder, job.seed, job.settings, player, options.device)
     try:
         for point in job.settings.points:
             run.advance(point, lambda: not stop.is_set())
             if stop.is_set():
                 return
-            file = weights_at(options.out, job.place.task, job.seed, point)
+            file = weights_at(options.out, job.site.task, job.seed, point)
             if not file.is_file():
                 run.save_weights(file)
-            kept(job, point)
+            on_saved(job, point)
     finally:
         run.close()
 
@@ -182,19 +184,19 @@ def weights_at(out: Path, task: str, seed: int, point: int) -> Path:
     return out / "weights" / f"seed_{seed}" / f"steps_{point}" / weights_name(task, "residual_actor")
 
 
-def judged_at(job: TrainingJob, point: int, out: Path, player: Play) -> Case:
-    """The weights kept at a point, by the truth.
+def evaluate_at(job: TrainingJob, point: int, out: Path, player: Play) -> Case:
+    """Evaluates the weights saved at a point, by the truth.
 
     Raises:
         InputError: their file does not fit; see `load_weights`.
     """
-    task = job.place.task
+    task = job.site.task
     file = weights_at(out, task, job.seed, point)
-    found, info = evaluated_file(player, job.place, job.seed, job.settings, file, cell_named())
+    found, info = evaluated_file(player, job.site, job.seed, job.settings, file, cell_named())
     return {
         "key": job.key(point),
         "task": task,
-        "policy": job.place.policy,
+        "policy": job.site.policy,
         "seed": job.seed,
         "point": point,
         "steps": int(info.figures["steps"]),

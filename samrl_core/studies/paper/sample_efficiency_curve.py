@@ -36,8 +36,8 @@ def summary_of(cases: Sequence[Case]) -> dict[str, Any]:
                 "actions": sum(c["actions"] * c["evaluated"] for c in here) / trials,
             }
         )
-    gain = curve[-1]["success"]["value"] - curve[0]["success"]["value"]
-    return {"policy": cases[0]["policy"], "curve": curve, "gain": gain}
+    improvement = curve[-1]["success"]["value"] - curve[0]["success"]["value"]
+    return {"policy": cases[0]["policy"], "curve": curve, "gain": improvement}
 
 
 def write_picture(tasks: dict[str, dict[str, Any]], path: Path) -> None:

@@ -41,7 +41,7 @@ class ViewMaps:
 
     q: np.ndarray  # of the clean image and the actor's action there
     error: np.ndarray  # of that action, its distance from the expert's [m]
-    noisy_q: np.ndarray  # the same as means over draws of the noise
+    noisy_q: np.ndarray  # the same as means over samples of the noise
     noisy_error: np.ndarray  # [m]
 
 
@@ -65,9 +65,10 @@ def reachable(model: Model, of: ViewGrid) -> np.ndarray:
     distance = float(of.views[0, 2])
     region = replace(task.view_region(), distance=(distance, distance))
     settings = ReachSettings(len(of.azimuth), len(of.elevation), 1)
-    places = grid(region, settings)  # highest elevation first
+    poses = grid(region, settings)  # highest elevation first
     found = [
-        reach.reached(rolls, obstacles, start, [cell.camera_arm.home, start]) is not None for rolls in places
+        reach.solve_view(rolls, obstacles, start, [cell.camera_arm.home, start]) is not None
+        for rolls in poses
     ]
     return np.array(found).reshape(of.shape)[::-1].ravel()
 
@@ -78,7 +79,7 @@ def view_maps(
     state: ExpertState,
     views: np.ndarray,
     seed: int,
-    draws: int = DRAWS,
+    noise_samples: int = DRAWS,
 ) -> ViewMaps:
     """Render a state from every view (V, 6), and ask actor and Q.
 
@@ -105,12 +106,14 @@ def view_maps(
         return values.double().cpu().numpy(), error.cpu().numpy()
 
     q, error = asked(None)
-    noisy = [np.mean(part, axis=0) for part in zip(*(asked(NOISE) for _ in range(draws)), strict=True)]
+    noisy = [
+        np.mean(part, axis=0) for part in zip(*(asked(NOISE) for _ in range(noise_samples)), strict=True)
+    ]
     return ViewMaps(q, error, *noisy)
 
 
 def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
-    """Spearman's; 0 where one of them is the same everywhere, as it then tells nothing of the other."""
+    """Spearman's; 0 where one of them is the same everywhere, as there is no correlation then."""
     if np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         return 0.0
     found = spearmanr(first, second)

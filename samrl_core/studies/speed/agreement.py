@@ -34,8 +34,8 @@ def motion_gradients(device: str, scene: PhysicsScene, dtype: torch.dtype, steps
     model = PhysicsModel(scene, dtype, device)
     values = vars(moving_start(model, 1)) | vars(model.parameters(1))
     values = {n: t.requires_grad_(True) for n, t in values.items() if t.numel()}
-    rest = {n: t for n, t in vars(model.parameters(1)).items() if n not in values}
-    parameters = PhysicsParameters(**({n: t for n, t in values.items() if n not in ("q", "v")} | rest))
+    others = {n: t for n, t in vars(model.parameters(1)).items() if n not in values}
+    parameters = PhysicsParameters(**({n: t for n, t in values.items() if n not in ("q", "v")} | others))
     end = model.rollout(PhysicsState(values["q"], values["v"]), model.no_action(1, steps), parameters)
     generator = torch.Generator().manual_seed(1)
     weight = torch.randn(end.q.shape[-1], generator=generator).to(device, dtype)

@@ -48,10 +48,10 @@ def benchmark(
         start + 0.1 * (1.0 - np.cos(wave * stamps))[:, None] * np.ones(joints),
         0.1 * wave * np.sin(wave * stamps)[:, None] * np.ones(joints),
     )
-    rest, duration = np.zeros(joints), (steps - 1) * period
+    zero_velocity, duration = np.zeros(joints), (steps - 1) * period
 
     def rollout(plant: PlantParameters, count: int = plants) -> Rollouts:
-        return loop.rollout(command, start, rest, [plant] * count, duration)
+        return loop.rollout(command, start, zero_velocity, [plant] * count, duration)
 
     began = time.perf_counter()
     rollout(PlantParameters(), 1)
@@ -82,7 +82,7 @@ def benchmark(
         for count in (1, 32):
 
             def adjoint(count: int = count) -> None:
-                gradient(loop, command, start, rest, [friction] * count, (short - 1) * period, loss)
+                gradient(loop, command, start, zero_velocity, [friction] * count, (short - 1) * period, loss)
 
             adjoint()
             result[f"adjoint_{count}_us"] = _fastest(adjoint, 3) / short / count * 1e6

@@ -16,7 +16,7 @@ SHIFT = np.array([0.02, -0.01, 0.015])  # of the second cloud [m], beside noise 
 
 
 def clouds(size: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Evenly thinned vertices of the benchmark's thread, and the same moved; float64 (N, 3) [m]."""
+    """Evenly subsampled vertices of the benchmark's thread, and the same moved; float64 (N, 3) [m]."""
     points = thread_scene(44, 11).vertices.numpy()[4:]
     rng = np.random.default_rng(0)
     moved = points + SHIFT + 0.002 * rng.normal(size=points.shape)
@@ -45,9 +45,11 @@ def against_transport(size: int, rounds: int) -> dict[str, Any]:
     value, gradient = found["samrl"]
     result: dict[str, Any] = {"points": size, "value_m": value, "samrl_ms": 1e3 * timings["samrl"].seconds}
     for name in ("pot", "geomloss"):
-        other, slope = found[name]
+        other, other_gradient = found[name]
         result[f"{name}_ms"] = 1e3 * timings[name].seconds
         result[f"{name}_ratio"] = timings["samrl"].times_faster(timings[name])
         result[f"{name}_value_error"] = abs(other - value) / value
-        result[f"{name}_gradient_cosine"] = float((slope * gradient).sum() / (slope.norm() * gradient.norm()))
+        result[f"{name}_gradient_cosine"] = float(
+            (other_gradient * gradient).sum() / (other_gradient.norm() * gradient.norm())
+        )
     return result

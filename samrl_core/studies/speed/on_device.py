@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
         torch.save(agreement.all_gradients("cpu"), given.gradients)
         return
     if given.out is None:
-        parser.error("--out DIR says where the results go")
+        parser.error("--out DIR is needed: the folder of the results")
     device = torch.device(given.device)
     if device.type == "cuda" and not torch.cuda.is_available():
         parser.error(f"no device {given.device} here; --device cpu runs everywhere")

@@ -104,15 +104,15 @@ def disc_beside_newton(rounds: int, device: str = "cpu", environments: int = ENV
     peer = newton_physics.disc(environments, FRAMES, device)
     ours = rollout_jobs(scenes.disc_on_plane(), environments, device)
     result = _beside_newton(ours, peer, lambda s: s.body_q, environments * FRAMES, rounds)
-    place = peer.last.body_q.numpy()[0, :3]
+    position = peer.last.body_q.numpy()[0, :3]
     seconds = FRAMES * scenes.STEP_S
     closed = scenes.DISC_SPEED * seconds - 0.5 * scenes.DISC_FRICTION * 9.81 * seconds**2
     return {
         "environments": environments,
         **result,
-        "newton_way_m": float(place[0]),
+        "newton_way_m": float(position[0]),
         "closed_form_way_m": closed,
-        "newton_height_m": float(place[2]),
+        "newton_height_m": float(position[2]),
     }
 
 

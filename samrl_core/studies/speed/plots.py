@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from samrl_core.common.figure_file import save_figure
 
-_NAMES = ("triangles", "lit", "environments", "points", "batch")  # what tells the rows of one part apart
+_NAMES = ("triangles", "lit", "environments", "points", "batch")  # what distinguishes the rows of one part
 
 
 def ratios(report: Mapping[str, Any]) -> dict[str, float]:

@@ -26,7 +26,7 @@ MITSUBA_SAMPLES = 16  # per pixel: about our error at 2 x 2
 _TIMED = ("residual rgb", "residual xyz")
 
 
-def vertex_to_pose(scene: ThreadScene, by_place: np.ndarray, by_value: np.ndarray | None) -> torch.Tensor:
+def vertex_to_pose(scene: ThreadScene, by_position: np.ndarray, by_value: np.ndarray | None) -> torch.Tensor:
     """Chain rule from vertices to the scene's 12 pose parameters.
 
     Args:
@@ -38,11 +38,13 @@ def vertex_to_pose(scene: ThreadScene, by_place: np.ndarray, by_value: np.ndarra
     x = scene.vertices.numpy()
     rotation = scene.rotation.numpy()
     in_camera = x @ rotation.T + scene.translation.numpy()
-    place = by_place.astype(np.float64)
-    of_camera = place @ rotation.T
+    position_gradient = by_position.astype(np.float64)
+    of_camera = position_gradient @ rotation.T
     is_moved = scene.target.numpy() > 0
     arm = x[is_moved] - x[is_moved].mean(axis=0)
-    of_object = place[is_moved] + (0.0 if by_value is None else by_value.astype(np.float64)[is_moved])
+    of_object = position_gradient[is_moved] + (
+        0.0 if by_value is None else by_value.astype(np.float64)[is_moved]
+    )
     parts = [
         np.cross(in_camera, of_camera).sum(axis=0),
         of_camera.sum(axis=0),
@@ -73,7 +75,7 @@ def against_mitsuba(size: str, lit: bool, rounds: int) -> dict[str, Any]:
     """Time of colour and position, forward and backward, beside Mitsuba's, and both errors.
 
     The errors are against differences of our own image of 16 x 16 samples. Lit, Mitsuba casts shadows and we
-    do not, so that its error says nothing there and is left out; its time includes them.
+    do not, so that its error there is left out; its time includes them.
     """
     from samrl_core.studies.speed.peers.mitsuba_renderer import MitsubaThread
 
@@ -92,7 +94,7 @@ def against_mitsuba(size: str, lit: bool, rounds: int) -> dict[str, Any]:
         kind = name.split()[-1]
         channels = slice(0, 3) if kind == "rgb" else slice(3, 6)
         g = peers[kind].gradient(reference.weights[name].numpy()[..., channels], MITSUBA_SAMPLES)
-        return vertex_to_pose(scene, g.by_place, g.by_value if kind == "xyz" else None)
+        return vertex_to_pose(scene, g.by_position, g.by_value if kind == "xyz" else None)
 
     weights = torch.stack([reference.weights[name] for name in _TIMED]).sum(dim=0)
     renderer = Renderer(scene.topology, LENS, supersample=2)
@@ -128,14 +130,14 @@ def against_tiny_renderer(size: str, rounds: int) -> dict[str, Any]:
         with torch.no_grad():
             renderer(scene.vertices, scene.color, scene.target, scene.rotation, scene.translation)
 
-    draw = tiny_renderer(
+    render = tiny_renderer(
         scene.vertices.numpy(),
         np.asarray(scene.topology.faces),
         scene.rotation.numpy(),
         scene.translation.numpy(),
         LENS,
     )
-    mine, theirs = in_turn([TimedCall("samrl", ours), TimedCall("tiny", draw)], 3 * rounds).values()
+    mine, theirs = in_turn([TimedCall("samrl", ours), TimedCall("tiny", render)], 3 * rounds).values()
     return {
         "triangles": len(scene.topology.faces),
         "samrl_ms": 1e3 * mine.seconds,

@@ -176,7 +176,9 @@ class PoseReference:
     """What the pose gradient of some functionals of the image should be."""
 
     weights: dict[str, torch.Tensor]  # (H, W, 6) per functional
-    slopes: dict[str, torch.Tensor]  # (12,) per functional, by differences of an image of 16 x 16 samples
+    expected_gradients: dict[
+        str, torch.Tensor
+    ]  # (12,) per functional, by differences of an image of 16 x 16 samples
 
     @staticmethod
     def of(scene: ThreadScene, light: Light | None = None) -> PoseReference:
@@ -190,10 +192,10 @@ class PoseReference:
         """Relative errors per functional, over the four blocks of three parameters."""
         return {
             name: [
-                float((gradients[name][k : k + 3] - slope[k : k + 3]).norm() / slope[k : k + 3].norm())
+                float((gradients[name][k : k + 3] - expected[k : k + 3]).norm() / expected[k : k + 3].norm())
                 for k in range(0, 12, 3)
             ]
-            for name, slope in self.slopes.items()
+            for name, expected in self.expected_gradients.items()
         }
 
 

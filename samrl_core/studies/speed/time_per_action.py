@@ -90,13 +90,13 @@ def time_per_action(run: Path, seed: int = 0) -> dict[str, Any]:
         by_episode = [times_of([(s, what) for s, what in e["marks"]]) for e in summary["episodes"]]
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(
-            f"{path} tells no times ({error!r}); give the folder of a run of `samrl cell` of this version"
+            f"{path} has no times ({error!r}); give the folder of a run of `samrl cell` of this version"
         ) from error
     by_episode = [times for times in by_episode if times]
     if not by_episode:
         raise InputError(f"no episode in {path} came to an action; run `samrl cell` again")
     every = [one for times in by_episode for one in times]
-    looked = [one for one in every if one.view > 0.0]
+    with_search = [one for one in every if one.view > 0.0]
     found = {
         "schema": 1,
         "experiment": NAME,
@@ -104,12 +104,12 @@ def time_per_action(run: Path, seed: int = 0) -> dict[str, Any]:
         "settings": summary["settings"],
         "real_time_factor_median": summary["timing"]["real_time_factor_median"],
         "episodes": len(by_episode),
-        "whole_s": _figures([[one.whole for one in times] for times in by_episode], seed),
+        "whole_s": _metrics_of([[one.whole for one in times] for times in by_episode], seed),
         "parts_s": {
-            part: _figures([[getattr(one, part) for one in times] for times in by_episode], seed)
+            part: _metrics_of([[getattr(one, part) for one in times] for times in by_episode], seed)
             for part in PARTS
         },
-        "with_a_new_view_s": _spread([one.whole for one in looked]),
+        "with_a_new_view_s": _spread([one.whole for one in with_search]),
         "without_s": _spread([one.whole for one in every if one.view == 0.0]),
         "share_of_time": {p: sum(getattr(o, p) for o in every) / sum(o.whole for o in every) for p in PARTS},
         "actions": [[asdict(one) for one in times] for times in by_episode],
@@ -126,7 +126,7 @@ def _spread(values: list[float]) -> dict[str, float]:
     return low | {"q95": float(np.quantile(values, 0.95)), "max": float(np.max(values))}
 
 
-def _figures(by_episode: list[list[float]], seed: int) -> dict[str, Any]:
+def _metrics_of(by_episode: list[list[float]], seed: int) -> dict[str, Any]:
     """Spread over all actions, with an interval of the median over episodes."""
     interval = bootstrap_interval(
         by_episode,

@@ -40,7 +40,7 @@ def test_a_force_at_the_tip_meets_the_effective_mass(arm: ArmModel) -> None:
     """Whatever the drives do, 3 N along the line change the acceleration by 3 N / m."""
     tip = TipDynamics(arm, TIP, DIRECTION)
     dq, tau = 0.3 * np.ones(7), arm.gravity(Q) + np.arange(7.0)
-    change = tip.free_acceleration(Q, dq, tau + 3.0 * tip.slope(Q)) - tip.free_acceleration(Q, dq, tau)
+    change = tip.free_acceleration(Q, dq, tau + 3.0 * tip.gradient(Q)) - tip.free_acceleration(Q, dq, tau)
     assert change == pytest.approx(3.0 / tip.effective_mass(Q), rel=1e-9)
     assert 0.1 < tip.effective_mass(Q) < 20.0
 

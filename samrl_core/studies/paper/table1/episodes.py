@@ -92,15 +92,18 @@ def fixed_views(reach: ViewReach, task: str) -> list[View]:
 def run_group(group: Group) -> list[Case]:
     """One case: success, number of actions and seconds of camera motion of each episode."""
     s = group.settings
-    drawn = view_bench(group.task, group.device, group.weights)
-    bench, networks = ViewSetup(drawn.renderer, _reach(group.task, s.views.reach)), drawn.networks
+    bench_of_task = view_bench(group.task, group.device, group.weights)
+    bench, networks = (
+        ViewSetup(bench_of_task.renderer, _reach(group.task, s.views.reach)),
+        bench_of_task.networks,
+    )
     camera = MovingCamera(bench, group.count, *_chooser(group, bench, networks), s.views.speed_share)
     settings = RolloutSettings(
         max_actions=s.max_actions,
         appearances=AppearanceSettings() if group.noisy else None,
         noise=ImageNoiseSettings() if group.noisy else None,
     )
-    # The same looks and the same noise in all conditions, as far as their episodes are the same.
+    # The same appearances and the same noise in all conditions, as far as their episodes are the same.
     rng = np.random.default_rng([group.seed, 2, group.stream, group.first])
     actor, model = networks.actor, bench.renderer.model
     found = roll_out(model, bench.renderer, actor, _starts(group, model), camera, settings, rng)
@@ -119,8 +122,8 @@ def run_group(group: Group) -> list[Case]:
 def _starts(group: Group, model: Model) -> Starts:
     """Each follows from its own number, so that all conditions have the same."""
     numbers = range(group.first, group.first + group.count)
-    draws = [np.random.default_rng([group.seed, group.stream, number]) for number in numbers]
-    values = np.array([model.task.start_values(rng) for rng in draws])
+    generators = [np.random.default_rng([group.seed, group.stream, number]) for number in numbers]
+    values = np.array([model.task.start_values(rng) for rng in generators])
     return Starts(values, np.tile(SceneFrames(model).start_tip, (group.count, 1)))
 
 

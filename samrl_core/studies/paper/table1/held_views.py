@@ -55,8 +55,8 @@ def held_views(task: Task, cell: CellSpec | None = None) -> tuple[HeldView, ...]
 
 def spread_views(views: Sequence[HeldView], count: int) -> list[int]:
     """Numbers of at most `count` views whose cameras stand well apart, in rising order."""
-    places = np.array([view.camera_in_world.position for view in views])
-    return sorted(int(i) for i in farthest_points(places, min(count, len(views))))
+    positions = np.array([view.camera_in_world.position for view in views])
+    return sorted(int(i) for i in farthest_points(positions, min(count, len(views))))
 
 
 def ranked_views(cases: Sequence[Case]) -> list[int]:

@@ -1,7 +1,7 @@
-"""Table I in the model: how often the actor succeeds by where the camera looks from.
+"""Table I in the model: success rate of the actor by the choice of views.
 
-Every condition begins with the same starts and looks from views that the camera arm reaches. Success is what
-`Task.is_done` says of the model's own state, which is all the truth that there is in a model. Images are the
+Every condition has the same starts, and views that the camera arm reaches. Success is `Task.is_done` of the
+model's own state, which is the truth in a model. Images are the
 model's, clean as in use; a second row varies colours, light and camera noise as in training. Where the folder
 of the weights has `seed-1`, `seed-2`, ... each of them is a training of its own.
 """
@@ -21,7 +21,7 @@ from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, task_named
 from samrl_core.common.statistics import Share, bootstrap_interval, fisher_p, mcnemar_p
 from samrl_core.policy.agent.settings import trained_networks
 from samrl_core.policy.view.view_reach import ViewReach, viewpoint_of
-from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell, run_cases
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress, run_cases
 from samrl_core.studies.paper.table1.episodes import (
     CHOICE,
     CONDITIONS,
@@ -63,7 +63,7 @@ class Table1Row:
         )
 
 
-def run_table(options: Options, tell: Tell, settings: TableSettings = SETTINGS) -> dict[str, Any]:
+def run_table(options: Options, progress: Progress, settings: TableSettings = SETTINGS) -> dict[str, Any]:
     """All cases that are left, and the summary; see `Experiment.run`.
 
     Raises:
@@ -73,7 +73,7 @@ def run_table(options: Options, tell: Tell, settings: TableSettings = SETTINGS) 
     for task, weights in itertools.product(options.tasks, trainings):
         trained_networks(task, cell_named(), weights)  # before anything is run
     rows = [Table1Row(*which) for which in itertools.product(options.tasks, trainings, NOISES)]
-    table = _Table(options, tell, settings)
+    table = _Table(options, progress, settings)
     best = table.best_views(rows)
     results = table.episodes(rows, best)
     summary = {
@@ -91,8 +91,8 @@ def run_table(options: Options, tell: Tell, settings: TableSettings = SETTINGS) 
 
 
 class _Table:
-    def __init__(self, options: Options, tell: Tell, settings: TableSettings) -> None:
-        self.options, self.settings, self._tell = options, settings, tell
+    def __init__(self, options: Options, progress: Progress, settings: TableSettings) -> None:
+        self.options, self.settings, self._progress = options, settings, progress
         self._log = CaseLog(options.out)
         self.count = options.count or settings.episodes
         self._views = {
@@ -159,7 +159,7 @@ class _Table:
 
     def _run(self, wanted: dict[Any, list[Group]]) -> dict[Any, list[Case]]:
         jobs = [((group.key,), group) for groups in wanted.values() for group in groups]
-        run_cases(self._log, run_group, jobs, self.options.processes, self._tell)
+        run_cases(self._log, run_group, jobs, self.options.processes, self._progress)
         return {name: [self._log.cases[g.key] for g in groups] for name, groups in wanted.items()}
 
 
@@ -223,7 +223,7 @@ def _summary(
 
 EXPERIMENT = Experiment(
     "table1",
-    "success in the model by where the camera looks from (Table I), with occluded variants",
+    "success in the model by the choice of views (Table I), with occluded variants",
     (*TASKS, *OCCLUDED_TASKS),
     run_table,
 )

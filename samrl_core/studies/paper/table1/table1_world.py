@@ -1,11 +1,11 @@
-"""Table I in the PyBullet world: where to look from, and what it is worth, judged by truth.
+"""Table I in the PyBullet world: success rate of each choice of views, by ground truth.
 
 The paper's table is made inside its model. Here the model is wrong: images are another renderer's and noisy,
 contacts another engine's. All conditions act by the learned policy on the same seeds; they differ in views:
 
 - active: Algorithm 1, views by ascent of Q. fixed: the task's start view all the time.
 - best_fixed: of reachable views the one that did best in a search on other seeds, held.
-- held_random: a reachable view drawn for each episode, held. random: a view drawn before every action.
+- held_random: a reachable view sampled for each episode, held. random: a view sampled before every action.
 - optimised, for reference: actions from plans through the model, views by expected information.
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, task_named
 from samrl_core.studies.episodes.success_rates import compared, rates, write_bars
 from samrl_core.studies.episodes.world_episodes import HELD, Condition, EpisodeJob, run_episodes
-from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Tell
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress
 from samrl_core.studies.paper.table1.held_views import HeldView, held_views, ranked_views, spread_views
 
 COUNT = 100  # episodes of active and best_fixed; the others have half as many
@@ -48,7 +48,7 @@ class SearchSettings:
     first_seed: int = 1_000_000  # apart from those of the episodes
 
 
-def run(options: Options, tell: Tell, search: SearchSettings | None = None) -> dict[str, Any]:
+def run(options: Options, progress: Progress, search: SearchSettings | None = None) -> dict[str, Any]:
     """All cases, the summary, and the picture."""
     search = search or SearchSettings()
     log, count = CaseLog(options.out), options.count or COUNT
@@ -56,7 +56,7 @@ def run(options: Options, tell: Tell, search: SearchSettings | None = None) -> d
     plans = [_Plan(task, views[task], options, search) for task in options.tasks]
 
     def cases(jobs: Iterable[EpisodeJob]) -> list[Case]:
-        return run_episodes(log, list(jobs), options.processes, tell)
+        return run_episodes(log, list(jobs), options.processes, progress)
 
     wanted = [name for name in LOOKING if name in (options.conditions or LOOKING)]
     counts = {n: count if n in WHOLE else math.ceil(count / 2) for n in wanted if n != BEST}
@@ -111,7 +111,7 @@ class _Plan:
         """Episodes of conditions that need no search."""
         first = self._options.seed
         return [
-            self._job(name, first + k, self._drawn(first + k) if name == "held_random" else -1)
+            self._job(name, first + k, self._sampled(first + k) if name == "held_random" else -1)
             for name, count in counts.items()
             for k in range(count)
         ]
@@ -120,7 +120,7 @@ class _Plan:
         """Episodes from the best view of the search."""
         return [self._job(BEST, self._options.seed + k, view) for k in range(count)]
 
-    def _drawn(self, seed: int) -> int:
+    def _sampled(self, seed: int) -> int:
         return int(np.random.default_rng([seed, 1]).integers(len(self.views)))
 
     def _job(self, name: str, seed: int, view: int, more: str = "") -> EpisodeJob:
@@ -144,7 +144,7 @@ def _view_words(views: tuple[HeldView, ...], best: int, cases: list[Case]) -> di
 
 EXPERIMENT = Experiment(
     "table1_world",
-    "success in the PyBullet world by where the camera looks from (Table I), with occluded variants",
+    "success in the PyBullet world by the choice of views (Table I), with occluded variants",
     (*TASKS, *OCCLUDED_TASKS),
     run,
     conditions=tuple(LOOKING),

@@ -1,4 +1,4 @@
-"""Where the camera looks from in each condition of Table I; every view is one that the camera arm reaches."""
+"""Camera views in each condition of Table I; every view is one that the camera arm reaches."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from samrl_core.policy.view.view_search import ViewAscentSettings, camera_poses,
 
 # A moment and where the camera arms are (B, J) [rad], to the view that each goes to; None: it stays.
 Chooser = Callable[[Moment, np.ndarray], Sequence[View | None]]
-ONCE = 10**9  # period of who looks for a view before the first action alone
+ONCE = 10**9  # period of a search before the first action only
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +121,8 @@ def by_true_error(bench: ViewSetup, networks: Networks, count: int) -> Chooser:
 
     def errors(moment: Moment, k: int, views: list[View]) -> np.ndarray:
         expert = label_of(model.dynamics, model.task, moment.values[k], moment.tip_in_base[k]).action
-        places = np.array([viewpoint_of(view.camera_in_world.position, region) for view in views])
-        camera = camera_poses(torch.from_numpy(places).to(bench.renderer.device), region.target)
+        viewpoints = np.array([viewpoint_of(view.camera_in_world.position, region) for view in views])
+        camera = camera_poses(torch.from_numpy(viewpoints).to(bench.renderer.device), region.target)
         which = np.full(len(views), k)
         with torch.no_grad():
             image = model_images(bench.renderer, bench.scenes(moment), which, camera)

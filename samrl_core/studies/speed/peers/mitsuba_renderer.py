@@ -29,7 +29,7 @@ _ATTRIBUTE = "vertex_value"
 class VertexGradient:
     """Of one weighted sum over the image."""
 
-    by_place: np.ndarray  # (V, 3) by the vertices' positions
+    by_position: np.ndarray  # (V, 3) by the vertices' positions
     by_value: np.ndarray  # (V, 3) by the rendered attribute
 
 
@@ -97,7 +97,7 @@ class MitsubaThread:
             self._scene = mi.load_dict(whole | {"thread": shape | {"filename": str(path)}})
         self._parameters = mi.traverse(self._scene)
         keys = [str(key) for key in self._parameters.keys()]
-        self._place = next(key for key in keys if key.endswith("vertex_positions"))
+        self._position = next(key for key in keys if key.endswith("vertex_positions"))
         self._value = next(key for key in keys if key.endswith(_ATTRIBUTE))
 
     def image(self, samples: int, seed: int = 0) -> np.ndarray:
@@ -107,12 +107,12 @@ class MitsubaThread:
     def gradient(self, weights: np.ndarray, samples: int, seed: int = 0) -> VertexGradient:
         """Of sum(weights x image), weights (H, W, 3), by all vertices' positions and values."""
         p = self._parameters
-        for key in (self._place, self._value):
+        for key in (self._position, self._value):
             dr.enable_grad(p[key])
         p.update()
         image = mi.render(self._scene, p, spp=samples, seed=seed)
         dr.backward(dr.sum(image * mi.TensorXf(np.ascontiguousarray(weights, np.float32)), axis=None))
-        place, value = (np.array(dr.grad(p[key])).reshape(-1, 3) for key in (self._place, self._value))
-        for key in (self._place, self._value):
+        position, value = (np.array(dr.grad(p[key])).reshape(-1, 3) for key in (self._position, self._value))
+        for key in (self._position, self._value):
             dr.disable_grad(p[key])
-        return VertexGradient(place, value)
+        return VertexGradient(position, value)

@@ -44,7 +44,7 @@ class MujocoChain:
         self._steps = steps
         self._start = chain_start()
         size = 2 * self._model.nv
-        self._slope = np.zeros((size, size))
+        self._jacobian = np.zeros((size, size))
 
     def _reset(self) -> None:
         mujoco.mj_resetData(self._model, self._data)
@@ -58,14 +58,14 @@ class MujocoChain:
     def both(self) -> None:
         """Steps with the Jacobian of each, then the vector product backwards."""
         self._reset()
-        slopes = []
+        jacobians = []
         for _ in range(self._steps):
-            mujoco.mjd_transitionFD(self._model, self._data, 1e-6, False, self._slope, None, None, None)
-            slopes.append(self._slope.copy())
+            mujoco.mjd_transitionFD(self._model, self._data, 1e-6, False, self._jacobian, None, None, None)
+            jacobians.append(self._jacobian.copy())
             mujoco.mj_step(self._model, self._data)
-        gradient = np.ones(len(self._slope))
-        for slope in reversed(slopes):
-            gradient = slope.T @ gradient
+        gradient = np.ones(len(self._jacobian))
+        for jacobian in reversed(jacobians):
+            gradient = jacobian.T @ gradient
 
     @property
     def last(self) -> np.ndarray:

@@ -92,7 +92,7 @@ def chain(environments: int, steps: int, device: str = "cpu") -> NewtonRollout:
             lock_inertia=True,
         )
         at = wp.transform(wp.vec3(0.0, 0.0, -scenes.LENGTH if i else 0.0), wp.quat_identity())
-        for a, b, axis, place in (
+        for a, b, axis, joint_in_parent in (
             (parent, light, (1.0, 0.0, 0.0), at),
             (light, link, (0.0, 1.0, 0.0), wp.transform_identity()),
         ):
@@ -100,7 +100,7 @@ def chain(environments: int, steps: int, device: str = "cpu") -> NewtonRollout:
                 builder.add_joint_revolute(
                     a,
                     b,
-                    parent_xform=place,
+                    parent_xform=joint_in_parent,
                     axis=wp.vec3(*axis),
                     damping=scenes.DAMPING,
                     armature=0.0,
@@ -123,7 +123,7 @@ def chain(environments: int, steps: int, device: str = "cpu") -> NewtonRollout:
 def disc(environments: int, frames: int, device: str = "cpu") -> NewtonRollout:
     """A cylinder sliding on a plane with Newton's general collision, about 4.17 steps a frame of 1/240 s."""
     start()
-    look = newton.ModelBuilder.ShapeConfig(
+    visual = newton.ModelBuilder.ShapeConfig(
         density=0.0, ke=_STIFFNESS, kd=_DAMPING, kf=_SLIDING, mu=scenes.DISC_FRICTION
     )
     inertia = scenes.cylinder_inertia(scenes.DISC_MASS, scenes.DISC_RADIUS, scenes.DISC_HEIGHT)
@@ -135,11 +135,11 @@ def disc(environments: int, frames: int, device: str = "cpu") -> NewtonRollout:
         lock_inertia=True,
     )
     builder.add_shape_cylinder(
-        body, radius=scenes.DISC_RADIUS, half_height=0.5 * scenes.DISC_HEIGHT, cfg=look
+        body, radius=scenes.DISC_RADIUS, half_height=0.5 * scenes.DISC_HEIGHT, cfg=visual
     )
     whole = newton.ModelBuilder(up_axis=newton.Axis.Z)
     whole.replicate(builder, environments)
-    whole.add_ground_plane(cfg=look)
+    whole.add_ground_plane(cfg=visual)
     model = whole.finalize(device=device, requires_grad=True)
     steps = round(frames * scenes.STEP_S / DISC_STEP_S)
     solvers = [newton.solvers.SolverSemiImplicit(model) for _ in range(steps)]

@@ -21,7 +21,7 @@ def tiny_renderer(
     translation: np.ndarray,
     lens: Intrinsics,
 ) -> Callable[[], None]:
-    """A function that draws one image.
+    """A function that renders one image.
 
     Args:
         vertices: (V, 3) in world [m].
@@ -52,10 +52,10 @@ def tiny_renderer(
         "physicsClientId": client,
     }
 
-    def draw() -> None:
+    def render() -> None:
         pybullet.getCameraImage(**options)
 
     color = np.asarray(pybullet.getCameraImage(**options)[2]).reshape(lens.height, lens.width, 4)
     if color[..., :3].std() < 1.0:
         raise RuntimeError("TinyRenderer drew an empty image of the benchmark's scene")
-    return draw
+    return render

@@ -21,7 +21,7 @@ def argmin_rmse(fit: Sequence[ArmRecording]) -> Claim:
         columns, y = whitened_columns(s, c), picked(residual, c)
         x = columns.reshape(-1, columns.shape[-1])
         theta, *_ = np.linalg.lstsq(x, y.ravel(), rcond=None)
-        gain = float(np.sum(y**2) - np.sum((y.ravel() - x @ theta) ** 2)) / residual.size
-        if gain > best.score:
-            best = Claim(c.family, c.place, gain)
+        decrease = float(np.sum(y**2) - np.sum((y.ravel() - x @ theta) ** 2)) / residual.size
+        if decrease > best.score:
+            best = Claim(c.family, c.place, decrease)
     return best

@@ -1,4 +1,4 @@
-"""What a baseline says of a world."""
+"""Diagnosis of a world by a baseline."""
 
 from __future__ import annotations
 

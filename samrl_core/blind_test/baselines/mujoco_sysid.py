@@ -50,13 +50,13 @@ def mujoco_sysid(fit: Sequence[ArmRecording]) -> Claim:
             sensors.append(sensor)
     sequences = sysid.ModelSequences("arm", spec, names, states, controls, sensors)
     residual = sysid.build_residual_fn(models_sequences=[sequences], n_threads=1)
-    with contextlib.redirect_stdout(io.StringIO()):  # it prints its iterations whatever it is told
+    with contextlib.redirect_stdout(io.StringIO()):  # it prints its iterations whatever its settings
         found, result = sysid.optimize(
             parameters, residual, optimizer="mujoco", verbose=False, max_iters=ITERATIONS
         )
     x = found.as_vector()
-    rest, _, _ = residual(x, found)
-    _, half = sysid.calculate_intervals(rest, np.asarray(result.jac))
+    remainder, _, _ = residual(x, found)
+    _, half = sysid.calculate_intervals(remainder, np.asarray(result.jac))
     return _named(x, parameters.as_nominal_vector(), np.asarray(half), meaning)
 
 
@@ -83,7 +83,7 @@ def _sysid() -> Any:
 
 
 def _spec(arm: ArmDescription) -> Any:
-    """The nominal arm with the described controller as actuators; gravity is compensated as it says."""
+    """The nominal arm with the described controller as actuators; gravity is compensated as described."""
     if arm.urdf is None or arm.controller is None:
         raise InputError(f"{arm.role} has no URDF or no controller; mujoco_sysid needs both")
     root = ElementTree.fromstring(arm.urdf)

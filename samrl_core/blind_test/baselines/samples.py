@@ -1,4 +1,4 @@
-"""Torque residuals of the nominal model, filtered and thinned: the input of the regression baselines."""
+"""Torque residuals of the nominal model, filtered and decimated: the input of the regression baselines."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CUTOFF_HZ = 15.0  # zero-phase low-pass on every channel alike (10 Hz is usual for logs of a real Panda)
-RATE_HZ = 50.0  # samples kept
+RATE_HZ = 50.0  # after decimation
 TILT_STEP = 1e-4  # [rad], for the derivative with respect to the direction of gravity
 
 
 @dataclass(frozen=True, eq=False)
 class EquationSamples:
-    """Rows of several recordings one after the other; arrays (N, J) unless said otherwise."""
+    """Rows of several recordings one after the other; arrays (N, J) unless noted."""
 
     joints: tuple[str, ...]
     links: tuple[str, ...]

@@ -31,29 +31,31 @@ def sparse_regression(fit: Sequence[ArmRecording]) -> Claim:
         rows = np.flatnonzero(s.recording == k)
         late[rows[int(0.75 * len(rows)) :]] = True
     early = normal_equations(s, library, residual, ~late)
-    judge = normal_equations(s, library, residual, late)
-    best, best_loss = np.zeros(len(early.owner)), judge.energy
+    validation = normal_equations(s, library, residual, late)
+    best, best_loss = np.zeros(len(early.owner)), validation.energy
     for threshold in THRESHOLDS:
         theta = _thresholded(early, threshold)
-        if (loss := judge.loss(theta)) < best_loss:
+        if (loss := validation.loss(theta)) < best_loss:
             best, best_loss = theta, loss
     if not best.any():
         return NOTHING
-    gains = {}
+    losses_without = {}
     for k in np.unique(early.owner[best != 0]):
         without = np.where(early.owner == k, 0.0, best)
-        gains[int(k)] = early.loss(without) - early.loss(best)
-    strongest = max(gains, key=lambda k: gains[k])
-    return Claim(library[strongest].family, library[strongest].place, float(gains[strongest] / early.energy))
+        losses_without[int(k)] = early.loss(without) - early.loss(best)
+    strongest = max(losses_without, key=lambda k: losses_without[k])
+    return Claim(
+        library[strongest].family, library[strongest].place, float(losses_without[strongest] / early.energy)
+    )
 
 
 def _thresholded(equations: NormalEquations, threshold: float) -> np.ndarray:
     active = np.ones(len(equations.owner), bool)
     theta = equations.solve(active)
     for _ in range(ROUNDS):
-        kept = np.abs(theta) >= threshold
-        if (kept == active).all():
+        selected = np.abs(theta) >= threshold
+        if (selected == active).all():
             break
-        active = kept
+        active = selected
         theta = equations.solve(active)
     return theta

@@ -115,7 +115,7 @@ def _inertial(link: object) -> tuple[float, np.ndarray, np.ndarray]:
 def join_mass(
     link: MovingLink, mass: float, center_of_mass: np.ndarray, inertia: np.ndarray, placement_in_link: Pose
 ) -> MovingLink:
-    """The link with a body fixed to it; the body's figures are in its own frame."""
+    """The link with a body fixed to it; the body's inertia is in its own frame."""
     other = placement_in_link.apply(center_of_mass)
     turned = placement_in_link.rotation @ inertia @ placement_in_link.rotation.T
     total = link.mass + mass

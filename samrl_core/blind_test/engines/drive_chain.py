@@ -48,12 +48,15 @@ class DriveChain:
         rigid = [0.0 if i in hooks.transmission else r for i, r in enumerate(self._rotor)]
         self._rigid_rotor = [0.0] * mount_joints + rigid
         self._viscous = viscous.tolist()
-        self._coulomb_slope = (coulomb / stribeck_velocity).tolist() if coulomb.any() else None
+        self._coulomb_gradient = (coulomb / stribeck_velocity).tolist() if coulomb.any() else None
         self._stribeck_velocity = stribeck_velocity
         self._friction = list(hooks.friction.items())
         self._springs = list(enumerate(hooks.mount))
         self._passes = 2 if self._friction or self._elastic else 1  # the floor alone is smooth enough for one
-        self._theta, self._omega = start.tolist(), [0.0] * self._joints  # of rotors; kept of elastic joints
+        self._theta, self._omega = (
+            start.tolist(),
+            [0.0] * self._joints,
+        )  # of rotors; stored for elastic joints
         self._load = load.tolist()
         for i in self._elastic:
             self._theta[i] += hooks.transmission[i].rest_twist(self._load[i])
@@ -117,29 +120,29 @@ class DriveChain:
             total = total + push(t, position, velocity)
         return [0.0] * self._mount + total.tolist()
 
-    def _floor(self) -> list[float]:
-        """Secant slope of the friction floor at the guessed velocities."""
-        if self._coulomb_slope is None:
+    def _friction_gradient(self) -> list[float]:
+        """Secant gradient of the friction torque at the guessed velocities [N m s/rad]."""
+        if self._coulomb_gradient is None:
             return self._viscous.copy()
-        slopes = []
-        for c, d, v in zip(self._coulomb_slope, self._viscous, self._guess, strict=True):
+        gradients = []
+        for c, d, v in zip(self._coulomb_gradient, self._viscous, self._guess, strict=True):
             ratio = max(abs(v) / self._stribeck_velocity, 1e-6)
-            slopes.append(c * math.tanh(ratio) / ratio + d)
-        return slopes
+            gradients.append(c * math.tanh(ratio) / ratio + d)
+        return gradients
 
     def _linear(
         self, t: float, q_rotor: list[float], turning: list[float]
     ) -> tuple[list[float], list[float], list[tuple[int, float, float, float, float]]]:
         """Effort of all joints as a - c v' of the end velocity v', and what gives elastic rotors theirs."""
         mount, dt, guess = self._mount, self._dt, self._guess
-        slope = self._floor()
+        gradient = self._friction_gradient()
         driven = turning.copy()
         for i, elements in self._friction:
             for element in elements:
                 a_friction, c_friction = element.linear(t, q_rotor[i], guess[i], self._load[i], dt)
                 driven[i] -= a_friction
-                slope[i] += c_friction
-        a, c = [0.0] * mount + driven, [0.0] * mount + slope
+                gradient[i] += c_friction
+        a, c = [0.0] * mount + driven, [0.0] * mount + gradient
         position = self._engine.position
         solved = []
         for i in self._elastic:
@@ -147,7 +150,7 @@ class DriveChain:
             rate = guess[i] - self._link_guess[mount + i]
             a_spring, c_spring = self._hooks.transmission[i].linear(t, twist, rate, dt)
             inertia = self._rotor[i] / dt
-            stiff = inertia + slope[i] + c_spring
+            stiff = inertia + gradient[i] + c_spring
             freely = inertia * self._omega[i] + driven[i]
             solved.append((i, a_spring, c_spring, stiff, freely))
             a[mount + i] = a_spring + c_spring * (freely - a_spring) / stiff

@@ -28,7 +28,7 @@ def principal(link: MovingLink) -> tuple[np.ndarray, np.ndarray]:
 
 def urdf_text(body: ArmBody) -> str:
     """URDF without shapes."""
-    # A base without figures would be given 1 kg, with a warning.
+    # A base without inertia would be given 1 kg, with a warning.
     parts = [
         '<robot name="arm"><link name="base"><inertial><mass value="1"/>'
         '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'

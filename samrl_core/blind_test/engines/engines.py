@@ -180,7 +180,7 @@ class MujocoEngine(Engine):
         data = self._data
         data.qfrc_applied[:] = effort
         _MUJOCO.mj_step2(self._model, data)
-        # The step's mean acceleration: `implicitfast` adds implicit damping to what `qacc` says.
+        # The step's mean acceleration: `implicitfast` adds implicit damping to `qacc`.
         change = (data.qvel - self.velocity) / self.timestep
         drag = self._model.dof_damping * data.qvel
         link = effort + data.qfrc_constraint - drag - self._model.dof_armature * change

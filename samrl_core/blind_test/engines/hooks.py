@@ -76,11 +76,11 @@ class Hooks:
         default_factory=list
     )  # (t, g (3,)) base axes
     mount: list[MountSpring] = field(default_factory=list)
-    # (t, q, v) -> (q, v) as the encoders say.
+    # (t, q, v) -> (q, v) as the encoders measure.
     encoder: list[Callable[[float, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = field(
         default_factory=list
     )
-    # (time (N,), effort (N, J)) -> effort as the sensors say; no controller listens to them.
+    # (time (N,), effort (N, J)) -> effort as the sensors measure; no controller reads them.
     sensor: list[Callable[[np.ndarray, np.ndarray], np.ndarray]] = field(default_factory=list)
 
     def add_friction(self, joint: int, element: Friction) -> None:

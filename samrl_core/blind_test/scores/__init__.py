@@ -1,1 +1,1 @@
-"""Scores of a blind test: sealed labels against what the diagnosis said, and baselines beside it."""
+"""Scores of a blind test: sealed labels against the diagnosis, and baselines beside it."""

@@ -1,9 +1,9 @@
-"""Calibrates when an effect is believed: gains of the whole library on simulated worlds without any effect.
+"""Calibrates the threshold of log evidence: the library's largest one on simulated worlds without any effect.
 
     python -m samrl_core.blind_test.scores.calibrate --worlds 24 --out calibration.json
 
-Worlds are the diagnosis' own closed-loop simulations of the cell's recording programmes, never those of the
-forge: judged worlds must not have tuned what judges them. Numbers: msgs_docs/results/blind_study.md.
+Worlds are the diagnosis' own closed-loop simulations of the excitation trajectories, never those of the
+forge: worlds of the test must not tune the diagnosis. Numbers: msgs_docs/results/blind_study.md.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ WIDE = 1.0 / 3.0  # of the worlds have backgrounds of up to twice the stated tol
 
 
 def trials_of(role: str, number: int, duration_s: float) -> list[Trial]:
-    """Nominal recordings of an arm's programmes with the noise of the cell's sensors."""
+    """Nominal recordings of an arm's excitation trajectories with the noise of the cell's sensors."""
     spec = cell_named().arm(role)
     payload = Payload(TOOL.mass, TOOL.center_of_mass, TOOL.inertia)
     controller = ArmController(
@@ -79,7 +79,7 @@ def trials_of(role: str, number: int, duration_s: float) -> list[Trial]:
 
 
 def main() -> None:
-    """Simulate, print the gains and the threshold, and keep them as JSON."""
+    """Simulate, print log evidences and the threshold, and write them as JSON."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--worlds", type=int, default=24)
     parser.add_argument("--duration", type=float, default=12.0)
@@ -87,7 +87,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    gains: list[float] = []
+    log_evidences: list[float] = []
     for world in range(options.worlds):
         began = time.monotonic()
         trials = trials_of(ROLES[world % 2], options.seed * 1000 + world // 2 % 3, options.duration)
@@ -95,24 +95,27 @@ def main() -> None:
         recordings = simulate_null_recordings(trials, sample_plant(_wider(trials[0], scale), rng), rng)
         if recordings is None:
             raise SystemExit(f"world {world} diverged; its tolerances are no arm's")
-        gains.append(best_log_evidence(recordings, trials, EFFECTS))
+        log_evidences.append(best_log_evidence(recordings, trials, EFFECTS))
         took = time.monotonic() - began
-        print(f"{world + 1}/{options.worlds} scale {scale:.2f} gain {gains[-1]:.1f} nat {took:.0f} s")
+        print(
+            f"{world + 1}/{options.worlds} scale {scale:.2f} log evidence {log_evidences[-1]:.1f} nat "
+            f"{took:.0f} s"
+        )
     result = {
         "worlds": options.worlds,
         "seed": options.seed,
         "duration_s": options.duration,
         "noise": NOISE,
-        "gains_nat": gains,
+        "gains_nat": log_evidences,
         "quantile": QUANTILE,
-        "threshold_nat": threshold(np.array(gains), 0.0),
+        "threshold_nat": threshold(np.array(log_evidences), 0.0),
     }
     write_whole(options.out, json.dumps(result, indent=1) + "\n")
     print(json.dumps({k: v for k, v in result.items() if k != "gains_nat"}))
 
 
 def _wider(trial: Trial, scale: float) -> Trial:
-    """The trial with wider tolerances, for drawing only."""
+    """The trial with wider tolerances, for sampling only."""
     known = trial.recording.arm.tolerances
     wider: dict[str, Any] = {
         name: tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value

@@ -1,4 +1,4 @@
-"""Scores of what was said about an effect: place, onset, parameters, second effects, ambiguity sets."""
+"""Scores of a named effect: place, onset, parameters, second effects, ambiguity sets."""
 
 from __future__ import annotations
 
@@ -100,17 +100,19 @@ def two_effects(double: list[Outcome], single: list[Outcome]) -> dict[str, Any]:
 
 def ambiguity(known: list[Outcome]) -> dict[str, Any]:
     """Whether the sets of `ambiguous` verdicts hold a true cause, and how large they are."""
-    said = [o for o in known if o.verdict == "ambiguous" and o.report is not None]
-    groups = [[name for group in (o.report or {}).get("ambiguity_set", ()) for name in group] for o in said]
+    ambiguous = [o for o in known if o.verdict == "ambiguous" and o.report is not None]
+    groups = [
+        [name for group in (o.report or {}).get("ambiguity_set", ()) for name in group] for o in ambiguous
+    ]
     families = [{n.split("@")[0] for n in g} for g in groups]
     sizes = [len(set(g)) for g in groups]
     return {
         "ambiguous": Share.of([o.verdict == "ambiguous" for o in known]).as_dict(),
         "coverage": Share.of(
-            [bool(set(o.truth.names) & set(g)) for o, g in zip(said, groups, strict=True)]
+            [bool(set(o.truth.names) & set(g)) for o, g in zip(ambiguous, groups, strict=True)]
         ).as_dict(),
         "coverage_family": Share.of(
-            [bool(set(o.truth.families) & f) for o, f in zip(said, families, strict=True)]
+            [bool(set(o.truth.families) & f) for o, f in zip(ambiguous, families, strict=True)]
         ).as_dict(),
         "median_size": float(np.median(sizes)) if sizes else None,
         "sizes": sorted(sizes),

@@ -8,5 +8,5 @@ ARM_FAMILIES: tuple[str, ...] = (*(e.family for e in EFFECTS), *NOT_BY_JOINTS)
 
 
 def without(withheld: str) -> tuple[str, ...]:
-    """The library with one family kept from it."""
+    """The library without one family."""
     return tuple(f for f in ARM_FAMILIES if f != withheld)

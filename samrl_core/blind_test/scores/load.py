@@ -75,7 +75,7 @@ def _outcome(
 
 
 def _shrinks(path: Path, oracle: dict[str, np.ndarray]) -> tuple[Shrinks | None, str]:
-    """A re-simulation that cannot be judged shrinks nothing; why is kept."""
+    """A re-simulation that cannot be evaluated shrinks nothing; the reason is recorded."""
     try:
         return shrinks_of(path, oracle), ""
     except (InputError, ValueError, OSError) as error:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 CRASHED = "crashed"  # stands in the place of a verdict when there is no report
-ALARMS = ("effect", "ambiguous", "none_of_mine")  # verdicts that say there is a gap
+ALARMS = ("effect", "ambiguous", "none_of_mine")  # verdicts that report a gap
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class SealedTruth:
 
 @dataclass(frozen=True)
 class Shrinks:
-    """Held-out gaps of one world by `gap_metric`, and what they say of the named and the true effect."""
+    """Held-out gaps of one world by `gap_metric`, of the nominal arm, the named and the true effect."""
 
     nominal: float
     with_effect: float
@@ -67,13 +67,13 @@ class Shrinks:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One world with what was said of it. `report` is None where the diagnosis crashed or was refused."""
+    """One world with its diagnosis. `report` is None where the diagnosis crashed or was refused."""
 
     truth: SealedTruth
     report: Mapping[str, Any] | None
     seconds: float | None = None
     shrinks: Shrinks | None = None
-    withheld: bool = False  # the true family was kept from the diagnosis: the world is an unknown one
+    withheld: bool = False  # the true family was withheld from the diagnosis: the world is an unknown one
     detail: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -28,14 +28,14 @@ code{word-break:break-all;font-size:.8rem}
 WIDE = ("confusion",)  # pictures that need the page's whole width
 
 
-def figures(scores: dict[str, Any], outcomes: Sequence[Outcome]) -> dict[str, tuple[str, Figure]]:
+def make_figures(scores: dict[str, Any], outcomes: Sequence[Outcome]) -> dict[str, tuple[str, Figure]]:
     """File name to caption and figure."""
     return {
         "severity": ("Seen, placed and named over severity", plots.severity_figure(scores["severity_curve"])),
         "families": ("Family right, per family", plots.family_figure(scores["which"]["per_family"])),
-        "confusion": ("True family against what was said", plots.confusion_figure(scores["confusion"])),
+        "confusion": ("True family against the diagnosis", plots.confusion_figure(scores["confusion"])),
         "risk": (
-            "Risk when only the most certain claims are kept",
+            "Risk when only the most certain claims count",
             plots.risk_figure(scores["risk_coverage"]),
         ),
         "calibration": (
@@ -56,7 +56,7 @@ def score_page(
     pictures = "".join(
         f"<figure class='{'wide' if name in WIDE else ''}'><img alt='{escape(caption)}' src="
         f"'data:image/png;base64,{base64.b64encode(plots.png(figure)).decode()}'><figcaption>{escape(caption)}</figcaption></figure>"
-        for name, (caption, figure) in figures(scores, outcomes).items()
+        for name, (caption, figure) in make_figures(scores, outcomes).items()
     )
     worlds = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in scores["worlds"].items())
     provenance = "".join(
@@ -68,7 +68,7 @@ def score_page(
         "<!doctype html><html lang='en'><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width,initial-scale=1'>"
         f"<title>Blind test</title><style>{STYLE}</style><h1>Blind test of the gap diagnosis</h1>"
-        f"<p>{escape(worlds)}. Every world counts, whatever was said of it; intervals are 95 %: Wilson for "
+        f"<p>{escape(worlds)}. Every world counts, whatever its diagnosis; intervals are 95 %: Wilson for "
         "shares, bootstrap for medians.</p>"
         f"<h2>Scores</h2>{_table(score_rows(scores))}"
         f"{_apart(scores['apart'])}{_baselines(baselines)}"

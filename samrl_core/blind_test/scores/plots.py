@@ -19,7 +19,7 @@ def severity_figure(curve: Sequence[dict[str, Any]]) -> Figure:
     figure = Figure(figsize=(4.8, 3.6), layout="constrained")
     ax = figure.subplots()
     for name, label, colour in (
-        ("detected", "gap seen", SOFT),
+        ("detected", "gap detected", SOFT),
         ("place", "place right", INK),
         ("top1_family", "family right", ACCENT),
     ):
@@ -80,7 +80,7 @@ def confusion_figure(table: dict[str, Any]) -> Figure:
 
 
 def risk_figure(table: dict[str, Any]) -> Figure:
-    """Share of wrong claims when only the most certain ones are kept."""
+    """Share of wrong claims when only the most certain ones count."""
     figure = Figure(figsize=(4.2, 3.2), layout="constrained")
     ax = figure.subplots()
     if table["curve"]:

@@ -43,7 +43,7 @@ def refusal(single: list[Outcome], outside: list[Outcome], left_out: list[Outcom
 
 
 def risk_and_coverage(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Risk when only the most certain claims are kept; naming anything without a known cause is wrong."""
+    """Risk when only the most certain claims count; naming anything without a known cause is wrong."""
     named = [o for o in outcomes if o.primary is not None]
     curve = risk_coverage([_probability(o) for o in named], [o.family_right for o in named], len(outcomes))
     return {

@@ -51,7 +51,7 @@ def all_scores(
 def detection(
     single: list[Outcome], none: list[Outcome], outside: list[Outcome], double: list[Outcome]
 ) -> dict[str, Any]:
-    """Gaps seen where there is one, and false alarms where there is none."""
+    """Gaps detected where there is one, and false alarms where there is none."""
     severe = [o for o in single if o.truth.severity >= MEDIAN_SEVERITY]
     usual = [o for o in none if o.truth.background_scale <= 1]
     beyond = [o for o in none if o.truth.background_scale > 1]

@@ -44,7 +44,7 @@ class Study:
 
     @property
     def plan(self) -> Path:
-        """What the worlds are drawn from, the seed included; sealed with the labels."""
+        """What the worlds are sampled from, the seed included; sealed with the labels."""
         return self.root / "sealed" / PLAN
 
     def observations(self, world: str) -> Path:

@@ -21,7 +21,7 @@ class ScoreRow:
 
 @dataclass(frozen=True)
 class Aim:
-    """What a score should reach (the issue's figures; the protocol's 3.6 where it has none)."""
+    """Target of a score."""
 
     least: float | None = None
     most: float | None = None
@@ -42,10 +42,10 @@ def score_rows(scores: dict[str, Any]) -> list[ScoreRow]:
     h, i, t, a, c = (scores[k] for k in ("how_far", "intervals", "two_effects", "ambiguity", "calibration"))
     risk, time = scores["risk_coverage"], scores["runtime"]
     rows = [
-        _share("whether", "gap seen, single effects", d["single"]),
-        _share("whether", "gap seen, severity from the median on", d["single_severe"], Aim(0.90)),
-        _share("whether", "gap seen, outside the library", d["outside"]),
-        _share("whether", "gap seen, two effects", d["double"]),
+        _share("whether", "gap detected, single effects", d["single"]),
+        _share("whether", "gap detected, severity from the median on", d["single_severe"], Aim(0.90)),
+        _share("whether", "gap detected, outside the library", d["outside"]),
+        _share("whether", "gap detected, two effects", d["double"]),
         _share("whether", "false alarms", d["false_alarms"], Aim(most=0.05)),
         _share("whether", "false alarms, background within tolerance", d["false_alarms_within_tolerance"]),
         _share("whether", "false alarms, background beyond tolerance", d["false_alarms_beyond_tolerance"]),
@@ -69,11 +69,11 @@ def score_rows(scores: dict[str, Any]) -> list[ScoreRow]:
         ),
         _share("no", "unknown refused, outside the library", r["outside_rejected"]),
         _share("no", "unknown refused, family left out", r["left_out_rejected"]),
-        _share("no", "unknown refused among gaps seen", r["unknown_rejected_among_seen"]),
+        _share("no", "unknown refused among gaps detected", r["unknown_rejected_among_seen"]),
         _share("no", "unknown named as something", r["unknown_named"]),
         _share("no", "known wrongly refused", r["known_refused"], Aim(most=0.05)),
         _number("no", "AUROC unknown against known", r["auroc"], Aim(0.90), percent=True),
-        _number("no", "AUROC among gaps seen", r["auroc_among_seen"], percent=True),
+        _number("no", "AUROC among gaps detected", r["auroc_among_seen"], percent=True),
         _number("no", "wrong among all named", risk["risk"], percent=True),
         _number("no", "mean risk over coverage", risk["mean_risk_over_coverage"], percent=True),
         _number("no", "calibration error of probabilities (ECE)", c["ece"], Aim(most=0.10), percent=True),

@@ -1,4 +1,4 @@
-"""How a real arm differs from its nominal model in every world, within what its tolerances say."""
+"""Mismatch between a real arm and its nominal model in every world, scaled by the tolerances."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, NominalTool,
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """A drawn arm; arrays (J,) unless said otherwise. The label keeps the figures."""
+    """A sampled arm; arrays (J,) unless noted. The label holds the values."""
 
     body: ArmBody  # with tool
     reality: Reality
@@ -30,7 +30,7 @@ def _spread(value: float | tuple[float, ...], base: np.ndarray) -> np.ndarray:
     return np.asarray(value, dtype=float) * base
 
 
-def draw_background(
+def sample_background(
     spec: RobotSpec,
     nominal_body: ArmBody,
     tool: NominalTool,
@@ -39,7 +39,7 @@ def draw_background(
     scale: float,
     rng: np.random.Generator,
 ) -> Background:
-    """Draw an arm uniformly within `scale` times the tolerances.
+    """Sample an arm uniformly within `scale` times the tolerances.
 
     Link inertias keep positive second moments, so each is that of some body.
     """

@@ -1,4 +1,4 @@
-"""The two nominal arms of sealed worlds, their controllers and their commands; made once, then kept."""
+"""The two nominal arms of sealed worlds, their controllers and their commands; computed once, then cached."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from samrl_core.blind_test.engines.arm_body import ArmBody, read_arm_body, with_tool
-from samrl_core.blind_test.worlds.world_cache import Arrays, kept
+from samrl_core.blind_test.worlds.world_cache import Arrays, load_or_compute
 from samrl_core.cell.excitation.excitation_trajectory import gains, make_trajectory
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.cells import cell_named
@@ -21,7 +21,7 @@ from samrl_core.cell.types.pose import Pose
 
 _SIGNAL = ("time", "position", "velocity", "acceleration", "effort")
 SETS = {"A": "slow", "B": "multisine", "C": "task"}
-PROGRAMMES = 6  # distinct ones per arm, so that what is worked out per trajectory can be kept
+TRAJECTORY_SETS = 6  # distinct ones per arm, so that results per trajectory can be cached
 # Rotors as geared drives have them. Panda: menagerie's panda.xml. Rizon: ASSUMPTION, same order;
 # menagerie's 3.17 kg m2 at the shoulder would make the described gains sluggish.
 ARMATURE = {
@@ -71,7 +71,7 @@ def payload_of(tool: NominalTool) -> Payload:
 
 @cache
 def world_command(role: str, number: int, letter: str, duration_s: float) -> JointSignal:
-    """Command of set `letter` in programme `number`; the same in every forge."""
+    """Command of excitation trajectory `letter` in set `number`; the same in every forge."""
     arm = nominal_arm(role)
     seed = 1000 * (1 + ROLES.index(role)) + 10 * number + "ABC".index(letter)
     asked = (arm.spec, payload_of(arm.tool), SETS[letter], seed, duration_s)
@@ -81,11 +81,11 @@ def world_command(role: str, number: int, letter: str, duration_s: float) -> Joi
         return {n: v for n in _SIGNAL if (v := getattr(made, n)) is not None}
 
     code = ("cell/excitation", "cell/robots", "cell/types")
-    return JointSignal(**kept("programmes", code, ("numpy", "scipy", "pin"), asked, work))
+    return JointSignal(**load_or_compute("programmes", code, ("numpy", "scipy", "pin"), asked, work))
 
 
 def description(role: str, letter: str, tolerances: Tolerances) -> ArmDescription:
-    """What a recording says of its arm; set C is played at other gains."""
+    """Description that a recording carries of its arm; trajectory C runs at other controller gains."""
     arm = nominal_arm(role)
     scale = gains(SETS[letter])
     controller = ArmController(
@@ -102,7 +102,7 @@ def description(role: str, letter: str, tolerances: Tolerances) -> ArmDescriptio
 
 @dataclass(frozen=True, eq=False)
 class Demands:
-    """What the three recordings of a programme ask of each joint of the nominal arm, (J,)."""
+    """Demand of the three recordings of a trajectory set on each joint of the nominal arm, (J,)."""
 
     torque: np.ndarray  # largest [N m]
     gravity: np.ndarray  # largest of gravity alone [N m]
@@ -112,7 +112,7 @@ class Demands:
 
 @cache
 def demands(role: str, number: int, duration_s: float) -> Demands:
-    """Of sets A, B and C of a programme, every tenth tick."""
+    """Of trajectories A, B and C of a set, every tenth tick."""
     arm = nominal_arm(role)
     torques, weights, positions = [], [], []
     for letter in SETS:

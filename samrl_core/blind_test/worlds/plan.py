@@ -9,13 +9,13 @@ import numpy as np
 
 from samrl_core.blind_test.disturbances.registry import CATALOGUE, OUTSIDE, find_disturbance
 from samrl_core.blind_test.engines.engines import ENGINES
-from samrl_core.blind_test.worlds.nominal import PROGRAMMES, REVERSING, nominal_arm
+from samrl_core.blind_test.worlds.nominal import REVERSING, TRAJECTORY_SETS, nominal_arm
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
 
 SEVERITIES = (0.5, 0.95, 0.25, 0.75, 0.1)  # in the order in which rounds over the families take them
 _STRONG = (0.5, 0.75, 0.95)
-# Pairs that look alike or hide each other; the first third of the two-effect worlds is drawn from them.
+# Pairs that are confounded or mask each other; the first third of the two-effect worlds is sampled from them.
 CONFOUNDED = (
     ("coulomb_friction", "viscous_friction"),
     ("payload", "actuator_gain"),
@@ -70,7 +70,7 @@ class PlanItem:
     set: str
     engine: str
     arm: str
-    programme: int
+    programme: int  # number of its set of excitation trajectories; a key of the label
     effects: tuple[PlannedEffect, ...]
     scale: float  # of the background against its tolerances
     seed: int
@@ -132,7 +132,7 @@ def plan_worlds(settings: ForgeSettings) -> list[PlanItem]:
                 set=kind,
                 engine=ENGINES[int(by_mujoco[k])],
                 arm=arms[k],
-                programme=int(rng.integers(PROGRAMMES)),
+                programme=int(rng.integers(TRAJECTORY_SETS)),
                 effects=effects,
                 scale=float(rng.uniform(1.2, 2.0)) if wide[k] else 1.0,
                 seed=int(rng.integers(2**62)),

@@ -15,7 +15,7 @@ from samrl_core.blind_test.disturbances.registry import attach, find_disturbance
 from samrl_core.blind_test.engines import simulate as simulation
 from samrl_core.blind_test.engines.hooks import Hooks
 from samrl_core.blind_test.engines.simulate import Reality, Trace, simulate
-from samrl_core.blind_test.worlds.background import Background, draw_background
+from samrl_core.blind_test.worlds.background import Background, sample_background
 from samrl_core.blind_test.worlds.nominal import (
     ARMATURE,
     SETS,
@@ -26,7 +26,7 @@ from samrl_core.blind_test.worlds.nominal import (
     world_command,
 )
 from samrl_core.blind_test.worlds.plan import PlanItem, PlannedEffect
-from samrl_core.blind_test.worlds.world_cache import kept
+from samrl_core.blind_test.worlds.world_cache import load_or_compute
 from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
@@ -53,13 +53,13 @@ def make_world(
     """Recordings A, B and C, the label to be sealed, and the oracle.
 
     Raises:
-        DivergedError: the world's ranges make an arm that runs away; nothing is drawn again in silence.
+        DivergedError: the world's ranges make an arm that runs away; nothing is sampled again in silence.
         InputError: an unknown family or place.
     """
     stated = tolerances or Tolerances()
     streams = np.random.default_rng(item.seed).spawn(2 + len(item.effects))
     arm = nominal_arm(item.arm)
-    background = draw_background(
+    background = sample_background(
         arm.spec, arm.bare, arm.tool, ARMATURE[item.arm], stated, item.scale, streams[0]
     )
     injections = [
@@ -152,23 +152,23 @@ def _run(
 
 
 @lru_cache(maxsize=64)
-def _peak_rate(role: str, programme: int, duration_s: float) -> np.ndarray:
+def _peak_rate(role: str, trajectory_set: int, duration_s: float) -> np.ndarray:
     """Slope over 10 ms that set B's nominal commanded torque exceeds 1 % of the time, (J,) [N m/s]."""
-    commanded = _nominal(role, programme, duration_s, "pybullet", "B").commanded
+    commanded = _nominal(role, trajectory_set, duration_s, "pybullet", "B").commanded
     return np.quantile(np.abs(commanded[10:] - commanded[:-10]), 0.99, axis=0) / 0.01
 
 
 @lru_cache(maxsize=64)
-def _nominal(role: str, programme: int, duration_s: float, engine: str, letter: str = HELD_OUT) -> Trace:
-    """The nominal arm under a command; the same in every forge, so it is kept."""
-    item = PlanItem("", "none", engine, role, programme, (), 1.0, 0, duration_s)
+def _nominal(role: str, trajectory_set: int, duration_s: float, engine: str, letter: str = HELD_OUT) -> Trace:
+    """The nominal arm under a command; the same in every forge, so it is cached."""
+    item = PlanItem("", "none", engine, role, trajectory_set, (), 1.0, 0, duration_s)
     arm = nominal_arm(role)
-    command = world_command(role, programme, letter, duration_s)
+    command = world_command(role, trajectory_set, letter, duration_s)
     asked = (
         (engine, simulation.SETTLE_S, arm.spec, arm.tool, arm.urdf),
         (description(role, letter, Tolerances()), command),
     )
-    made = kept(
+    made = load_or_compute(
         "nominal",
         ("blind_test/engines", "blind_test/disturbances", "blind_test/worlds", "cell/robots", "cell/types"),
         ("numpy", "scipy", "pin", engine),

@@ -1,4 +1,4 @@
-"""Arrays that take seconds to work out, kept on disk under a hash of all that they follow from."""
+"""Disk cache of arrays that take seconds to compute, under a hash of all their inputs."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from samrl_core.common.files import write_whole
 Arrays = dict[str, np.ndarray]
 
 
-def kept(
+def load_or_compute(
     kind: str, sources: tuple[str, ...], packages: tuple[str, ...], of: Any, work: Callable[[], Arrays]
 ) -> Arrays:
-    """What `work` gives, read back where it was worked out before.
+    """Result of `work`, read from the cache where it is there.
 
     Args:
         kind: folder below the cache's.
         sources: packages of samrl_core whose code decides the result.
         packages: distributions whose version decides it.
         of: everything else that decides it: numbers, texts, arrays, paths of files, tuples, dataclasses.
-        work: is called where nothing is kept, or the kept file cannot be read.
+        work: is called where nothing is cached, or the cached file cannot be read.
     """
     digest = hashlib.sha256(f"{_code(sources)}{[_version(p) for p in packages]}".encode())
     _feed(digest, of)

@@ -1,7 +1,7 @@
-"""The recording that would split an ambiguity set: simulated discrimination over candidate programmes.
+"""The recording that would split an ambiguity set: simulated discrimination over candidate trajectories.
 
-T-optimal design (Atkinson and Fedorov 1975): of the programmes at hand, the one in which the closest pair of
-rivals differs most after the wrong one has been fitted to what the right one would do.
+T-optimal design (Atkinson and Fedorov 1975): of the trajectories at hand, the one in which the closest pair
+of rivals differs most after the wrong one has been fitted to what the right one would do.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FILE = "next.yaml"
 def next_experiment(
     likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
 ) -> NextExperiment | None:
-    """Propose a programme for the rivals with these `family@place` names; None for an arm without a role."""
+    """Propose a trajectory for the rivals with these `family@place` names; None for an arm without a role."""
     trial = likelihood.trials[0]
     arm = trial.recording.arm
     if arm.role not in ROLES:
@@ -87,7 +87,7 @@ def _payload(trial: Trial) -> Payload | None:
 
 
 def _virtual(trial: Trial, run: Run, spec: RobotSpec) -> Trial:
-    """The programme as a nominal arm that follows it would be recorded, with the noise of real recordings."""
+    """Recording of a nominal arm that follows the trajectory, with the noise of real recordings."""
     rigid = RigidArm(replace(trial.recording.arm, controller=run.controller))
     command = run.command
     assert command.position is not None and command.velocity is not None and command.acceleration is not None

@@ -1,5 +1,4 @@
-"""One episode of Algorithm 1 in a PyBullet world as a case of an experiment: evaluated by truth, and timed.
-"""
+"""One episode of Algorithm 1 in a PyBullet world as an experiment's case: evaluated by truth, and timed."""
 
 from __future__ import annotations
 

@@ -140,8 +140,7 @@ def _metrics_of(cases: list[Case], reached: np.ndarray, seed: int) -> dict[str, 
 
 
 def _alike(maps: np.ndarray) -> float:
-    """Median rank correlation of the errors of two states: how much a map has in common with another state's.
-    """
+    """Median rank correlation of the error maps of two states."""
     pairs = [rank_correlation(maps[i], maps[j]) for i in range(len(maps)) for j in range(i)]
     return float(np.median(pairs)) if pairs else 1.0
 

@@ -17,7 +17,7 @@ from samrl_core.blind_test.disturbances.disturbance import (
 from samrl_core.blind_test.engines.hooks import Hooks
 
 
-class _Slope:
+class _RateLimit:
     """State of one recording."""
 
     def __init__(self, joint: int, up: float, down: float, period: float) -> None:
@@ -42,7 +42,7 @@ def _make(site: Site, form: str, severity: float) -> Injection:
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         down = rate if form == "T0" else 1.3 * rate
-        hooks.drive.append(_Slope(site.joint, rate, down, site.spec.controller.period_s))
+        hooks.drive.append(_RateLimit(site.joint, rate, down, site.spec.controller.period_s))
 
     return Injection({"R": Quantity(rate, "N m/s")}, attach)
 

@@ -1,4 +1,4 @@
-"""15. The drive gives less than its limit says. T0: clip. T1: soft knee, u / (1 + |u/L|^p)^(1/p)."""
+"""15. The drive gives less than its stated limit. T0: clip. T1: soft knee, u / (1 + |u/L|^p)^(1/p)."""
 
 from __future__ import annotations
 

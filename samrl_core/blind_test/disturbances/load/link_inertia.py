@@ -1,4 +1,4 @@
-"""25. A link unlike its figures.
+"""25. Link with another mass than described.
 
 T0: mass, centre and inertia off. T1: a forgotten part bolted to one side of it.
 """

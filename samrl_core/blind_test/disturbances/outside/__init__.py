@@ -1,1 +1,1 @@
-"""Disturbances that no catalogue lists: a diagnosis ought to say that it knows none of them."""
+"""Disturbances that no catalogue lists: a diagnosis ought to refuse a name."""

@@ -14,7 +14,7 @@ class Spring:
     damping: float  # [N m s/rad]
     hardens_at: float = math.inf  # x3 [rad]
 
-    def _slope(self, twist: float) -> float:
+    def _stiffness_at(self, twist: float) -> float:
         return self.stiffness * (1.0 + 3.0 * (twist / self.hardens_at) ** 2)
 
     def torque(self, twist: float) -> float:
@@ -23,7 +23,7 @@ class Spring:
 
     def linear(self, t: float, twist: float, rate: float, dt: float) -> tuple[float, float]:
         """As `Transmission`."""
-        return self.torque(twist), self.damping + dt * self._slope(twist)
+        return self.torque(twist), self.damping + dt * self._stiffness_at(twist)
 
     def commit(self, t: float, twist: float, rate: float, dt: float) -> None:
         """As `Transmission`: nothing to keep."""
@@ -32,7 +32,7 @@ class Spring:
         """As `Transmission`, by Newton's method."""
         twist = torque / self.stiffness
         for _ in range(20):
-            twist -= (self.torque(twist) - torque) / self._slope(twist)
+            twist -= (self.torque(twist) - torque) / self._stiffness_at(twist)
         return twist
 
 
@@ -54,10 +54,10 @@ class Gap:
             return 0.0, self.drag
         side = math.copysign(1.0, end)
         press = self.stiffness * depth**self.exponent
-        slope = self.exponent * self.stiffness * depth ** (self.exponent - 1.0)
+        stiffness_at = self.exponent * self.stiffness * depth ** (self.exponent - 1.0)
         # Tangent at the estimated end, so that the end's torque is met; the flank never pulls.
         damping = min(self.damping, press / max(abs(rate), 1e-9)) if rate * side < 0 else self.damping
-        return side * press - slope * dt * rate, slope * dt + damping
+        return side * press - stiffness_at * dt * rate, stiffness_at * dt + damping
 
     def commit(self, t: float, twist: float, rate: float, dt: float) -> None:
         """As `Transmission`: nothing to keep."""

@@ -228,7 +228,7 @@ def score(
     """Open the labels, after their hash was checked, and score."""
     from samrl_core.blind_test.scores.comparison import comparison
     from samrl_core.blind_test.scores.load import load_outcomes
-    from samrl_core.blind_test.scores.page import figures, score_page
+    from samrl_core.blind_test.scores.page import make_figures, score_page
     from samrl_core.blind_test.scores.plots import png
     from samrl_core.blind_test.scores.scores import all_scores
 
@@ -252,7 +252,7 @@ def score(
     }
     write_atomically(target / "score.json", (json.dumps(content, indent=1) + "\n").encode())
     write_atomically(target / "score.html", score_page(scores, outcomes, facts, rows).encode())
-    for name, (_, figure) in figures(scores, outcomes).items():
+    for name, (_, figure) in make_figures(scores, outcomes).items():
         write_atomically(target / f"score_{name}.png", png(figure))
     show(scores, rows)
     make_console().print(f"[dim]{target / 'score.html'}[/]", soft_wrap=True)

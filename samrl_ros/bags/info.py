@@ -51,7 +51,7 @@ def render(described: dict[str, Any]) -> Group:
         *(f"{key}: {value}" for key, value in described["custom_data"].items()),
     ]
     table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("topic", no_wrap=True, overflow="fold")  # names are what people look for
+    table.add_column("topic", no_wrap=True, overflow="fold")  # names matter most
     table.add_column("type", no_wrap=True, overflow="ellipsis")
     for name in ("count", "Hz"):
         table.add_column(name, justify="right", no_wrap=True)

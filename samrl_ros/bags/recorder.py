@@ -30,9 +30,9 @@ _CDR_STAMP = {1: struct.Struct("<iI"), 0: struct.Struct(">iI")}  # by the endian
 class Recorder:
     """Writes what it is given to a bag."""
 
-    def __init__(self, writer: BagWriter, tell: Callable[[str], object] = lambda text: None) -> None:
-        """`tell` hears of a clock that jumps, the first time and at every tenfold."""
-        self._writer, self._tell = writer, tell
+    def __init__(self, writer: BagWriter, warn: Callable[[str], object] = lambda text: None) -> None:
+        """`warn` is called when the clock jumps: the first time and at every tenfold."""
+        self._writer, self._warn = writer, warn
         self._jumps = 0
         self._held: list[tuple[str, bytes, int | None]] = []
         self._last_ns = 0
@@ -107,7 +107,7 @@ class Recorder:
             return
         self._jumps += 1
         if str(self._jumps).rstrip("0") == "1":
-            self._tell(
+            self._warn(
                 f"the clock of the bag {self._writer.folder} jumped by {step / _NS:+.1f} s to"
                 f" {receive_ns / _NS:.3f} s ({self._jumps} times so far): one node only may publish /clock;"
                 " `ros2 topic info -v /clock` names them. The bag's duration is not to be trusted"

@@ -19,7 +19,7 @@ from samrl_ros.bags.writer import BagWriter, is_private
 
 @dataclass(frozen=True)
 class RepairReport:
-    """What a repair kept."""
+    """Result of a repair."""
 
     source: Path
     destination: Path

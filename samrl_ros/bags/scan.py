@@ -1,4 +1,4 @@
-"""Walks one MCAP file record by record, whole, unindexed or cut short, and says where its messages lie.
+"""Walks one MCAP file record by record, whole, unindexed or cut short, and indexes its messages.
 
 Own framing instead of the mcap library's stream reader, because that one hands out a cut record as if
 it were whole (a short read is not noticed), which in a killed recorder's file would give a false message.

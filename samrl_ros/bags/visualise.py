@@ -14,7 +14,7 @@ from samrl_ros.bags.schemas import Definition, definition
 class LiveView:
     """A server at ws://host:port, to which Foxglove connects.
 
-    Messages that are sent once (robot descriptions, calibration, static frames) are kept, and sent again
+    Messages that are sent once (robot descriptions, calibration, static frames) are stored, and sent again
     whenever a client subscribes to their topic.
 
     Args:
@@ -90,7 +90,7 @@ class LiveView:
                 self._kept[topic] = (data, time_ns)
 
     def resend(self, topic: str) -> None:
-        """Send the kept message of a latched topic again, if there is one."""
+        """Send the stored message of a latched topic again, if there is one."""
         with self._lock:
             if topic in self._kept:
                 data, time_ns = self._kept[topic]

@@ -129,7 +129,7 @@ class BagWriter:
     ) -> None:
         """Announce a topic; again with the same type does nothing.
 
-        `described` replaces the installed definition: a copy of a bag keeps what its source says.
+        `described` replaces the installed definition: a copy of a bag keeps its source's definition.
         Raises `InputError` for an unknown type, or one that differs from the topic's first.
         """
         if described is None and not name.startswith("/"):

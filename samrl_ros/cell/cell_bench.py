@@ -58,18 +58,18 @@ def bench_cell(out: Path, seed: int, episodes: int, real_time_factor: float) -> 
     options = CellOptions(
         episodes=episodes, seed=seed, out=out, layout="processes", real_time_factor=real_time_factor
     )
-    seen: dict[str, Any] = {}
+    outputs: dict[str, Any] = {}
     history: History = []
     code = run_cell(
         options,
         console,
         on_tick=sampler.sample,
-        keep=seen,
+        keep=outputs,
         on_figures=lambda node, figures: history.append((node, figures)),
     )
     if code != OK:
         return FAILED
-    watch = seen["watch"]
+    watch = outputs["watch"]
     report = {
         "schema": 1,
         "cpu_cores_per_node": sampler.shares(),

@@ -25,7 +25,7 @@ def draw_contact_sheet(bag_path: Path, picture: Path, episode: int = 0, columns:
     """Draw at most `columns` updates of one episode, evenly chosen, first and last included.
 
     Returns:
-        The number of updates drawn.
+        The number of updates shown.
 
     Raises:
         InputError: the bag has no update of that episode.
@@ -48,7 +48,7 @@ def draw_contact_sheet(bag_path: Path, picture: Path, episode: int = 0, columns:
     }
     stamps = sorted(real)
     if not stamps:
-        raise InputError(f"{bag_path} has no model update of episode {episode} to draw")
+        raise InputError(f"{bag_path} has no model update of episode {episode} to show")
     if len(stamps) > columns:
         stamps = [stamps[i] for i in np.unique(np.linspace(0, len(stamps) - 1, columns).round().astype(int))]
     figure, axes = plt.subplots(3, len(stamps), figsize=(1.45 * len(stamps) + 0.6, 5.2), squeeze=False)

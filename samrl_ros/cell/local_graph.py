@@ -1,4 +1,4 @@
-"""The whole cell in one thread, without DDS: every message is handled in the order it was said.
+"""The whole cell in one thread, without DDS: every message is handled in the order of publication.
 
 For tests and for debugging a behaviour; the same objects run on the live graph. Repeatable to the bit.
 """
@@ -27,7 +27,7 @@ from samrl_ros.nodes.supervisor import START_EPISODE, Supervisor
 
 @dataclass
 class LocalOutbox:
-    """One node's mouth: what it says goes to the graph's queue."""
+    """Output of one node: its messages go to the graph's queue."""
 
     graph: LocalGraph
     node: str
@@ -115,7 +115,7 @@ class LocalGraph:
             self.drain()
 
     def drain(self) -> None:
-        """Deliver everything that was said, and what is said in answer."""
+        """Deliver all queued messages, and those published in answer."""
         commands = {arm_topic(role, "command"): role for role in ROLES}
         while self.queue:
             topic, message = self.queue.popleft()

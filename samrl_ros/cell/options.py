@@ -54,7 +54,7 @@ class CellOptions:
     ] = None
     residual: Annotated[
         Path | None,
-        typer.Option(help="A trained residual's weight file; without it, none, or what --params says."),
+        typer.Option(help="A trained residual's weight file; without it, none, or that of --params."),
     ] = None
     real_time_factor: Annotated[
         float, typer.Option(help="Upper bound on simulated over wall time, 0 for none.", min=0.0)
@@ -148,7 +148,7 @@ def _require_residual(options: CellOptions, file: Path) -> None:
 
 
 def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Contents of the run's parameter file: what the options say, laid over what the user's file says.
+    """Contents of the run's parameter file: the options over the user's file.
 
     Raises:
         InputError: the two contradict each other.

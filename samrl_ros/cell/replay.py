@@ -26,13 +26,13 @@ from samrl_ros.contract.topics import FORMER_NAMES, LATER_TOPICS
 
 @dataclass
 class RecordingOutbox:
-    """Keeps a digest of what a behaviour says; a service call goes nowhere."""
+    """Digest of a behaviour's messages; a service call goes nowhere."""
 
     digests: dict[str, Any] = field(default_factory=lambda: defaultdict(hashlib.sha256))
     counts: dict[str, int] = field(default_factory=lambda: defaultdict(int))
     kept: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
     logs: list[tuple[str, str]] = field(default_factory=list)
-    keep: frozenset[str] = frozenset()  # topics whose messages are kept whole
+    keep: frozenset[str] = frozenset()  # topics whose messages are stored whole
 
     def publish(self, topic: str, message: Any) -> None:
         """See `Outbox`."""
@@ -134,7 +134,7 @@ def replay(
     for node in nodes.values():
         for topic in node.inputs:
             hears[topic].append(node)
-    said = {topic for node in nodes.values() for topic in node.outputs}
+    published = {topic for node in nodes.values() for topic in node.outputs}
     recorded: dict[str, list[Any]] = defaultdict(list)
     classes = {t: message_class(info.type) for t, info in present.items() if t in hears or t in compare}
     for node in nodes.values():
@@ -154,7 +154,7 @@ def replay(
         for node in hears.get(topic, ()):
             node.handle(topic, message)
     progress(total, total)
-    return _report(str(bag_path), done, nodes, outboxes, present, said, recorded, bool(bag.truncated))
+    return _report(str(bag_path), done, nodes, outboxes, present, published, recorded, bool(bag.truncated))
 
 
 def _report(
@@ -163,12 +163,12 @@ def _report(
     nodes: dict[str, Behaviour],
     outboxes: dict[str, RecordingOutbox],
     present: dict[str, Any],
-    said: Iterable[str],
+    published: Iterable[str],
     recorded: dict[str, list[Any]],
     truncated: bool,
 ) -> ReplayReport:
     outputs: dict[str, dict[str, Any]] = {}
-    for topic in sorted(said):
+    for topic in sorted(published):
         digests = [box.digests[topic].hexdigest() for box in outboxes.values() if topic in box.digests]
         entry: dict[str, Any] = {
             "recorded": present[topic].count if topic in present else 0,

@@ -1,4 +1,4 @@
-"""What the nodes' processes compile while the cell starts, told on the error stream."""
+"""What the nodes' processes compile while the cell starts, reported on the error stream."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def summarise(
     except InputError as unreadable:
         if not error:
             raise
-        # A run that never came to record still says why.
+        # A run that recorded nothing still has its error.
         error, messages, timing = f"{error}; no figures: {unreadable}", {}, _timing_of([], [], [])
     truth_file = folder / "evaluation" / "truth.jsonl"
     truth = read_truth(truth_file) if truth_file.is_file() else {}
@@ -138,9 +138,9 @@ def _timing(bag_path: Path) -> dict[str, float]:
     for _, message in bag.decoded(("/diagnostics",)):
         for status in message.status:
             if status.name.endswith("/sim_bridge"):
-                figures = {v.key: v.value for v in status.values}
-                factors.append(float(figures.get("real_time_factor", "nan")))
-                gaps.append(float(figures.get("longest_gap_s", "nan")))
+                values_by_name = {v.key: v.value for v in status.values}
+                factors.append(float(values_by_name.get("real_time_factor", "nan")))
+                gaps.append(float(values_by_name.get("longest_gap_s", "nan")))
     for record in bag.messages((joints,)):
         stamps.append(header_stamp_ns(record.type, record.data) or 0)  # the header alone: there are many
     return _timing_of(factors, gaps, stamps)
@@ -179,12 +179,12 @@ def _episode(
             (m.tracking_error for t in STATUS for m in topics[t]), default=float("nan")
         ),
     }
-    summary.update(_judged(truth, states, task))
+    summary.update(_evaluate(truth, states, task))
     return summary
 
 
-def _judged(truth: dict[str, dict[str, Any]], states: list[Any], task: Task) -> dict[str, Any]:
-    """What only the truth can say."""
+def _evaluate(truth: dict[str, dict[str, Any]], states: list[Any], task: Task) -> dict[str, Any]:
+    """What only ground truth can tell."""
     if "end" not in truth:
         keys = ("final_error_m", "estimate_error_before_contact_m", "peak_contact_force_N")
         return {"seed": None, "success": None, **dict.fromkeys(keys, float("nan"))}
@@ -235,10 +235,12 @@ def _view(view: Any) -> dict[str, Any]:
 
 def _detector(episodes: list[dict[str, Any]]) -> dict[str, int]:
     """Confusion of the automatic termination against evaluation truth."""
-    judged = [(bool(e["detected_success"]), bool(e["success"])) for e in episodes if e["success"] is not None]
+    evaluated = [
+        (bool(e["detected_success"]), bool(e["success"])) for e in episodes if e["success"] is not None
+    ]
     return {
-        "true_positive": judged.count((True, True)),
-        "false_positive": judged.count((True, False)),
-        "false_negative": judged.count((False, True)),
-        "true_negative": judged.count((False, False)),
+        "true_positive": evaluated.count((True, True)),
+        "false_positive": evaluated.count((True, False)),
+        "false_negative": evaluated.count((False, True)),
+        "true_negative": evaluated.count((False, False)),
     }

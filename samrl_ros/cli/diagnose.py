@@ -76,7 +76,7 @@ def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> i
 
 
 def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecording], list[str]]:
-    """Recordings of one arm by role, checked, with what should be said of them.
+    """Recordings of one arm by role, checked, with notes about them.
 
     Raises:
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
@@ -138,7 +138,7 @@ def read_library(path: Path) -> tuple[str, ...]:
 
 
 def cache_folder() -> Path:
-    """Where results that only save time are kept: $XDG_CACHE_HOME/samrl, by default ~/.cache/samrl."""
+    """Cache of results that only save time: $XDG_CACHE_HOME/samrl, by default ~/.cache/samrl."""
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path.home() / ".cache") / "samrl"
 

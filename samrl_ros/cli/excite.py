@@ -79,8 +79,8 @@ def excite(
                     f"{error[worst]:.4f} rad ({recording.arm.joints[worst]})",
                 )
     except KeyboardInterrupt:
-        kept = ", ".join(str(path) for path in targets if path.exists()) or "none"
-        console.print(f"interrupted; complete recordings: {kept}", highlight=False)
+        complete = ", ".join(str(path) for path in targets if path.exists()) or "none"
+        console.print(f"interrupted; complete recordings: {complete}", highlight=False)
         return INTERRUPTED
     console.print(table)
     return OK

@@ -97,8 +97,8 @@ def forge(
     todo = [Making(study.root, item) for item in by_trajectory if not study.made(item.id)]
     failed: dict[str, str] = {}
     ran_away: list[str] = []
-    for place in ("obs", "sealed"):
-        study.sweep(place)
+    for part in ("obs", "sealed"):
+        study.sweep(part)
     for done in _with_progress(
         "worlds", make, todo, len(plan), _mapping(ray, executor.run_in_processes), workers
     ):
@@ -115,7 +115,7 @@ def forge(
         "ran_away": sorted(ran_away),
     }
     console = make_console()
-    if ran_away:  # no arm could be recorded like this, and nobody draws it again until it suits
+    if ran_away:  # no arm could be recorded like this, and nobody samples it again until it suits
         console.print(f"{len(ran_away)} worlds ran away in simulation and are left out: {sorted(ran_away)}")
     if failed:
         console.print("[red]nothing is sealed[/] while worlds are missing; the same command tries them again")
@@ -143,7 +143,7 @@ def diagnose(
     again: Annotated[bool, typer.Option("--again", help="Do anew what crashed or was refused.")] = False,
     ray: OnRay = False,
 ) -> None:
-    """Diagnose every world in a process without access to the labels; finished worlds are kept."""
+    """Diagnose every world in a process without access to the labels; finished worlds are not run again."""
     study = Study(folder.resolve())
     listed: list[str] = study.published()["worlds"]
     every = DiagnosisJob(

@@ -46,7 +46,7 @@ def show(scores: dict[str, Any], baseline_rows: Sequence[dict[str, Any]]) -> Non
 
 
 def line(o: Outcome) -> dict[str, Any]:
-    """One world in score.json: what was true, what was said."""
+    """One world in score.json: truth and diagnosis."""
     return {
         "id": o.truth.id,
         "set": o.truth.set,

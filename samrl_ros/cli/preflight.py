@@ -22,7 +22,7 @@ KINDS = {"tool_arm": "arm", "camera_arm": "arm", "camera": "camera"}
 
 @dataclass(frozen=True)
 class PreflightOptions:
-    """Options of `samrl preflight`; an empty driver is not judged."""
+    """Options of `samrl preflight`; an empty driver is not checked."""
 
     tool_arm: Annotated[str, typer.Option(help="Driver by name or YAML file.")] = "franka_ros2"
     camera_arm: Annotated[str, typer.Option(help="Driver by name or YAML file.")] = "flexiv_ros2"
@@ -32,7 +32,7 @@ class PreflightOptions:
 
 
 def preflight(options: PreflightOptions) -> int:
-    """Listen, judge, and print what speaks against moving; exit code 1 then.
+    """Listen, check, and print what speaks against moving; exit code 1 then.
 
     Raises:
         InputError: no such driver or cell, or a driver of the other kind.

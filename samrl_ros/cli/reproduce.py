@@ -35,7 +35,7 @@ def reproduce_all(
     if only:
         unknown = [part for part in only if not any(part in job.name for job in jobs)]
         if unknown:
-            raise InputError(f"no job's name holds {unknown[0]!r}; `samrl reproduce --list` tells them")
+            raise InputError(f"no job's name holds {unknown[0]!r}; `samrl reproduce --list` lists them")
         wanted = {job.name for job in jobs if any(part in job.name for part in only)}
         for job in reversed(jobs):  # what is needed stands before what needs it
             wanted |= set(job.needs) if job.name in wanted else set()

@@ -57,7 +57,7 @@ class TrainOptions:
         typer.Option("--actor", help="Weights of an actor: its Q is trained, and nothing before."),
     ] = None
     kept: Annotated[
-        int, typer.Option(help="Images of each state, drawn once and kept in memory; 0: new ones.", min=0)
+        int, typer.Option(help="Cached images of each state, rendered once; 0: new ones.", min=0)
     ] = DEFAULTS.kept
     workers: Annotated[
         int, typer.Option(help="Processes for states, labels and episodes; 0: free cores.", min=0)
@@ -101,12 +101,12 @@ def train_task(options: TrainOptions) -> int:
     console = Console()
     settings, out = options.settings(), options.out or Path("out") / f"train-{options.task}"
 
-    def tell(stage: str, row: dict[str, float]) -> None:
+    def print_progress(stage: str, row: dict[str, float]) -> None:
         text = "  ".join(f"{name} {value:.4g}" for name, value in row.items())
         console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
 
     try:
-        summary = train(options.task, out, settings, tell, options.given_actor, options.visited)
+        summary = train(options.task, out, settings, print_progress, options.given_actor, options.visited)
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {out}", highlight=False)
         raise
@@ -124,7 +124,7 @@ def train_task(options: TrainOptions) -> int:
         ways += ["with a larger --q-unit"] if options.q_target == "action" else []
         console.print(
             f"Q explains {100 * summary['q'][EXPLAINED]:.1f} % of what differs between returns, less than "
-            f"{100 * LEAST_EXPLAINED:.0f} %: it will hardly know where to look; train it "
+            f"{100 * LEAST_EXPLAINED:.0f} %: its views will hardly help; train it "
             f"{', '.join([*ways, 'longer'])}, or from a better actor",
             highlight=False,
             soft_wrap=True,

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 
 class Outbox(Protocol):
-    """Where a behaviour puts what it has to say."""
+    """Outputs of a behaviour: messages, service calls and log lines."""
 
     def publish(self, topic: str, message: Any) -> None:
         """Send a message on a topic of `samrl_ros.contract.topics.TOPICS`."""

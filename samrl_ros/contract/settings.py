@@ -26,7 +26,7 @@ def setting(
     """A dataclass field with its documentation.
 
     Args:
-        default: value when the YAML file and the command line say nothing.
+        default: value when neither YAML file nor command line sets it.
         description: one line for people.
         unit: SI unit, empty for none.
         range: lowest and highest value allowed, for numbers.

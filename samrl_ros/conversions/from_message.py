@@ -14,7 +14,8 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_json
 
-# Names in sensor_msgs/distortion_models.hpp whose coefficients count from a pinhole; drivers may say nothing.
+# Names in sensor_msgs/distortion_models.hpp whose coefficients count from a pinhole; drivers may leave it
+# empty.
 UNDISTORTED = ("", "plumb_bob", "rational_polynomial")
 
 
@@ -181,13 +182,13 @@ def calibration(text: str) -> dict[str, Pose]:
 
 @dataclass(frozen=True)
 class AnnouncedWeights:
-    """What `residual_trainer/weights` says is in force; version 0 is the zero residual and has no file."""
+    """Residual that `residual_trainer/weights` announces; version 0 is the zero residual and has no file."""
 
     task: str
     version: int
     file: Path
     sha256: str  # of the file, hexadecimal
-    steps: int = 0  # in the trainer's replay at that time; 0 in bags that do not say
+    steps: int = 0  # in the trainer's replay at that time; 0 in bags without it
 
 
 def announced_weights(text: str) -> AnnouncedWeights:

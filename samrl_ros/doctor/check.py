@@ -16,7 +16,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True)
 class Check:
-    """What was looked at, what was found, and what to do; `remedy` is empty when all is well."""
+    """Result of one check, with its remedy; `remedy` is empty when all is well."""
 
     name: str
     level: Level

@@ -29,9 +29,9 @@ def installed_version(name: str) -> str | None:
 def lock_file() -> Path | None:
     """The lock of this samrl: beside the packages in a checkout, under share/ of an installed one."""
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    places = [Path(__file__).resolve().parents[2] / LOCK]
-    places += [Path(prefix) / "share" / "samrl_ros" / LOCK for prefix in prefixes if prefix]
-    return next((place for place in places if place.is_file()), None)
+    candidates = [Path(__file__).resolve().parents[2] / LOCK]
+    candidates += [Path(prefix) / "share" / "samrl_ros" / LOCK for prefix in prefixes if prefix]
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
 def read_lock(text: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Whether drivers speak as the cell expects, judged from observed messages before anything may move.
+"""Whether drivers speak as the cell expects, checked on observed messages before anything may move.
 
 Pure functions: no ROS, no clock. Each returns what speaks against moving, empty when nothing does.
 """
@@ -109,15 +109,15 @@ def camera_faults(
     """
     faults = []
     for name, stream in driver.streams.items():
-        seen = samples.get(name, ())
-        faults += _timing_faults(stream, [(s.received_s, s.stamp_s) for s in seen])
-        frames = {s.frame for s in seen}
+        observed = samples.get(name, ())
+        faults += _timing_faults(stream, [(s.received_s, s.stamp_s) for s in observed])
+        frames = {s.frame for s in observed}
         if stream.frame is not None and frames - {stream.frame}:
             faults.append(f"{stream.driver_topic} is in frame {sorted(frames)}, expected {stream.frame}")
-        encodings = {s.encoding for s in seen} - set(stream.encodings or ())
+        encodings = {s.encoding for s in observed} - set(stream.encodings or ())
         if stream.encodings and encodings:
             faults.append(f"{stream.driver_topic} is {sorted(encodings)}, expected {stream.encodings}")
-    sizes = {(s.width, s.height) for seen in samples.values() for s in seen}
+    sizes = {(s.width, s.height) for observed in samples.values() for s in observed}
     if len(sizes) > 1:
         faults.append(f"colour, depth and camera info differ in size: {sorted(sizes)}; align depth to colour")
     for info in samples.get("info", ())[:1]:
@@ -181,7 +181,7 @@ def cell_faults(
     arms: Mapping[str, Sequence[JointSample]],
     images: Mapping[str, Sequence[ImageSample]],
 ) -> list[str]:
-    """All faults of a cell; `drivers` are by `tool_arm`, `camera_arm` and `camera`, of those to be judged."""
+    """All faults of a cell; `drivers` to be checked, by `tool_arm`, `camera_arm` and `camera`."""
     faults = []
     for part, driver in drivers.items():
         found = (

@@ -1,4 +1,4 @@
-"""A lifecycle node with declared parameters, 1 Hz diagnostics, and failures that are seen."""
+"""A lifecycle node with declared parameters, 1 Hz diagnostics, and failures that become visible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a node tells on /diagnostics: state, message rates, losses, durations, errors."""
+"""What a node publishes on /diagnostics: state, message rates, losses, durations, errors."""
 
 from __future__ import annotations
 

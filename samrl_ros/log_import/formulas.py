@@ -63,8 +63,8 @@ def stack(*columns: Any) -> np.ndarray:
 def shift(values: Any, samples: Any) -> np.ndarray:
     """The value so many samples ago (later, if negative); the ends hold."""
     values = np.asarray(values)
-    place = np.clip(np.arange(len(values)) - int(samples), 0, len(values) - 1)
-    return values[place]
+    row = np.clip(np.arange(len(values)) - int(samples), 0, len(values) - 1)
+    return values[row]
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {

@@ -47,7 +47,7 @@ def import_recording(spec: RecordingSpec, mapping: Path, data: Path) -> Imported
 
     Args:
         spec: of the mapping.
-        mapping: its file; the URDF is looked for beside it as well.
+        mapping: its file; the URDF is searched beside it as well.
         data: folder that paths count from.
 
     Raises:
@@ -141,7 +141,7 @@ def _signal(
             row, column = np.argwhere(bad)[0]
             raise InputError(
                 f"{path}: {bad.sum()} numbers are not finite, first {spec.joints[column]} at"
-                f" {time[row] - zero:.4f} s; `missing` of a source says what to do with empty cells"
+                f" {time[row] - zero:.4f} s; set what to do with empty cells by `missing` of the source"
             )
         if one.filter is not None:
             grid, on_grid, uneven = even(time, values[quantity])
@@ -256,10 +256,10 @@ def _numbers(value: Any, constants: dict[str, Any], where: str) -> Any:
 def _urdf(spec: RecordingSpec, mapping: Path, data: Path) -> str:
     text = spec.urdf or ""
     if not text.lstrip().startswith("<"):
-        places = [folder / text for folder in (data, mapping.parent)]
-        found = next((place for place in places if is_file(place)), None)
+        candidates = [folder / text for folder in (data, mapping.parent)]
+        found = next((candidate for candidate in candidates if is_file(candidate)), None)
         if found is None:
-            raise InputError(f"{spec.path}.urdf: no file {' or '.join(map(str, places))}")
+            raise InputError(f"{spec.path}.urdf: no file {' or '.join(map(str, candidates))}")
         text = read_text(found, f"{spec.path}.urdf")
     root = parse_urdf(text, f"{spec.path}.urdf")
     for link in root.findall("link"):

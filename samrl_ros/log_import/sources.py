@@ -157,5 +157,5 @@ def _fill(
             column[absent] = column[np.maximum(last, 0)][absent]
         else:
             column[absent] = np.interp(time[absent], time[known], column[known])
-    place = np.arange(len(keep))
-    return (place >= known[0]) & ((place <= known[-1]) | (rule == "hold"))  # nothing to go by beyond
+    row = np.arange(len(keep))
+    return (row >= known[0]) & ((row <= known[-1]) | (rule == "hold"))  # nothing to go by beyond

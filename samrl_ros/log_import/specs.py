@@ -201,7 +201,7 @@ class RecordingSpec(Checked):
 
     @classmethod
     def read(cls, value: Any, where: str) -> RecordingSpec:
-        """As `Checked.read`; `where` is kept for later messages."""
+        """As `Checked.read`; `where` is stored for later messages."""
         spec = super().read(value, where)
         spec._path = where
         return spec

@@ -28,7 +28,7 @@ _EMPTY = ["-", "na", "Na", "NAN", "Nan", "none", "NONE", "Null"]  # besides thos
 
 @dataclass
 class Table:
-    """Columns of a file. Text columns are kept as text until somebody asks for numbers."""
+    """Columns of a file. Text columns stay text until numbers are asked for."""
 
     path: Path
     columns: dict[str, np.ndarray | pd.Series] = field(default_factory=dict)  # text: a series
@@ -92,7 +92,7 @@ def read_table(path: Path, options: CsvOptions, where: str) -> Table:
     """A file as a table, by its suffix: .csv .tsv .txt, .npz .npy, .mat.
 
     Raises:
-        InputError: no such file, another suffix, or a file that is not what its suffix says.
+        InputError: no such file, another suffix, or a file of another kind than its suffix.
     """
     if not is_file(path):
         raise InputError(f"{where}: no file {path}; --data names the folder that paths count from")
@@ -170,8 +170,8 @@ def _read_mat(path: Path, where: str) -> Table:
             f"{where}: {path} took more than {_LONGEST_MAT_S} s to read; save it anew, with -v7"
         ) from error
     if run.returncode:
-        said = run.stderr.decode(errors="replace").strip().splitlines()
-        reason = said[-1] if said and run.returncode > 0 else f"its reader died ({run.returncode})"
+        lines = run.stderr.decode(errors="replace").strip().splitlines()
+        reason = lines[-1] if lines and run.returncode > 0 else f"its reader died ({run.returncode})"
         raise InputError(f"{where}: {path} cannot be read as .mat: {reason}; save it anew, with -v7")
     return Table(path, {name: _column(v) for name, v in unpacked(run.stdout, path).items()})
 

@@ -24,7 +24,7 @@ INPUTS = (*FRAME, CALIBRATION, *JOINTS)
 
 MAX_BAD_FRAMES = 30  # default number of refused images in a row before a node gives up
 _PENDING_FRAMES = 8  # stamps whose parts may be on their way at once; more than images wait in a queue
-# Joint readings kept per arm, and waiting in the queue while a node computes. The queue of images holds 5,
+# Joint readings buffered per arm, and waiting in the queue while a node computes. The queue of images holds 5,
 # half a second at 10 Hz: their joint states are still there, at 250 Hz and (15 images a second) at 1 kHz.
 _READINGS = 500
 QUEUES = dict.fromkeys(JOINTS, _READINGS)
@@ -54,7 +54,7 @@ class Assembler:
 
         Raises:
             InputError: an image, joint state or calibration that cannot be used, or a camera with another
-                image size or lens than the cell's; nothing is kept of it.
+                image size or lens than the cell's; it is dropped.
         """
         if topic in JOINTS:
             role = JOINTS[topic]

@@ -1,4 +1,4 @@
-"""Node `recorder`: what the cell says, as bytes, into a bag.
+"""Node `recorder`: every topic of the cell, as bytes, into a bag.
 
 Log time is the simulated clock, taken from the recorder's own `/clock` subscription (wall clock without
 use_sim_time); messages from before the first clock value are held until it comes, see `bags.recorder`.

@@ -1,6 +1,6 @@
 """Keeps the residual policy (eqs. 13-16): collects what the cell does, and has it trained beside the cell.
 
-Untrained it is zero, and says so as version 0. Success is what the supervisor detects, never truth.
+Untrained it is zero and has version 0. Success is what the supervisor detects, never truth.
 """
 
 from __future__ import annotations
@@ -111,7 +111,9 @@ class ResidualTrainer(Behaviour):
         self._assembler = assembly.Assembler(cell)
         self._asked_ns: int | None = None  # stamp of the newest request for an update
         self._frames: OrderedDict[int, Observation] = OrderedDict()  # since then, by stamp
-        self._chosen: tuple[tuple[int, int], Observation] | None = None  # episode and step, and what was seen
+        self._chosen: tuple[tuple[int, int], Observation] | None = (
+            None  # episode and step, and their observation
+        )
         self._recorded: tuple[int, int, int] | None = None  # episode of the cell, of the replay; last number
 
     def start(self) -> None:
@@ -150,8 +152,8 @@ class ResidualTrainer(Behaviour):
                 self._asked_ns = from_message.stamp_ns(message)
                 self._frames.clear()
         elif topic == ACTION:
-            seen = self._frames.get(from_message.stamp_ns(message))
-            self._chosen = ((message.episode, message.step), seen) if seen is not None else None
+            observation = self._frames.get(from_message.stamp_ns(message))
+            self._chosen = ((message.episode, message.step), observation) if observation is not None else None
         elif topic not in assembly.FRAME or self._wanted(from_message.stamp_ns(message)):
             self._see(topic, message)
 
@@ -176,8 +178,8 @@ class ResidualTrainer(Behaviour):
 
     def _announce(self, weights: Announcement) -> None:
         self._version = weights.version
-        said = replace(weights, steps=self._replay.last if self._replay is not None else 0)
-        self._outbox.publish(WEIGHTS, String(data=json.dumps(asdict(said))))
+        announcement = replace(weights, steps=self._replay.last if self._replay is not None else 0)
+        self._outbox.publish(WEIGHTS, String(data=json.dumps(asdict(announcement))))
 
     def _look_after_training(self) -> None:
         """Announce a new version when there is one."""
@@ -203,9 +205,9 @@ class ResidualTrainer(Behaviour):
         """An executed action, with the image that the model was updated from before it was chosen."""
         if self._replay is None:
             return
-        place = (message.episode, message.step)
+        key = (message.episode, message.step)
         chosen, self._chosen = self._chosen, None
-        if chosen is None or chosen[0] != place:
+        if chosen is None or chosen[0] != key:
             self._missed += 1
             self._recorded = None  # the episode's end belongs to an action that is not there
             self._outbox.log("warn", f"action {message.step}: its image was not seen, it is not learnt from")
@@ -218,19 +220,19 @@ class ResidualTrainer(Behaviour):
         self._look_after_training()
 
     def _check_exploration(self, residual: np.ndarray) -> None:
-        """Say so when all residuals are zero: no critic can tell then what another one would do."""
+        """Warn when all residuals are zero: a critic then learns nothing about other ones."""
         self._varied = self._varied or bool(residual.any())
         if self._transitions == self._settings.first_steps and not self._varied:
             self._outbox.log("warn", "all residuals are zero so far; set policy's `exploration`")
 
-    def _step(self, message: Any, episode: int, seen: Observation) -> ReplayStep:
-        flange = self._arm.flange_in_base(seen.tool_arm.position)
+    def _step(self, message: Any, episode: int, observation: Observation) -> ReplayStep:
+        flange = self._arm.flange_in_base(observation.tool_arm.position)
         return ReplayStep(
             episode,
             message.step,
-            seen.frame.color,
-            seen.frame.depth,
-            seen.camera.camera_in_world,
+            observation.frame.color,
+            observation.frame.depth,
+            observation.camera.camera_in_world,
             (flange @ self._tip_in_flange).position,
             from_message.vector(message.nominal),
             from_message.vector(message.residual),
@@ -238,7 +240,7 @@ class ResidualTrainer(Behaviour):
         )
 
     def _end(self, message: Any) -> None:
-        """How the episode ended goes to its last action; a fault tells nothing about the action itself."""
+        """Stores the episode's end with its last action; a fault says nothing about the action."""
         if self._replay is None:
             return
         recorded, self._recorded, self._chosen = self._recorded, None, None

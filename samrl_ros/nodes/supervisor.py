@@ -1,4 +1,4 @@
-"""Runs episodes: asks each stage of Algorithm 1 in turn and says when the model believes it is done."""
+"""Runs episodes: requests each stage of Algorithm 1 in turn, and ends when the model reports success."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ QUANTITIES = {
     JOINT_STATE: ("position", "velocity", "effort"),
     JOINT_TRAJECTORY: ("position", "velocity", "acceleration", "effort"),  # of its one point
 }
-_GROUPS_AT_ONCE = 32  # layouts looked for over whole topics; beyond, messages are taken one by one
+_GROUPS_AT_ONCE = 32  # layouts searched over whole topics; beyond, messages are taken one by one
 _NS = 1_000_000_000
 
 
@@ -29,7 +29,7 @@ _NS = 1_000_000_000
 class JointGroup:
     """Messages of one topic that name the same joints and carry the same quantities."""
 
-    index: np.ndarray  # (n,) place among the topic's messages
+    index: np.ndarray  # (n,) index among the topic's messages
     names: tuple[str, ...]  # K joints, empty where the sender left them out
     values: dict[str, np.ndarray]  # quantity: (n, K); those that the messages leave empty are missing
 

@@ -1,6 +1,6 @@
 """The contract's JSON texts of controller and tool, and tolerance files: to and from the core's types.
 
-Reading is lenient about what it does not know (a note says so) and strict about what it does know.
+Reading is lenient about what it does not know (a note lists it) and strict about what it does know.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ viscous_friction: 0.001 # fraction of effort limit over velocity limit
 
 @dataclass(frozen=True)
 class ControllerText:
-    """What a controller text says."""
+    """The controller that a text describes."""
 
     joints: tuple[str, ...]  # empty if it names none
     controller: ArmController | None  # None if its law is not the contract's
@@ -96,7 +96,7 @@ def parse_controller(text: str, where: str) -> ControllerText:
     """The controller and what comes with it.
 
     Raises:
-        InputError: no JSON object, a missing key, or figures that do not fit the joints.
+        InputError: no JSON object, a missing key, or numbers that do not fit the joints.
     """
     about = _object(text, where)
     notes = _unknown(about, _CONTROLLER_KEYS, where)
@@ -143,7 +143,7 @@ def parse_tool(text: str, where: str) -> tuple[NominalTool | None, tuple[str, ..
     The inertia may be 3x3, nine or six numbers (ixx ixy ixz iyy iyz izz), or an object with these names.
 
     Raises:
-        InputError: no JSON object, a missing key, or figures that no body has.
+        InputError: no JSON object, a missing key, or numbers that no body has.
     """
     about = _object(text, where) if text.strip() else {}
     if not about:

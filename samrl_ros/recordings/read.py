@@ -64,7 +64,7 @@ def load_recordings(
 
     Raises:
         InputError: no bag, no joint states, joints that do not match, stamps that do not increase (where
-            and by how much is said), messages or texts that are broken.
+            and the message says by how much), messages or texts that are broken.
     """
     path = Path(path)
     bag = open_bag(path)

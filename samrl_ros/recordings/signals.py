@@ -118,7 +118,7 @@ def _order(
 
 
 def first_of_each(where: str, stamps_ns: np.ndarray, start_ns: int, notes: list[str]) -> np.ndarray:
-    """Which messages to keep (N,): of those with the same stamp the first, which a note says.
+    """Which messages to keep (N,): of those with the same stamp the first, with a note.
 
     Raises:
         InputError: stamps jump back, or so many repeat that two publishers write to the topic: first place,
@@ -140,11 +140,11 @@ def first_of_each(where: str, stamps_ns: np.ndarray, start_ns: int, notes: list[
             f" ({len(back)} such jumps, {len(bad) - len(back)} repeated stamps in all); cut the bag there, or"
             " record again with one source of time (no restart of the simulation within a recording)"
         )
-    said = f"{where}: stamps repeat, first {at} ({len(bad)} of {len(stamps_ns)} messages)"
+    message = f"{where}: stamps repeat, first {at} ({len(bad)} of {len(stamps_ns)} messages)"
     if len(bad) > _MOST_REPEATED * len(stamps_ns):
         raise InputError(
-            f"{said}, at most {_MOST_REPEATED:.0%} can be left out; stamp each sample with its own"
+            f"{message}, at most {_MOST_REPEATED:.0%} can be left out; stamp each sample with its own"
             " measurement time, and let one publisher only write to the topic"
         )
-    notes.append(f"{said}; those after the first of a stamp are left out")
+    notes.append(f"{message}; those after the first of a stamp are left out")
     return keep

@@ -1,4 +1,4 @@
-"""What a diagnosis says: plain data, written as report.json (contract, schema 1) and drawn as report.html."""
+"""Result of a diagnosis: plain data, written as report.json (contract, schema 1) and drawn as report.html."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def make_trajectory(
         spec: the arm, whose foot stands on the table's top.
         payload: what it carries.
         kind: `slow` (set A), `multisine` (set B) or `task` (set C, held out).
-        seed: of everything drawn.
+        seed: of all random numbers.
         duration_s: 10 to 20 s shows all that a set is for; 1 s is the least.
         period_s: of the controller.
 
@@ -81,7 +81,7 @@ def make_trajectory(
 def within_limits(
     spec: RobotSpec, payload: Payload | None, box: WorkBox, make: Callable[[WorkBox, float], JointSignal]
 ) -> JointSignal:
-    """The first motion that may be played, drawn anew in an ever smaller box and with less vigour.
+    """The first motion within all limits, sampled anew in an ever smaller box and with smaller amplitudes.
 
     Raises:
         LimitError: none may, with the reason of the last.

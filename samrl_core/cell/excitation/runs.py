@@ -72,7 +72,7 @@ def set_run(letter: str, spec: RobotSpec, payload: Payload | None, seed: int, du
 def file_runs(name: str, file: TrajectoryFile, spec: RobotSpec, payload: Payload | None) -> tuple[Run, ...]:
     """The recordings that a trajectory file asks for: two for `two_gains` and `two_loads`, else one.
 
-    Unlike the sets, nothing is made smaller to fit. What is drawn is drawn again, but what breaks a limit
+    Unlike the sets, nothing is made smaller to fit. Random motions are sampled again, but what breaks a limit
     each time is refused.
 
     Raises:

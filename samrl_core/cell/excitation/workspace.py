@@ -37,7 +37,7 @@ class WorkBox:
 
 @lru_cache(maxsize=32)  # by identity: specs and payloads are module constants or live as long as a run
 def work_box(spec: RobotSpec, payload: Payload | None) -> WorkBox:
-    """The widest box tried, near the arm's home, whose drawn positions are all free.
+    """The widest box tried, near the arm's home, whose sampled positions are all free.
 
     Among boxes of one width, the one over which gravity torques vary most against the effort limits.
 

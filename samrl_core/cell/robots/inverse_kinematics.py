@@ -96,7 +96,7 @@ def solve_ik_multi(
     return min(solved, key=lambda q: float(np.abs(q - seeds[0]).max()))
 
 
-def draw_seeds(spec: RobotSpec, rng: np.random.Generator, count: int) -> list[np.ndarray]:
+def sample_seeds(spec: RobotSpec, rng: np.random.Generator, count: int) -> list[np.ndarray]:
     """The arm's home and `count` joint positions uniform over the limits, for `solve_ik_multi`."""
     limits = spec.limits
     return [spec.home, *rng.uniform(limits.lower, limits.upper, (count, len(spec.joint_names)))]

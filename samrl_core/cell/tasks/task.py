@@ -1,7 +1,7 @@
 """The border that every task fills: scene, what is unknown, sub-goals, and when it is done.
 
-A task never sees the simulator. `is_done` judges by the model's estimate (as the paper's automatic
-termination does); `succeeded` judges by truth and is called by evaluation alone.
+A task never accesses the simulator. `is_done` uses the model's estimate (as the paper's automatic
+termination does); `succeeded` uses ground truth and is called by evaluation alone.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class ViewRegion:
 
 
 @dataclass(frozen=True, eq=False)
-class Draw:
-    """How an episode begins, drawn at random."""
+class EpisodeStart:
+    """Sampled start of an episode."""
 
     body_in_world: dict[str, Pose]  # of the bodies that do not stand at their nominal pose
     chain_angles: np.ndarray  # (2 K,) of the tool's chain, hanging at rest; x and y joint of each link [rad]
@@ -150,14 +150,14 @@ class Task(ABC):
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Bounds (P,) between which `start_values` is uniform; equal where a parameter starts as it is."""
 
-    def draw(self, rng: np.random.Generator) -> Draw:
+    def sample_start(self, rng: np.random.Generator) -> EpisodeStart:
         """A random start; the simulated world calls it on reset."""
         values = self.start_values(rng)
-        return Draw(self.body_poses(values), self.chain_angles(values))
+        return EpisodeStart(self.body_poses(values), self.chain_angles(values))
 
     @abstractmethod
     def succeeded(self, ending: Ending) -> bool:
-        """Judged from truth. Evaluation alone calls it."""
+        """From ground truth. Evaluation alone calls it."""
 
     @abstractmethod
     def final_error(self, ending: Ending) -> float:
@@ -166,5 +166,5 @@ class Task(ABC):
     @abstractmethod
     def shaped_reward(self, ending: Ending) -> float:
         """The paper's reward of a state for the learners that it compares with, were it the last one [m].
-        Judged from truth: evaluation alone calls it, and nothing of SAM-RL itself sees it.
+        From ground truth: evaluation alone calls it, SAM-RL itself never does.
         """

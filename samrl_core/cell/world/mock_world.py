@@ -39,10 +39,10 @@ class MockWorld(SimulatedWorld):
         return self._time_ns
 
     def reset(self, seed: int) -> None:
-        """Draw the scene from `seed`, arms at the task's start joints."""
-        draw = self._task.draw(np.random.default_rng(seed).spawn(1)[0])
-        self._poses = self._nominal | draw.body_in_world
-        self._chain_angles = checked_angles(self._tool.chain, draw.chain_angles)
+        """Sample the scene from `seed`, arms at the task's start joints."""
+        start = self._task.sample_start(np.random.default_rng(seed).spawn(1)[0])
+        self._poses = self._nominal | start.body_in_world
+        self._chain_angles = checked_angles(self._tool.chain, start.chain_angles)
         self._commands = {role: holding(self._start[role], self._time_ns) for role in ROLES}
         self._states = {role: (self._start[role].copy(), np.zeros_like(self._start[role])) for role in ROLES}
 
@@ -80,7 +80,7 @@ class MockWorld(SimulatedWorld):
         )
 
     def truth(self) -> Truth:
-        """The drawn bodies at rest, the tip by forward kinematics, the drawn chain stiff."""
+        """The sampled bodies at rest, the tip by forward kinematics, the sampled chain stiff."""
         flange_in_base = self._models["tool_arm"].flange_in_base(self._states["tool_arm"][0])
         tip = self._cell.tool_base_in_world @ flange_in_base @ self._tool.tip_in_flange
         links = link_poses(self._tool.chain, tip, self._chain_angles)

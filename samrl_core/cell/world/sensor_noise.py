@@ -1,4 +1,4 @@
-"""What separates readings from the truth: RGB-D, mask and joint sensors, all drawn from a generator."""
+"""What separates readings from the truth: RGB-D, mask and joint sensors, all sampled from a generator."""
 
 from __future__ import annotations
 

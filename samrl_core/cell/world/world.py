@@ -63,7 +63,7 @@ class SimulatedWorld(World):
 
     @abstractmethod
     def reset(self, seed: int) -> None:
-        """Lay the scene anew, arms at home and at rest, drawn from `seed`."""
+        """Lay the scene anew, arms at home and at rest, sampled from `seed`."""
 
     @abstractmethod
     def advance(self) -> None:

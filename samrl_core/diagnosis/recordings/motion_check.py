@@ -36,8 +36,8 @@ def derivative(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     count = int(np.clip((time[-1] - time[0]) / max(step, 1e-9), 2, 4 * len(time)))
     grid = np.linspace(time[0], time[-1], count + 1)
     even = np.column_stack([np.interp(grid, time, column) for column in values.T])
-    slope = smooth(grid, np.gradient(even, grid, axis=0))
-    return np.column_stack([np.interp(time, grid, column) for column in slope.T])
+    derivative = smooth(grid, np.gradient(even, grid, axis=0))
+    return np.column_stack([np.interp(time, grid, column) for column in derivative.T])
 
 
 def ranges(recording: ArmRecording) -> np.ndarray:

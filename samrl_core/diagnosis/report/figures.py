@@ -73,7 +73,7 @@ def curve_figure(c: Curve) -> go.Figure:
     """The effect's curve over the data that it explains."""
     finite = np.flatnonzero(np.isfinite(c.x) & np.isfinite(c.y))
     if len(finite) > CURVE_POINTS:
-        # A fixed seed: the picture of a diagnosis is the same each time it is drawn.
+        # A fixed seed: the picture of a diagnosis is the same each time.
         finite = np.sort(np.random.default_rng(0).choice(finite, CURVE_POINTS, replace=False))
     fig = go.Figure(layout=plot_layout(380))
     fig.add_scatter(
@@ -98,7 +98,7 @@ def curve_figure(c: Curve) -> go.Figure:
 
 def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
     """The signal above, its error below: measured, nominal, with the effect, runner-up."""
-    keep = thinned(o, points)
+    keep = decimated(o, points)
     time, measured = _small(o.time[keep]), o.measured[keep]
     traces = [_line(time, measured, "measured", MEASURED, "solid", 2.4)]
     for name, signal, color, dash, width in (
@@ -147,11 +147,11 @@ def _line(time: np.ndarray, signal: np.ndarray, name: str, color: str, dash: str
 
 def overlay_points(overlays: tuple[Overlay, ...]) -> int:
     """How many samples each overlay may keep so that all of them stay within `OVERLAY_BYTES`."""
-    arrays = 8  # time twice, four signals, up to three errors: mean of what is drawn
+    arrays = 8  # time twice, four signals, up to three errors: mean of what is plotted
     return int(min(OVERLAY_POINTS, OVERLAY_BYTES / (4 * arrays * max(len(overlays), 1))))
 
 
-def thinned(o: Overlay, points: int) -> np.ndarray:
+def decimated(o: Overlay, points: int) -> np.ndarray:
     """Indices that keep the extremes of the signal and of the nominal model's error in every bucket."""
     n = len(o.time)
     if n <= points:

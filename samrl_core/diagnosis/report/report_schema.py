@@ -1,4 +1,4 @@
-"""What a report.json of schema 1 must hold; used by whoever writes or judges one."""
+"""What a report.json of schema 1 must hold; used by whoever writes or checks one."""
 
 from __future__ import annotations
 

@@ -198,9 +198,9 @@ class RecordedMotion:
 def regular(time: np.ndarray) -> np.ndarray:
     """Stamps freed of their jitter, where they belong to a regular clock; else as they are."""
     index = np.arange(len(time))
-    slope, start = np.polyfit(index, time, 1)
-    fitted = start + slope * index
-    return fitted if float(np.max(np.abs(fitted - time))) < 0.45 * slope else time
+    period, start = np.polyfit(index, time, 1)
+    fitted = start + period * index
+    return fitted if float(np.max(np.abs(fitted - time))) < 0.45 * period else time
 
 
 def white_noise(x: np.ndarray, rate: float) -> np.ndarray:

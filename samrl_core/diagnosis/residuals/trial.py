@@ -151,7 +151,7 @@ class Trial:
 
     @cached_property
     def transmitted_finely(self) -> np.ndarray | None:
-        """`transmitted` (G, J) before the band, thinned: a loop is drawn by its turning points."""
+        """`transmitted` (G, J) before the band, decimated: a loop is plotted by its turning points."""
         motion = self.motion
         if motion.raw_commanded is None or motion.rate < 4.0 * FINE_HZ:
             return None

@@ -43,7 +43,7 @@ def estimates(
 ) -> dict[str, ParameterEstimate]:
     """Parameters of one effect of a fit with 95 % intervals.
 
-    Amplitudes are drawn from their posterior, shapes from the curvature of the evidence along each of them,
+    Amplitudes are sampled from their posterior, shapes from the curvature of the evidence along each of them,
     and both vary by what another formula of the same effect would make of them: the better this one explains
     the residual where it acts, the less (`formula_deviation`).
     """
@@ -64,8 +64,8 @@ def estimates(
         for name, width in widths.items():
             spread = np.hypot(width, formula * min(1.0, h.form.step / 0.35))
             shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
-        drawn = h.form.sample_parameters(trial, shape, amplitudes, rng)
-        for name, value in drawn.items():
+        samples = h.form.sample_parameters(trial, shape, amplitudes, rng)
+        for name, value in samples.items():
             values.setdefault(name, []).append(value)
     best = h.form.parameters(trial, h.shape, mean)
     out = {}

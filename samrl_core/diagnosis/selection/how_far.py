@@ -27,7 +27,7 @@ from samrl_core.diagnosis.selection.resimulation import (
 from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
-OVERLAYS = 6  # joint and quantity pairs that are drawn
+OVERLAYS = 6  # joint and quantity pairs that are plotted
 SIZES = (0.5, 0.75, 1.0, 1.3, 1.7)  # of the fitted effect, tried in closed loop
 DISAGREE = (0.6, 1.5)  # a closed-loop size outside of it contradicts the regression
 VISIBLE_SHRINK = 0.05  # below it closed loop cannot weigh sizes

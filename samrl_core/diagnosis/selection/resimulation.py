@@ -187,8 +187,8 @@ def shrink_interval(
     sums = np.array(blocks)
     if not np.isfinite(sums).all():
         raise LimitError(f"the re-simulation with {plant} diverged on held-out data")
-    draws = rng.integers(len(sums), size=(RESAMPLES, len(sums)))
-    totals = sums[draws].sum(axis=1)
+    resamples = rng.integers(len(sums), size=(RESAMPLES, len(sums)))
+    totals = sums[resamples].sum(axis=1)
     shrinks = [shrink(np.sqrt(b), np.sqrt(a)) for b, a in totals]
     low, high = np.quantile(shrinks, [0.025, 0.975])
     return float(low), float(high)

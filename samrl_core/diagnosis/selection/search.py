@@ -11,7 +11,7 @@ from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypo
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 NEARLY = 0.9  # of the best evidence
-ADDITIONS = 6  # further effects that are refined and judged
+ADDITIONS = 6  # further effects that are refined and scored
 ONSETS = 17  # times that are tried first
 CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 

@@ -1,4 +1,6 @@
-"""Which effects: forward choice with swaps, judged by evidence and by what remains on held-out recordings."""
+"""Which effects: forward selection with swaps, scored by evidence and by the remainder on held-out
+recordings.
+"""
 
 from __future__ import annotations
 

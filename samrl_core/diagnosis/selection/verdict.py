@@ -12,7 +12,7 @@ from samrl_core.diagnosis.selection.selection import Selection
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """When to name, and when to refuse. Figures come from calibration worlds, never from judged ones."""
+    """When to name, and when to refuse. Its numbers come from calibration worlds, never from test worlds."""
 
     unexplained: float = 0.4  # share of the excess that may remain on fitted recordings
     held_out_unexplained: float = 0.65  # likewise on held-out ones, where parameters were not fitted

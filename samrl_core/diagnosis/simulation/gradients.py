@@ -96,8 +96,8 @@ def gradient(
     channels = [part.copy() for part in simulation.records()]
     time = np.arange(channels[0].shape[1]) * (every * loop.model.step_s)
     rollouts = Rollouts(time, *channels)
-    value, slope = loss(rollouts)
-    _seed(simulation, slope, channels[0].shape)
+    value, gradient = loss(rollouts)
+    _seed(simulation, gradient, channels[0].shape)
     state_grad = _backwards(simulation)
     q_grad, v_grad, params_grad = _start_backwards(simulation, state_grad, start_q, start_v)
     a, tree = simulation.arrays, simulation.tree
@@ -123,13 +123,13 @@ def gradient(
     return Gradient(np.asarray(value), rollouts, q_grad, v_grad, command_grad, pieces)
 
 
-def _seed(simulation: Simulation, slope: Rollouts, shape: tuple[int, ...]) -> None:
+def _seed(simulation: Simulation, gradient: Rollouts, shape: tuple[int, ...]) -> None:
     a, order = simulation.arrays, simulation.tree.order
     pairs = (
-        ("position", slope.position, a.out_q),
-        ("velocity", slope.velocity, a.out_v),
-        ("effort", slope.effort, a.out_t),
-        ("commanded_effort", slope.commanded_effort, a.out_u),
+        ("position", gradient.position, a.out_q),
+        ("velocity", gradient.velocity, a.out_v),
+        ("effort", gradient.effort, a.out_t),
+        ("commanded_effort", gradient.commanded_effort, a.out_u),
     )
     for name, values, array in pairs:
         values = np.asarray(values, dtype=float)

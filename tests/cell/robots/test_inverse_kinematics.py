@@ -7,7 +7,7 @@ import pytest
 
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.cells import robots
-from samrl_core.cell.robots.inverse_kinematics import draw_seeds, solve_ik, solve_ik_multi
+from samrl_core.cell.robots.inverse_kinematics import sample_seeds, solve_ik, solve_ik_multi
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, ReachError
 
@@ -59,7 +59,7 @@ def test_far_pose_is_refused_with_what_is_left(arm: ArmModel) -> None:
     with pytest.raises(ReachError, match="mm"):
         solve_ik(arm, far, arm.spec.home)
     with pytest.raises(ReachError, match="best of 4 seeds"):
-        solve_ik_multi(arm, far, draw_seeds(arm.spec, np.random.default_rng(0), 3))
+        solve_ik_multi(arm, far, sample_seeds(arm.spec, np.random.default_rng(0), 3))
 
 
 def test_several_seeds_reach_what_one_does_not(arm: ArmModel) -> None:
@@ -73,7 +73,7 @@ def test_several_seeds_reach_what_one_does_not(arm: ArmModel) -> None:
         except ReachError:
             pass
         try:
-            found = solve_ik_multi(arm, target, draw_seeds(arm.spec, rng, 12))
+            found = solve_ik_multi(arm, target, sample_seeds(arm.spec, rng, 12))
             several += 1
             _assert_at(arm, found, target)
         except ReachError:

@@ -34,7 +34,7 @@ def test_the_longest_action_is_that_of_the_largest_sub_goal(task: Task) -> None:
 def test_a_draw_shows_the_starts_own_values(task: Task) -> None:
     """The world's draw and the learner's start are the same for the same seed."""
     values = task.start_values(np.random.default_rng(3))
-    draw = task.draw(np.random.default_rng(3))
+    draw = task.sample_start(np.random.default_rng(3))
     np.testing.assert_allclose(task.values_at(draw.body_in_world, draw.chain_angles), values, atol=1e-12)
     lower, upper = (np.array([getattr(p, n) for p in task.parameters()]) for n in ("lower", "upper"))
     assert (values >= lower).all() and (values <= upper).all()

@@ -86,7 +86,7 @@ def test_scene_is_as_declared() -> None:
 def test_draws_are_uniform_in_ten_degrees() -> None:
     """20 angles; no body is moved."""
     rng = np.random.default_rng(0)
-    draws = [TASK.draw(rng) for _ in range(200)]
+    draws = [TASK.sample_start(rng) for _ in range(200)]
     assert all(d.body_in_world == {} for d in draws)
     angles = np.array([d.chain_angles for d in draws])
     assert angles.shape == (200, 20)
@@ -128,7 +128,7 @@ def test_first_sub_goal(tip: np.ndarray, first: str) -> None:
 
 def test_sub_goals_lead_a_crooked_thread_through() -> None:
     """At each of them, were the thread stiff, the eye's plane is crossed near the axis; the last is deep."""
-    values = TASK.draw(np.random.default_rng(4)).chain_angles
+    values = TASK.sample_start(np.random.default_rng(4)).chain_angles
     goals = TASK.sub_goals(values, gripped(0.05))
     assert goals[0].name == "above"
     end = TASK.thread_points(values, goals[0].tip_position)[-1]

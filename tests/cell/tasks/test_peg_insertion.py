@@ -65,7 +65,7 @@ def test_boxes_leave_the_hole_free_and_nothing_else() -> None:
 def test_draws_stay_in_the_range_and_fill_it() -> None:
     """10 cm x 10 cm, as the paper."""
     rng = np.random.default_rng(0)
-    places = np.array([TASK.draw(rng).body_in_world[BODY].position for _ in range(500)])
+    places = np.array([TASK.sample_start(rng).body_in_world[BODY].position for _ in range(500)])
     lower, upper = (np.array([getattr(p, n) for p in TASK.parameters()]) for n in ("lower", "upper"))
     assert (places[:, :2] >= lower).all() and (places[:, :2] <= upper).all()
     np.testing.assert_allclose(places[:, :2].min(0), lower, atol=0.002)

@@ -106,7 +106,7 @@ def test_the_look_alike_is_the_other_face_in_the_same_place() -> None:
 def test_draws_stay_in_the_range_and_fill_it() -> None:
     """2 cm x 2 cm, flat."""
     rng = np.random.default_rng(0)
-    places = np.array([TASK.draw(rng).body_in_world[PANCAKE].position for _ in range(300)])
+    places = np.array([TASK.sample_start(rng).body_in_world[PANCAKE].position for _ in range(300)])
     np.testing.assert_allclose(places.min(0), [0.50, -0.01, 0.006], atol=5e-4)
     np.testing.assert_allclose(places.max(0), [0.52, 0.01, 0.006], atol=5e-4)
 

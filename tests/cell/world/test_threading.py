@@ -38,7 +38,7 @@ def test_the_thread_starts_at_rest_where_it_was_drawn() -> None:
     world = PyBulletWorld(TASK, CELL, NOISELESS)
     for seed in range(3):
         world.reset(seed)
-        drawn = TASK.draw(np.random.default_rng(seed).spawn(3)[0]).chain_angles
+        drawn = TASK.sample_start(np.random.default_rng(seed).spawn(3)[0]).chain_angles
         np.testing.assert_allclose(TRUE(world.truth()), drawn, atol=2e-3)
         for _ in range(150):
             world.advance()

@@ -51,7 +51,7 @@ def test_the_pages_learner_trains_and_is_evaluated_as_td3_is(registered: list[st
     """On a peg whose hole lies 2.2 mm aside: a constant residual helps."""
     names = {
         "folder": tmp_path / "run",
-        "place": EpisodeSite("toy", "optimised", None, (0.0, 0.0, 0.0)),
+        "site": EpisodeSite("toy", "optimised", None, (0.0, 0.0, 0.0)),
         "cell": SMALL,
         "encoder": toy_cell.ENCODER,
         "play": kinematic_peg.play,

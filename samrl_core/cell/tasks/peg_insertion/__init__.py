@@ -1,1 +1,1 @@
-"""Peg insertion: a round peg into a hole drawn within 10 cm x 10 cm."""
+"""Peg insertion: a round peg into a hole sampled within 10 cm x 10 cm."""

@@ -1,4 +1,4 @@
-"""Peg insertion after the paper: translate a round peg into a hole drawn within 10 cm x 10 cm."""
+"""Peg insertion after the paper: translate a round peg into a hole sampled within 10 cm x 10 cm."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class BodyPhotos:
         return tiny.render(camera.camera_in_world)
 
     def read(self, camera: Camera, rng: np.random.Generator) -> Frame:
-        """What the cell's camera reads, with its noise drawn from `rng`; the stamp is 0."""
+        """What the cell's camera reads, with its noise sampled from `rng`; the stamp is 0."""
         picture = self.perfect(camera)
         sensor = RgbdSensor(self._settings.rgbd_noise, camera.intrinsics)
         color, depth, mask = sensor.read(rng, picture.color, picture.depth, picture.mask)

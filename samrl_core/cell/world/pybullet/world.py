@@ -121,8 +121,8 @@ class PyBulletWorld(SimulatedWorld):
         """Lay the scene anew, arms at the task's start joints and at rest; the clock goes on."""
         self._require_open()
         scene_rng, self._joint_rng, self._camera_rng = np.random.default_rng(seed).spawn(3)
-        draw = self._task.draw(scene_rng)
-        poses = {body.name: body.body_in_world for body in self._scene.bodies} | draw.body_in_world
+        start = self._task.sample_start(scene_rng)
+        poses = {body.name: body.body_in_world for body in self._scene.bodies} | start.body_in_world
         self._bodies.place(poses)
         self._commands: dict[str, ArmCommand] = {}
         self._efforts: dict[str, np.ndarray] = {}
@@ -131,7 +131,7 @@ class PyBulletWorld(SimulatedWorld):
             self._arms[role].place(self._start[role])
             self._commands[role] = holding(self._start[role], self._time_ns)
             self._efforts[role] = self._models[role].gravity(self._start[role])
-        self._chain.place(draw.chain_angles, self._tip_in_world())
+        self._chain.place(start.chain_angles, self._tip_in_world())
         self._first_contact_ns, self._peak_force = -1, 0.0
         self._measure()
 

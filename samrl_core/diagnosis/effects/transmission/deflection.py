@@ -62,5 +62,5 @@ class TwistForm(Form):
         """Stiffness [N m/rad] of the straight line through what the torque does to the angle."""
         torque = trial.transmitted[:, self.joint]
         angle = amplitudes @ self.angle(trial, torque, shape)
-        slope = float(np.polyfit(torque - np.mean(torque), angle, 1)[0])
-        return 1.0 / max(slope, 1e-12)
+        compliance = float(np.polyfit(torque - np.mean(torque), angle, 1)[0])
+        return 1.0 / max(compliance, 1e-12)

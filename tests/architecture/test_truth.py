@@ -32,10 +32,10 @@ MAY_BE_REWARDED = {
     "samrl_core/studies/episodes/residual_episodes.py",
     "samrl_core/studies/episodes/world_episodes.py",
 }
-# Who may draw or judge with truth through the task border.
+# Who may sample a start or evaluate with truth through the task border.
 MAY_JUDGE = {
     "values_from_truth": {"samrl_core/cell/world/evaluation.py"},
-    "draw": {"samrl_core/cell/world/pybullet/world.py", "samrl_core/cell/world/mock_world.py"},
+    "sample_start": {"samrl_core/cell/world/pybullet/world.py", "samrl_core/cell/world/mock_world.py"},
     "succeeded": {"samrl_ros/cell/summary.py", "samrl_core/cell/world/evaluation.py"},
     # The second and third of these make a reward of it, which the fourth hands on.
     "final_error": {

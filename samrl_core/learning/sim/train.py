@@ -172,7 +172,7 @@ class _Training:
             samples,
             s.kept,
             torch.device(s.device),
-            lambda done, wanted: self.log(stage, {"drawn": done, "of": wanted}),
+            lambda done, wanted: self.log(stage, {"rendered": done, "of": wanted}),
         )
 
     def _fit_progress(self, stage: str) -> Progress:

@@ -180,7 +180,7 @@ def test_stays_where_moving_costs_more_than_it_gains(
 ) -> None:
     """The price of motion, the least gain, and a Q that does not care."""
     estimate = initial_estimate(model)
-    for q, changes in ((SmoothQ(), {"time_price": 10.0}), (SmoothQ(gain=0.0), {})):
+    for q, changes in ((SmoothQ(), {"time_penalty": 10.0}), (SmoothQ(gain=0.0), {})):
         reluctant = with_settings(ascent, q, **changes)
         choice = reluctant.plan(estimate, joints["tool_arm"], joints["camera_arm"])
         assert not choice.move and choice.reason.startswith("stays")

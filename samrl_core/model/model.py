@@ -38,7 +38,7 @@ class Model:
 
     Bodies move with the task's parameters, and so do the links of the chain that hangs from the tool's
     tip: together they are the target. Tip, tool and tool arm, which may hide the target, stand where the
-    measured joints say. The camera arm is not rendered: its camera looks away from it.
+    measured joints give. The camera arm is not rendered: its camera points away from it.
     """
 
     def __init__(self, task: Task, cell: CellSpec, settings: ModelSettings | None = None) -> None:

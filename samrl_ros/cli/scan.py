@@ -62,7 +62,7 @@ def scan(options: ScanOptions) -> int:
     size = 1e3 * (mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0))
     console.print(
         f"{len(mesh.faces)} faces, {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} mm, "
-        f"{100 * mesh.seen.mean():.0f} % of the vertices were seen",
+        f"{100 * mesh.observed.mean():.0f} % of the vertices were observed",
         highlight=False,
     )
     for kind in ("ply", "json", "png"):

@@ -24,8 +24,8 @@ INPUTS = (*FRAME, CALIBRATION, *JOINTS)
 
 MAX_BAD_FRAMES = 30  # default number of refused images in a row before a node gives up
 _PENDING_FRAMES = 8  # stamps whose parts may be on their way at once; more than images wait in a queue
-# Joint readings buffered per arm, and waiting in the queue while a node computes. The queue of images holds 5,
-# half a second at 10 Hz: their joint states are still there, at 250 Hz and (15 images a second) at 1 kHz.
+# Joint readings buffered per arm, and waiting in the queue while a node computes. The queue of images holds
+# 5, half a second at 10 Hz: their joint states are still there, at 250 Hz and (15 images a second) at 1 kHz.
 _READINGS = 500
 QUEUES = dict.fromkeys(JOINTS, _READINGS)
 

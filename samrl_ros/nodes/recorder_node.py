@@ -42,8 +42,8 @@ class RecorderSettings:
     topics: tuple[str, ...] = setting(
         ("",), "topics to record; empty for all that samrl_ros.contract.topics marks"
     )
-    task: str = setting("", "name of the task, kept in the bag")
-    cell: str = setting("", "name of the cell, kept in the bag")
+    task: str = setting("", "name of the task, written into the bag")
+    cell: str = setting("", "name of the cell, written into the bag")
     record_on_start: bool = setting(True, "open a bag when the node becomes active")
 
 

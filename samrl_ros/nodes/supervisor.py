@@ -59,12 +59,12 @@ class SupervisorSettings:
     )
     stop_on_model_success: bool = setting(
         LoopSettings.stop_on_model_success,
-        "end when the model says done; set false where model_updater is not enabled",
+        "end when the model reports success; set false where model_updater is not enabled",
         former="believe",
     )
     done_confirmations: int = setting(
         LoopSettings.done_confirmations,
-        "images in a row that must say done",
+        "consecutive model updates that must report success",
         range=(1, 20),
         former="agreeing",
     )

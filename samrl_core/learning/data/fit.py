@@ -1,7 +1,7 @@
 """The one regression loop, for actor and Q: Adam, cosine, checkpoints, and the same result after a kill.
 
 Everything that decides the result lies in the checkpoint or follows from the settings: the order of the
-samples is drawn from (seed, epoch), so a step's number is all that is needed to go on. On a CPU with the same
+samples follows from (seed, epoch), so a step's number is all that is needed to go on. On a CPU with the same
 number of threads a resumed training gives the same weights bit by bit; on CUDA up to the order of sums.
 """
 
@@ -131,7 +131,7 @@ def fit(
 
     Raises:
         InputError: too few samples, or a checkpoint of another training or that cannot be read.
-        SolveError: a loss or gradient is not finite; the message says where the state is.
+        SolveError: a loss or gradient is not finite; the message names the file with the state.
     """
     if len(train) < settings.batch_size or len(validation) < 1:
         raise InputError(
@@ -196,7 +196,7 @@ class _Fit:
             )
             raise SolveError(
                 f"step {self.step}: loss {value} and gradient norm {length.item()} must be finite; stopped "
-                f"before the update. Weights and batch are in {path}; look at these samples, or lower the "
+                f"before the update. Weights and batch are in {path}; check these samples, or lower the "
                 f"learning rate ({self.settings.learning_rate})"
             )
         self.adam.step()

@@ -7,7 +7,7 @@ whole row of images. Here each image has its own: what the actor's action there 
     R = exp(-|a - a*| / unit),
 
 a return discounted by what it takes to make the difference good, relative to the expert's own from there: 1
-for the expert's action in any state, so that only view and action are left to tell apart. It is the paper's
+for the expert's action in any state, so that only view and action make a difference. It is the paper's
 prediction error (eq. 23) on the scale of a return; the regression is that of eq. 24.
 """
 

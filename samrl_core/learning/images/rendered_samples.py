@@ -87,7 +87,7 @@ class RenderedSamples:
 
         Args:
             scenes: of the renderer's model.
-            renderer: on the device that draws.
+            renderer: on the device that renders.
             seed: of all that is random.
             settings: what varies.
         """

@@ -2,7 +2,7 @@
 
 "Solving Rubik's Cube with a Robot Hand": a boundary of one dimension is tried with all others sampled; when
 enough episodes were tried there, it moves out if they did well, and in if they did badly. How hard the
-training is, is told by the box's entropy.
+training is, is measured by the box's entropy.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class AdrSettings:
 
     low: float = 0.5  # success at a boundary below which it moves in, 0..1
     high: float = 0.8  # success from which it moves out, 0..1
-    buffer: int = 8  # episodes at a boundary before it is judged
+    buffer: int = 8  # episodes at a boundary before it is moved
     step: float = 0.1  # by which a boundary moves [width of the space's bounds]
     begin: float = 0.1  # width of the box at first, about the nominal values [width of the space's bounds]
     episodes: int = 128  # tried per question

@@ -40,7 +40,7 @@ class ParameterDistribution(ABC):
 
     @abstractmethod
     def record(self) -> dict[str, Any]:
-        """Plain values for JSON, from which a person can tell what was sampled."""
+        """Plain values for JSON, that describe what was sampled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class UniformBox(ParameterDistribution):
             k = int(np.flatnonzero(wrong)[0])
             d = self.over.dimensions[k]
             raise InputError(
-                f"{d.name} is drawn from {self.lower[k]} to {self.upper[k]}; must have width and lie within "
+                f"{d.name} is sampled from {self.lower[k]} to {self.upper[k]}; must have width and lie in "
                 f"{d.lower} to {d.upper}"
             )
 

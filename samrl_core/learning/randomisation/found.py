@@ -33,7 +33,7 @@ class FoundSettings:
 
 @dataclass(frozen=True, eq=False)
 class Real2SimUpdated:
-    """Starts as the task declares them, and some of them about those that Real2Sim has seen."""
+    """Starts as the task declares them, and some of them about those that Real2Sim has estimated."""
 
     settings: FoundSettings
     over: Space

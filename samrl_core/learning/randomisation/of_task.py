@@ -46,7 +46,7 @@ def starts_of(task: Task) -> Space:
 
 
 def appearances_of(model: Model) -> Space:
-    """How the model looks, and how noisy the camera is."""
+    """Appearance of the model, and noise of the camera."""
     own = model.settings.ambient
     ambient = Dimension(f"{APPEARANCE}/ambient", "-", own, max(0.0, own - _AMBIENT), min(1.0, own + _AMBIENT))
     return Space((*(Dimension(f"{APPEARANCE}/{name}", "-", *rest) for name, *rest in _APPEARANCES), ambient))
@@ -75,7 +75,7 @@ def start_values(task: Task, space: Space, points: np.ndarray) -> np.ndarray:
 
 
 def appearance_points(model: Model, space: Space, points: np.ndarray) -> AppearancePoints:
-    """How the images of these points look."""
+    """Appearances of the images at these points."""
     own = {d.name: d.nominal for d in appearances_of(model).dimensions}
 
     def column(name: str) -> np.ndarray:

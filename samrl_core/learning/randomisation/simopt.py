@@ -37,7 +37,7 @@ class SimOptSettings:
 
     iterations: int = 3  # as in the paper
     bound: float = 1.0  # KL(next || last) at most [nat]
-    draws: int = 64  # per iteration
+    draws: int = 64  # samples per iteration
 
     def __post_init__(self) -> None:
         if self.iterations < 1 or not self.bound > 0.0 or self.draws < 4:
@@ -101,7 +101,7 @@ def reps_weights(cost: np.ndarray, bound: float) -> np.ndarray:
         eta = float(np.exp(log_eta))
         return eta * bound + eta * log_mean_exp(relative_cost / eta)
 
-    # Below the lower end all weight is the best draw's, above the upper end all weigh the same.
+    # Below the lower end all weight is the best sample's, above the upper end all weigh the same.
     log_eta = minimize_scalar(dual, bounds=(np.log(1e-4), np.log(1e4)), method="bounded").x
     weights = np.exp(relative_cost / np.exp(log_eta))
     return weights / weights.sum()

@@ -30,7 +30,7 @@ def create_settings(name: str, **values: Any) -> LearnerSettings:
 def create_learner(
     settings: LearnerSettings, encoder: Encoder, seed: int, device: torch.device | str = "cpu"
 ) -> Learner:
-    """The learner that these settings belong to, with weights drawn from the seed."""
+    """The learner that these settings belong to, with weights sampled from the seed."""
     return LEARNERS[name_of(settings)](settings, encoder, seed, device)
 
 

@@ -2,7 +2,7 @@
 
 One process writes; others may read the same file meanwhile. A slot is void while it is written, and holds a
 checksum: a kill costs at most the step that was being written, in a full ring the oldest as well.
-A step holds what was seen and done; how the episode ended is added to its last step (eq. 16). What follows
+A step holds observation and action; how the episode ended is added to its last step (eq. 16). What follows
 a step is the next one of its episode, so that no image is stored twice.
 """
 
@@ -42,7 +42,7 @@ class End(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class ReplayStep:
-    """One action on the cell and what was seen before it."""
+    """One action on the cell and the observation before it."""
 
     episode: int  # counted within the replay, see `Replay.next_episode`
     step: int  # within the episode, from 0

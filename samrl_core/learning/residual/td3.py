@@ -225,7 +225,7 @@ class TD3:
         if not (bool(torch.isfinite(loss.detach())) and bool(torch.isfinite(norm))):
             raise SolveError(
                 f"TD3, update {self.updates}: the {name}'s loss is {loss.item()}, the norm of its gradient "
-                f"{norm.item()}; look at the newest steps of the replay, or lower the learning rates"
+                f"{norm.item()}; check the newest steps of the replay, or lower the learning rates"
             )
         scale = min(1.0, self.settings.max_gradient_norm / max(norm.item(), 1e-12))
         return tuple(scale * gradient for gradient in gradients)

@@ -38,7 +38,7 @@ from samrl_core.policy.networks.weights import WeightsInfo, save_weights, sha256
 KIND = "residual_training"
 KEPT_VERSIONS = 50  # weight files, 0.5 MB each: the node may be some versions behind
 RECENT_EPISODES = 20  # of the success rate in the summary
-IDLE_S = 0.2  # between looks at the replay while no update is due
+IDLE_S = 0.2  # between readings of the replay while no update is due
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ class ResidualTraining:
         return metrics
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Train while the cell runs until `stop` says so, then save.
+        """Train while the cell runs until `stop` is set, then save.
 
         After each update it sleeps for as long as it takes to stay within its share of a core.
         """

@@ -24,7 +24,7 @@ from samrl_core.learning.residual.training import ResidualTraining, TrainingSett
 from samrl_core.learning.residual.transitions import nominal_encoder
 
 NICENESS = 10  # of 19: control goes first, the rest of the computer as well
-REFUSED = 3  # exit code: the error says why
+REFUSED = 3  # exit code; the reason is on standard error
 BEFORE_S = 10.0  # for one whose node was killed to see it and save: an update and a sleep
 
 

@@ -80,7 +80,7 @@ def likelihood(network: nn.Module, batch: Batch) -> dict[str, torch.Tensor]:
     """Cross entropy of Q and R per sample (B,), R taken for the chance of a success; see `_error_metrics`.
 
     Its best Q is that of eq. 24, the mean of R. What differs is the way there: the squared error of a Q that
-    says 0 of everything has a vanishing gradient, and where most returns are small a Q can end up there.
+    is 0 everywhere has a vanishing gradient, and where most returns are small a Q can end up there.
     """
     assert isinstance(network, SensingQ)
     wanted = batch[RETURN].float()

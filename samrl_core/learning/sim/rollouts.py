@@ -116,7 +116,7 @@ def roll_out(
         viewer: where the camera is, e.g. `held(views)`.
         settings: of the episodes.
         rng: source of everything random.
-        dynamics: moves in the model's place, e.g. with other attributes.
+        dynamics: moves in the model's place, e.g. with other physical parameters.
 
     Raises:
         InputError: no start, views of a wrong shape, or an action that is not finite.

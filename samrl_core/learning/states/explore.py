@@ -35,7 +35,7 @@ class ExploreSettings:
     exact_share: float = 0.30  # of what follows the optimiser, without noise
     noise: tuple[float, float] = (0.02, 1.0)  # per axis of an action, standard deviation [action limits]
     longest_action: float = 2.0  # with its noise [action limits]
-    offset: tuple[float, float] = (0.0005, 0.02)  # of visited places from a sub-goal [m]
+    offset: tuple[float, float] = (0.0005, 0.02)  # of visited positions from a sub-goal [m]
     sub_goals: int = 3  # of those ahead that are visited
     exact_values: float = 0.5  # share of states that are labelled without an error of the estimate
     place_error: float = 0.0005  # of an estimate's lengths, standard deviation [m]
@@ -115,7 +115,7 @@ class Explorer:
         rng: source of everything random.
         settings: how widely.
         given: other states to begin in.
-        starts: draws values (P,) to begin with, in the place of the task's own.
+        starts: samples values (P,) to begin with, instead of the task's own.
     """
 
     def __init__(
@@ -190,7 +190,7 @@ class Explorer:
         return _Slot(lower, upper)
 
     def _usable(self, state: TaskState, slot: _Slot) -> bool:
-        """Something is left to do, and the task's parameters can say what is there."""
+        """Something is left to do, and the task's parameters can describe the state."""
         values, tip = self._dynamics.read(state.q[0].numpy())
         inside = bool((values >= self._lower).all() and (values <= self._upper).all())
         return inside and slot.age < self._settings.longest and not self._task.is_done(values, tip)

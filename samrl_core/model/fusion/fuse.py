@@ -26,7 +26,7 @@ _CLEAR = 0.005  # of the truncation; the surface keeps away from voxel centres b
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """Resolution and what is known of the place.
+    """Resolution and region.
 
     Raises:
         InputError: a length is not positive, or the truncation is below two voxels.
@@ -54,7 +54,7 @@ class FusedMesh:
     vertices: np.ndarray  # (V, 3) in world [m]
     faces: np.ndarray  # (F, 3) int32
     color: np.ndarray  # (V, 3) linear RGB 0..1; of an unobserved vertex, that of the nearest observed one
-    seen: np.ndarray  # (V,) bool; elsewhere the surface is a guess that closes it
+    observed: np.ndarray  # (V,) bool; elsewhere the surface is a guess that closes it
     dropped_faces: int  # of specks apart from the largest surface
 
     def in_body(self, body_in_world: Pose) -> SurfaceMesh:
@@ -158,17 +158,17 @@ def _surface(volume: Volume) -> FusedMesh:
     used, faces = np.unique(faces, return_inverse=True)
     position, faces = position[used], faces.reshape(-1, 3).astype(np.int32)
     weight = _sampled(volume.color_weight, position)
-    seen = weight > 0
-    if not seen.any():
+    observed = weight > 0
+    if not observed.any():
         raise InputError(
             "no part of the surface was seen with depth and colour; the views contradict each other"
         )
     color = np.stack([_sampled(volume.color[..., k], position) for k in range(3)], axis=1)
-    color[seen] /= weight[seen, None]
+    color[observed] /= weight[observed, None]
     vertices = np.asarray(grid.origin) + grid.spacing * position
-    if not seen.all():
-        color[~seen] = color[seen][KDTree(vertices[seen]).query(vertices[~seen])[1]]
-    return FusedMesh(vertices, faces, color, seen, dropped)
+    if not observed.all():
+        color[~observed] = color[observed][KDTree(vertices[observed]).query(vertices[~observed])[1]]
+    return FusedMesh(vertices, faces, color, observed, dropped)
 
 
 def _sampled(values: np.ndarray, position: np.ndarray) -> np.ndarray:

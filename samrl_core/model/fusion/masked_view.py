@@ -85,7 +85,7 @@ def checked_views(views: Sequence[MaskedView]) -> None:
 
 
 def corner_weights(u: np.ndarray, v: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """The four pixels about each place of an image and their bilinear weights.
+    """The four pixels about each point of an image and their bilinear weights.
 
     Args:
         u: (N,) to the right, 0 at the outer corner of the first pixel [px].

@@ -8,7 +8,7 @@ Three kinds of evidence of a voxel, each a distance within the truncation and a 
   from the outline of the mask, which lets thin parts that the depth camera loses keep their outline;
 * no measurement: a voxel that is behind the surface or without depth in some view and free in
   none is taken as solid, so that the surface is closed where no camera can see. So is a hollow that free
-  voxels do not join to the outside: no camera can have looked into it.
+  voxels do not join to the outside: no camera can have seen inside.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ class PushScene:
 
     @property
     def in_plane(self) -> list[int]:
-        """Numbers of a state that can change when the push goes through the disc's middle: place of the
+        """Numbers of a state that can change when the push goes through the disc's middle: position of the
         blade, x, z and pitch of the disc (y and w of its quaternion), and their speeds.
         """
         return [0, 1, 3, 5, 7, *(self.coordinates + i for i in (0, 1, 3, 5))]

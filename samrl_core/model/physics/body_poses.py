@@ -1,4 +1,4 @@
-"""Where the bodies are: forward kinematics in torch, for what is drawn or measured from a state."""
+"""Where the bodies are: forward kinematics in torch, for rendering and measurements of a state."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ def body_poses(layout: Layout, q: torch.Tensor) -> tuple[torch.Tensor, torch.Ten
         return torch.as_tensor(values, dtype=q.dtype, device=q.device)
 
     turns: list[torch.Tensor] = []
-    places: list[torch.Tensor] = []
+    positions: list[torch.Tensor] = []
     for link, kind in enumerate(layout.kind):
         parent, first = int(layout.parent[link]), int(layout.first_q[link])
         if kind == JointKind.FREE:
             turns.append(rotation_of(q[..., first + 3 : first + 7]))
-            places.append(q[..., first : first + 3])
+            positions.append(q[..., first : first + 3])
             continue
         if parent == WORLD:
             turn = torch.eye(3, dtype=q.dtype, device=q.device).expand(*q.shape[:-1], 3, 3)
-            place = q.new_zeros((*q.shape[:-1], 3))
+            position = q.new_zeros((*q.shape[:-1], 3))
         else:
-            turn, place = turns[parent], places[parent]
-        place = place + turn @ constant(layout.offset[link])
+            turn, position = turns[parent], positions[parent]
+        position = position + turn @ constant(layout.offset[link])
         turn = turn @ constant(layout.turn[link])
         axis = constant(layout.axis[link])
         if kind == JointKind.PRISMATIC:
-            place = place + (turn @ axis) * q[..., first, None]
+            position = position + (turn @ axis) * q[..., first, None]
         elif kind == JointKind.REVOLUTE:
             half = 0.5 * q[..., first, None]
             turn = turn @ rotation_of(torch.cat([axis * torch.sin(half), torch.cos(half)], dim=-1))
         turns.append(turn)
-        places.append(place)
+        positions.append(position)
     links = [int(link) for link in layout.link_of_body]
-    return torch.stack([turns[i] for i in links], dim=-3), torch.stack([places[i] for i in links], dim=-2)
+    return torch.stack([turns[i] for i in links], dim=-3), torch.stack([positions[i] for i in links], dim=-2)
 
 
 def rotation_of(quat_xyzw: torch.Tensor) -> torch.Tensor:

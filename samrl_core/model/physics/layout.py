@@ -29,8 +29,8 @@ class Layout:
     link_of_body: np.ndarray  # (N,)
     link_of_v: np.ndarray  # (D,)
     before: np.ndarray  # (D,) the velocity before it on the way to the world, -1 at its end
-    solved: np.ndarray  # (D,) place among the velocities that are solved for, -1 if driven
-    action: np.ndarray  # (D,) place in the action, -1 if not driven
+    solved: np.ndarray  # (D,) index among the velocities that are solved for, -1 if driven
+    action: np.ndarray  # (D,) index in the action, -1 if not driven
     stiffness: np.ndarray  # (D,)
     damping: np.ndarray  # (D,)
     rest: np.ndarray  # (D,)
@@ -74,9 +74,9 @@ def lay_out(scene: PhysicsScene) -> Layout:
     link_of_body: list[int] = []
     for index, body in enumerate(scene.bodies):
         previous = WORLD if body.parent == WORLD else link_of_body[body.parent]
-        for place, joint in enumerate(body.joints):
+        for order, joint in enumerate(body.joints):
             link = len(links["parent"])
-            last = place == len(body.joints) - 1
+            last = order == len(body.joints) - 1
             values = (
                 previous,
                 int(joint.kind),
@@ -129,11 +129,11 @@ def lay_out(scene: PhysicsScene) -> Layout:
 
 
 def _before(link_of_v: list[int], parent: list[int]) -> np.ndarray:
-    last = {link: place for place, link in enumerate(link_of_v)}
+    last = {link: order for order, link in enumerate(link_of_v)}
     result = []
-    for place, link in enumerate(link_of_v):
-        if place > 0 and link_of_v[place - 1] == link:
-            result.append(place - 1)
+    for order, link in enumerate(link_of_v):
+        if order > 0 and link_of_v[order - 1] == link:
+            result.append(order - 1)
             continue
         up = parent[link]
         while up != WORLD and up not in last:

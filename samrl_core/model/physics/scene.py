@@ -152,8 +152,8 @@ def _check_body(index: int, body: PhysicsBody) -> None:
         raise InputError(f"centre of mass {body.com} of {body.name} is not finite")
     if not WORLD <= body.parent < index:
         raise InputError(f"{body.name} (body {index}) has parent {body.parent}, must be an earlier body")
-    for place, joint in enumerate(body.joints):
-        if joint.kind == JointKind.FREE and (body.parent != WORLD or place > 0 or len(body.joints) > 1):
+    for order, joint in enumerate(body.joints):
+        if joint.kind == JointKind.FREE and (body.parent != WORLD or order > 0 or len(body.joints) > 1):
             raise InputError(f"{body.name}: a free joint must be its only joint, with the world as parent")
     if not body.joints:
         raise InputError(f"{body.name} has no joint; give it a weld, a revolute, a prismatic or a free one")

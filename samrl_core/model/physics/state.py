@@ -57,7 +57,7 @@ class PhysicsParameters:
         """Refuses values that no body, joint or contact can have.
 
         Args:
-            names: fields to look at; all without it.
+            names: fields to check; all without it.
 
         Raises:
             InputError: with the name, the value and the limit.

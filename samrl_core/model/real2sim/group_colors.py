@@ -63,8 +63,8 @@ def fused_colors(
     Returns:
         Colours (G, 3) and their variance (G, 3).
     """
-    seen = (pixels > 0)[:, None]
+    visible = (pixels > 0)[:, None]
     spread = noise.color**2 * noise.shared_by / np.maximum(pixels, 1.0)[:, None] + floor**2
-    gain = np.where(seen, variance / (variance + spread), 0.0)
+    gain = np.where(visible, variance / (variance + spread), 0.0)
     # Shading changes with the next view, so a colour is never believed better than the floor.
     return colors + gain * (fitted - colors), np.maximum((1.0 - gain) * variance, floor**2)

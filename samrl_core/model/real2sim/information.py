@@ -24,7 +24,7 @@ class ImageNoise:
     # Neighbouring pixels err together (a mask boundary is one curve, not independent samples), so their
     # information is counted once per so many pixels.
     shared_by: float = 5.0  # [px]
-    # A thread's pixels err together over longer pieces: as it is drawn, and both of its edges at once.
+    # A thread's pixels err together over longer pieces: as it is rendered, and both of its edges at once.
     thin_shared_by: float = 15.0  # [px]
     # Error of calibration and encoders: the whole image is off by this much. It does not average out over
     # the pixels of a view.

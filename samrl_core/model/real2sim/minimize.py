@@ -46,7 +46,7 @@ def minimize(
     """Follow the sign of each gradient component with a step that grows on agreement and halves on a change
     of sign.
 
-    Absolute differences (eq. 4) have gradients whose size says nothing about the distance to the minimum and
+    Absolute differences (eq. 4) have gradients whose size does not depend on the distance to the minimum and
     jump across it; the sign is what is left, and the step halves at each crossing. This is iRprop-
     (Riedmiller and Braun 1993; Igel and Huesken 2003). No random numbers: the same input gives the same bits.
     A value or gradient that is not finite stops with "diverged" and the best parameters before it.

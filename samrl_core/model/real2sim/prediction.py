@@ -102,7 +102,7 @@ def likeliest(updates: Sequence[Estimate]) -> Estimate:
     """Of the updates from several predictions by one image, that which explains it best.
 
     By eq. 6 with the colours as they were before: each update has painted what it takes the image to show,
-    and one that shows a face never seen before may paint it as it likes. Several are made with `compared`.
+    and one that shows a face that was never visible may take any colour. Several are made with `compared`.
     """
     losses = [one.loss_known for one in updates]
     return updates[int(np.argmin([loss if math.isfinite(loss) else math.inf for loss in losses]))]

@@ -171,11 +171,11 @@ class TargetRenderer:
         k = self.camera.intrinsics
         framed = k.frames(u, v, depth)
         with torch.no_grad():
-            seen = self.render(torch.as_tensor(values), torch.as_tensor(colors)).depth.numpy()
+            visible_depth = self.render(torch.as_tensor(values), torch.as_tensor(colors)).depth.numpy()
         column = np.clip(u, 0, k.width - 1).astype(int)
         row = np.clip(v, 0, k.height - 1).astype(int)
         # A pixel's depth may be that of a neighbouring point of a slanted face: two pixels' worth of slack.
-        shown = framed & (depth < seen[row, column] + 0.003 + 2.0 * depth / k.fx)
+        shown = framed & (depth < visible_depth[row, column] + 0.003 + 2.0 * depth / k.fx)
         return min(1.0, float(area[shown].sum() / area.sum()))
 
     def whole_surface(self, values: np.ndarray) -> np.ndarray:

@@ -1,8 +1,8 @@
 """The mask of a thin target, mended by depth and colour.
 
 A segmenter's boundary is off by about a pixel, which to a thread two pixels wide is all or nothing: over some
-length the mask shows what lies beside the thread. Depth tells the two apart where it was measured, and the
-colours found there tell where it was not.
+length the mask shows what lies beside the thread. Depth separates the two where it was measured, and the
+colours found there separate them elsewhere.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def thin_mask(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.n
 
     Asked are the mask and free pixels next to it. Measured ones are the target's if nothing masked lies
     clearly in front of them and their colour is no exception among them; the others take the answer of the
-    measured pixel most alike in colour and place. So on until nothing changes.
+    measured pixel most alike in colour and position. So on until nothing changes.
 
     Args:
         color: (H, W, 3), 0..1.
@@ -52,8 +52,8 @@ def thin_mask(color: np.ndarray, depth: np.ndarray, mask: np.ndarray, free: np.n
 def clear_of_others(label: np.ndarray, target: int, mask: np.ndarray) -> np.ndarray:
     """Where a thin target can be compared, (H, W) bool: not next to pixels of other things.
 
-    Between the fingers that hold it a thread is seen as a strip that may be narrower than a pixel; whether
-    the segmenter finds it there says nothing about its pose. If that would leave less than `_MOST` of the
+    Between the fingers that hold it a thread appears as a strip that may be narrower than a pixel; whether
+    the segmenter finds it there does not depend on its pose. If that would leave less than `_MOST` of the
     mask, as when the thread hangs before the hand, all of the image counts.
 
     Args:

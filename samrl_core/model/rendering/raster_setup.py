@@ -60,10 +60,10 @@ def make_setup(
     Args:
         topology: triangles and edges.
         intrinsics: lens and image size.
-        near: nothing nearer than this is drawn [m].
+        near: nothing nearer than this is rendered [m].
         samples: per pixel and direction.
         edge_step: longest step of the edge integral [px].
-        background: linear RGB where nothing is drawn.
+        background: linear RGB where nothing is rendered.
         device: torch and Warp name of the device.
         threads: at most so many work on one batch, on a CPU.
     """

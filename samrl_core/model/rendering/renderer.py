@@ -5,8 +5,8 @@ and antialiasing of pixel pairs misses thin parts, so the boundary integral is e
 every visible edge (see `edge_kernels`), and along the curves where parts run through each other or the
 near plane cuts them (`cut_kernels`). There is no random number and no constant to tune.
 
-Both sides of a surface are drawn: a camera inside a body sees its inside. Shadows and mirror images are
-not drawn. Not covered: surfaces of one part that run through each other, and surfaces of two parts that
+Both sides of a surface are rendered: a camera inside a body sees its inside. Shadows and mirror images are
+not rendered. Not covered: surfaces of one part that run through each other, and surfaces of two parts that
 lie in each other (concentric ends of links). Where two parts cross, or the near plane cuts, the gradient's
 error is of first order in the samples' spacing: some 5 % with 2 x 2 samples. Shared (smooth) normals
 change steeply towards an outline of few pixels and need more samples than flat ones.
@@ -43,10 +43,10 @@ class Rendered:
     """
 
     color: torch.Tensor  # (H, W, 3) linear RGB
-    xyz: torch.Tensor  # (H, W, 3) world position [m], 0 where nothing is seen
-    target: torch.Tensor  # (H, W) share of the pixel in which the target body is seen, 0..1
-    depth: torch.Tensor  # (H, W) along the optical axis [m], inf where nothing is seen
-    label: torch.Tensor  # (H, W) int32 segmentation label (the mask), 0 where nothing is seen
+    xyz: torch.Tensor  # (H, W, 3) world position [m], 0 where nothing is visible
+    target: torch.Tensor  # (H, W) share of the pixel in which the target body is visible, 0..1
+    depth: torch.Tensor  # (H, W) along the optical axis [m], inf where nothing is visible
+    label: torch.Tensor  # (H, W) int32 segmentation label (the mask), 0 where nothing is visible
 
 
 class Renderer:
@@ -69,8 +69,8 @@ class Renderer:
             intrinsics: lens and image size.
             supersample: samples per pixel and direction.
             device: torch's name, e.g. "cpu" or "cuda:0".
-            near: nothing nearer than this is drawn [m].
-            background: linear RGB where nothing is seen.
+            near: nothing nearer than this is rendered [m].
+            background: linear RGB where nothing is visible.
             threads: at most so many share a batch on a CPU; the result is the same for any number.
 
         Raises:
@@ -81,7 +81,7 @@ class Renderer:
         if not MIN_NEAR <= near < _FAR:
             raise InputError(f"near plane at {near} m, must be {MIN_NEAR} m (depth resolution) to {_FAR} m")
         if len(topology.faces) > MAX_FACES:
-            raise InputError(f"{len(topology.faces)} triangles, the z-buffer can tell {MAX_FACES} apart")
+            raise InputError(f"{len(topology.faces)} triangles, the z-buffer can distinguish {MAX_FACES}")
         if threads < 1:
             raise InputError(f"threads is {threads}, must be at least 1")
         self.topology = topology

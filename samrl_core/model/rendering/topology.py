@@ -85,7 +85,7 @@ class Topology:
         point = _weld(vertices, np.asarray(part))
         flat = _without_area(vertices, point, faces)
         if flat.all():
-            raise InputError(f"none of {len(faces)} faces has an area; the mesh cannot be seen")
+            raise InputError(f"none of {len(faces)} faces has an area; the mesh is invisible")
         real = ~(flat | _repeated(point, faces))
         faces = faces[real]
         start, uses = _edges(point, faces)

@@ -1,4 +1,4 @@
-"""A part of an image: what is drawn where only the target is looked at."""
+"""A part of an image: what is rendered where only the target matters."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _MEAN_COSINE = 0.25  # of a surface to a light, mean over all directions, 0 wher
 class ChainSkin:
     """Vertices that hang from two links each: at a joint half from either, elsewhere twice from one.
 
-    Capsules that meet at a joint would share their round ends, two surfaces in one place, whose outlines
+    Capsules that meet at a joint would share their round ends, two coincident surfaces, whose outlines
     have no well-defined gradient (and whose colours would flicker). A tube has one surface there; for small
     bends it lies on the capsules (linear blend skinning; off by radius x (1 - cos(bend / 2)) at a joint).
     """

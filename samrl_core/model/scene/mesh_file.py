@@ -26,7 +26,7 @@ def load_mesh(
 
     Args:
         path: any format that trimesh reads without further packages: OBJ, STL, PLY, OFF, glTF.
-        metres_per_unit: 1 where the file is in metres, 0.001 for millimetres. Most formats do not say.
+        metres_per_unit: 1 where the file is in metres, 0.001 for millimetres. Most formats do not state it.
         color: where the file has none.
         limits: what may be wrong with it; None for a closed body of the cell's size.
 

@@ -111,7 +111,7 @@ def ball_rings(radius: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def part_mesh(part: Part, color: Rgb, segments: int = SEGMENTS) -> SurfaceMesh:
-    """A box, cylinder or capsule, at its place in its body.
+    """A box, cylinder or capsule, at its pose in its body.
 
     Raises:
         InputError: a size is not positive, or a part of another kind.

@@ -97,7 +97,7 @@ def edge_balls(part: Box, edge: float, axis: int, ends: Sequence[tuple[int, int]
 
 
 def part_at(parts: Sequence[Part], point: np.ndarray) -> Part | None:
-    """The part that ends at a place (3,) of its body: a cylinder's far end, or the middle of a box's edge."""
+    """The part that ends at a point (3,) of its body: a cylinder's far end, or the middle of a box's edge."""
     for part in parts:
         local = part.part_in_body.inverse().apply(point)
         if isinstance(part, Box):

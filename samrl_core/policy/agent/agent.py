@@ -216,5 +216,5 @@ class Agent:
 
 def _finite(action: np.ndarray, who: str) -> np.ndarray:
     if not np.isfinite(action).all():
-        raise InputError(f"the {who} says {action}, which is not finite; train it anew")
+        raise InputError(f"the {who} gave {action}, which is not finite; train it anew")
     return action.astype(np.float64)

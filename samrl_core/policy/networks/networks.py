@@ -7,7 +7,8 @@ point is thus a position relative to the tip in metres, which the image's resolu
 
 Measured only briefly: 300 steps of 32 on 5000 peg images at 64 x 64, one seed, 200 validation images, action
 limit 10 mm. Loss of `imitation` 0.41, error 4.4 mm, near the goal 1.6 mm; with flattened features instead of
-key points 0.54, 5.1 mm and 1.3 mm (standing still: 1.0, 8 mm, 2.0 mm). Too short to tell near the goal.
+key points 0.54, 5.1 mm and 1.3 mm (standing still: 1.0, 8 mm, 2.0 mm). Too short to compare them near the
+goal.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ ACTION_UNIT = 0.01  # [m] per unit in which nominal actions enter a network
 _WIDTHS = (32, 64, 64, 96, 96)
 _STRIDES = (2, 2, 1, 2, 1)
 _MAP_WIDTH = 32
-OLD_KEYS = {"seen": "keep_prob"}  # of tensors in files of earlier versions, and what they are called today
+OLD_KEYS = {"seen": "keep_prob"}  # of tensors in files of earlier versions, and their present names
 _MASKS = 64  # dropout masks that an action is averaged over: it has an eighth of one mask's noise
 _UNKNOWN = -1e4  # logit of a pixel whose point is unknown: finite, as an image may have no other
 

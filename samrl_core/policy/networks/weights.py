@@ -36,7 +36,7 @@ _MAKE: dict[str, tuple[type[nn.Module], Callable[[float], nn.Module]]] = {
 
 @dataclass(frozen=True)
 class WeightsInfo:
-    """What a weight file says of itself.
+    """Metadata of a weight file.
 
     Raises:
         InputError: an unknown kind, or a limit that is none.
@@ -47,7 +47,7 @@ class WeightsInfo:
     intrinsics: Intrinsics  # of the cell's camera; image size included
     limit: float  # longest output of an actor, longest action that a Q or critic was trained on [m]
     seed: int
-    figures: dict[str, float] = field(default_factory=dict)  # of the training, e.g. validation errors
+    figures: dict[str, float] = field(default_factory=dict)  # metrics of the training, e.g. validation errors
     source: str = ""  # commit that trained it, where known
 
     def __post_init__(self) -> None:

@@ -46,7 +46,7 @@ class TrajectorySettings:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A sequence of actions and where the model says they lead. Only the first action is executed."""
+    """A sequence of actions and where they lead in the model. Only the first action is executed."""
 
     actions: np.ndarray  # (T, 3) tool displacement [m], T = 0 when all goals are reached already
     tips: np.ndarray  # (T + 1, 3) tip position, the start first [m]
@@ -187,7 +187,7 @@ class _Search:
                     actions, states, missing = trial, trial_states, trial_missing
                     break
             else:
-                # A stationary point: the model says that the goal cannot be reached so.
+                # A stationary point: in the model the goal cannot be reached so.
                 return _Leg(actions, states, False, iteration + 1)
         raise AssertionError("the loop returns at its last iteration")
 

@@ -196,7 +196,7 @@ class ViewPlanner:
             return renderer.image(values, estimate.colors)
 
         step = s.jacobian_step * scale * self._scale
-        if acts_together(model.task):  # a parameter's scale says little about how far it moves the picture
+        if acts_together(model.task):  # a parameter's scale hardly determines how far it moves the picture
             step = renderer.pixel_steps(estimate.values, PoseFitSettings.jacobian_pixels)
         return view_information(image, estimate.values, step, s.noise, 1.0 / scale, central=scale == 1)
 

@@ -11,14 +11,14 @@ from samrl_core.cell.tasks.task import ViewRegion
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import CameraPose
 
-COORDINATES = 6  # azimuth, elevation, distance, and the point looked at
+COORDINATES = 6  # azimuth, elevation, distance, and the point on the optical axis
 
 
 @dataclass(frozen=True)
 class ViewSettings:
     """How far the optical axes of sampled views pass the region's target."""
 
-    look_jitter: float = 0.01  # of the point looked at, per axis, standard deviation [m]
+    look_jitter: float = 0.01  # of the point on the optical axis, per axis, standard deviation [m]
 
     def __post_init__(self) -> None:
         if not self.look_jitter >= 0.0:
@@ -28,7 +28,7 @@ class ViewSettings:
 def sample_views(
     region: ViewRegion, rng: np.random.Generator, count: int, settings: ViewSettings | None = None
 ) -> np.ndarray:
-    """Views uniform in azimuth, elevation and distance, (count, 6): these three, then the point looked at.
+    """Views uniform in azimuth, elevation and distance, (count, 6): these three, then the point on the axis.
 
     Args:
         region: the shell.
@@ -37,7 +37,7 @@ def sample_views(
         settings: of the jitter.
 
     Returns:
-        Azimuth and elevation [rad], distance from the point looked at [m], that point in world [m].
+        Azimuth and elevation [rad], distance from the point on the axis [m], that point in world [m].
     """
     s = settings or ViewSettings()
     lower, upper = np.transpose([region.azimuth, region.elevation, region.distance])

@@ -69,7 +69,7 @@ class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             task: its name.
             settings: physics and noise of the world.
             render_mode: None or "rgb_array".
-            real_cell: the cell as it is in the world, which no observation tells; those are made by the
+            real_cell: the cell as it is in the world, which no observation contains; those are made by the
                 calibration of `cell_named`.
             max_actions: of an episode, 0 for the task's.
         """

@@ -123,7 +123,7 @@ class MeshEvaluator:
         """All metrics of a mesh."""
         samples, face = surface_samples(mesh.vertices, mesh.faces, SAMPLES, np.random.default_rng(1))
         apart: Chamfer = chamfer((samples, Surface(mesh.vertices, mesh.faces)), self._cad)
-        observed = np.all(mesh.seen[mesh.faces[face]], axis=1)
+        observed = np.all(mesh.observed[mesh.faces[face]], axis=1)
         color, coverage = self.images(mesh)
         image_error, color_error, overlap = [], [], []
         for view, rendered, share in zip(self.held_out, color, coverage, strict=True):
@@ -187,7 +187,7 @@ def run(
     photos.close()
     stages = {stage: evaluator.stage(mesh) for stage, mesh in meshes.items()}
     result = Result(
-        name, seed, len(fused.faces), float(fused.seen.mean()), evaluator.shown_share, stages, why, spent
+        name, seed, len(fused.faces), float(fused.observed.mean()), evaluator.shown_share, stages, why, spent
     )
     shown = {stage: evaluator.images(mesh)[0][0] for stage, mesh in meshes.items()}
     return result, PictureRow(name, evaluator.held_out[0], shown)

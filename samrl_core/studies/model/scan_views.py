@@ -108,7 +108,7 @@ def scan_views(path: Path, out: Path, fusion: FusionSettings, iterations: int) -
         "faces": len(mesh.faces),
         "watertight": bool(surface.is_watertight),
         "volume_m3": float(surface.volume),
-        "seen_share": float(mesh.seen.mean()),
+        "seen_share": float(mesh.observed.mean()),
         "size_m": (high - low).tolist(),
         "center_in_world_m": (0.5 * (low + high)).tolist(),
     }

@@ -1,4 +1,4 @@
-"""States on the expert's way through a task in the model: where figures look at the networks."""
+"""States along the expert's trajectory in the model, at which figures evaluate the networks."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Slopes of actor and Q by the image, averaged over the camera's noise, in states of an expert's episode from
 random views. How much more of them lies in the object than its area would have is their energy's share over
-the area's. Covering parts of the image tells whether the gradients mean anything: both maps should agree.
+the area's. Covering parts of the image checks whether the gradients are meaningful: both maps should agree.
 """
 
 from __future__ import annotations

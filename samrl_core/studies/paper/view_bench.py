@@ -1,4 +1,4 @@
-"""What figures that look at the networks share: a task's renderer and networks, once per process."""
+"""Shared by the figures about the networks: a task's renderer and networks, once per process."""
 
 from __future__ import annotations
 

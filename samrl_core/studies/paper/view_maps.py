@@ -89,7 +89,7 @@ def view_maps(
         state: with the expert's action.
         views: as `sample_views` gives them.
         seed: of the noise.
-        draws: of the noise.
+        noise_samples: over which Q is averaged.
     """
     count = len(views)
     frames, tips = np.tile(state.frames, (count, 1, 1)), np.tile(state.tip_in_base, (count, 1))

@@ -30,8 +30,8 @@ def error(mesh: FusedMesh) -> np.ndarray:
 
 def test_a_ball_keeps_its_radius(ball: FusedMesh) -> None:
     """A pixel is 1.8 mm wide there."""
-    assert error(ball)[ball.seen].mean() < 3e-4
-    assert error(ball)[ball.seen].max() < 2e-3
+    assert error(ball)[ball.observed].mean() < 3e-4
+    assert error(ball)[ball.observed].max() < 2e-3
 
 
 def test_the_surface_is_closed_manifold_and_wound_outwards(ball: FusedMesh) -> None:
@@ -42,13 +42,13 @@ def test_the_surface_is_closed_manifold_and_wound_outwards(ball: FusedMesh) -> N
 
 def test_what_no_camera_saw_is_closed_above_the_floor_and_said(ball: FusedMesh) -> None:
     assert ball.vertices[:, 2].min() > -1e-6
-    assert ball.seen[ball.vertices[:, 2] > RADIUS].all()
-    assert not ball.seen[ball.vertices[:, 2] < 0.002].any()
+    assert ball.observed[ball.vertices[:, 2] > RADIUS].all()
+    assert not ball.observed[ball.vertices[:, 2] < 0.002].any()
 
 
 def test_colors_lie_where_they_were_seen(ball: FusedMesh) -> None:
     expected = 0.5 + 0.5 * (ball.vertices - CENTER) / RADIUS
-    assert np.abs(ball.color - expected)[ball.seen].mean() < 0.02
+    assert np.abs(ball.color - expected)[ball.observed].mean() < 0.02
 
 
 def test_in_body_moves_the_surface_and_colors_faces(ball: FusedMesh) -> None:
@@ -61,7 +61,7 @@ def test_in_body_moves_the_surface_and_colors_faces(ball: FusedMesh) -> None:
 def test_without_a_background_the_masks_alone_carve() -> None:
     """A thing that hangs in nothing: outside the mask depth is NaN."""
     mesh = fuse(photos(table=False), replace(FINE, floor_height=-math.inf))
-    assert error(mesh)[mesh.seen].mean() < 3e-4
+    assert error(mesh)[mesh.observed].mean() < 3e-4
     assert mesh_faults(mesh.vertices, mesh.faces).open_edges == 0
 
 
@@ -69,7 +69,7 @@ def test_half_of_the_depth_lost_changes_little() -> None:
     rng = np.random.default_rng(0)
     views = [replace(v, depth=np.where(rng.random(v.depth.shape) < 0.5, np.nan, v.depth)) for v in photos()]
     mesh = fuse(views, FINE)
-    assert error(mesh)[mesh.seen].mean() < 6e-4
+    assert error(mesh)[mesh.observed].mean() < 6e-4
 
 
 def test_an_occluder_hides_and_does_not_carve() -> None:
@@ -82,7 +82,7 @@ def test_an_occluder_hides_and_does_not_carve() -> None:
             view = replace(view, depth=depth, mask=view.mask & ~left)
         views.append(view)
     mesh = fuse(views, FINE)
-    assert error(mesh)[mesh.seen].mean() < 4e-4
+    assert error(mesh)[mesh.observed].mean() < 4e-4
 
 
 def test_a_background_in_one_mask_does_not_blow_up_the_grid() -> None:

@@ -31,7 +31,7 @@ def ball(views: list[MaskedView]) -> FusedMesh:
 
 def offset(mesh: FusedMesh) -> np.ndarray:
     """Of the seen vertices from the sphere, positive outside [m]."""
-    return np.linalg.norm(mesh.vertices[mesh.seen] - CENTER, axis=1) - RADIUS
+    return np.linalg.norm(mesh.vertices[mesh.observed] - CENTER, axis=1) - RADIUS
 
 
 def test_a_ball_too_large_shrinks(ball: FusedMesh, views: list[MaskedView]) -> None:
@@ -47,15 +47,15 @@ def test_wrong_colors_are_mended_and_the_shape_left_alone(ball: FusedMesh, views
     shapeless = replace(STEPS, vertex_std=0.0, color_std=0.1)
     result = refine(dark, views, shapeless)
     assert np.array_equal(result.mesh.vertices, ball.vertices)
-    before, after = (np.abs(m.color - ball.color)[ball.seen].mean() for m in (dark, result.mesh))
+    before, after = (np.abs(m.color - ball.color)[ball.observed].mean() for m in (dark, result.mesh))
     assert before > 0.08 and after < 0.03
 
 
 def test_the_mesh_returned_is_that_of_the_lowest_loss(ball: FusedMesh, views: list[MaskedView]) -> None:
     gentle = replace(STEPS, iterations=4, vertex_std=1e-4, color_std=0.005)
-    seen: list[float] = []
-    result = refine(ball, views[:2], gentle, lambda _, loss: seen.append(loss))
-    assert tuple(seen) == result.losses
+    observed: list[float] = []
+    result = refine(ball, views[:2], gentle, lambda _, loss: observed.append(loss))
+    assert tuple(observed) == result.losses
     assert result.after.total == min(result.losses) <= result.before.total == result.losses[0]
     assert result.why_stopped == "iteration_limit"
 

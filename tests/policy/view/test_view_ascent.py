@@ -80,7 +80,7 @@ def with_settings(ascent: ViewAscent, q: Any, **changes: Any) -> ViewAscent:
     return found
 
 
-def test_a_place_is_the_pose_that_looks_at_the_target(model: Model) -> None:
+def test_a_viewpoint_is_the_pose_that_looks_at_the_target(model: Model) -> None:
     """One convention for images, grid and arm, there and back."""
     region = model.task.view_region()
     viewpoints = np.array([[0.7, 0.6, 0.38], [-2.0, 0.9, 0.31]])
@@ -99,7 +99,7 @@ def test_a_place_is_the_pose_that_looks_at_the_target(model: Model) -> None:
 @pytest.mark.parametrize(("channels", "table"), [("all", 6.0), ("points", 6.0), ("colour", 0.8)])
 @pytest.mark.parametrize("through_action", [False, True])
 def test_gradient_of_q_by_the_view(model: Model, channels: str, table: float, through_action: bool) -> None:
-    """Eq. 17: the slopes along a way add up to the difference of its ends.
+    """Eq. 17: the gradients along a line add up to the difference of its ends.
 
     Of its ends only: pixels change sides one by one in between, and their points with them. A wide table for
     points: where the picture shows nothing, XYZ jumps to 0, which has no gradient.
@@ -262,7 +262,7 @@ def test_q_decides_among_the_views_that_show_enough(
     """Not how much they show beyond that; the present one is worth nothing if it shows less."""
     monkeypatch.setattr(ascent._reach, "way_is_clear", lambda *way: True)
     shown = {0.9: 0.1, 0.7: 0.3, 0.5: 1.0}  # by Q
-    asking = search_of(ascent, joints, 0.2).found(0.8, present_shows, lambda scored: shown[scored.q])
+    asking = search_of(ascent, joints, 0.2).run(0.8, present_shows, lambda scored: shown[scored.q])
     found = end_of(asking, np.array(list(shown)))
     assert [scored.q for scored in found.moves] == ([0.7] if moves else [])
 
@@ -276,5 +276,5 @@ def test_no_view_is_taken_that_hides_the_target(
     assert 0.5 < present < 1.0
     search = search_of(ascent, joints, 1.01)
     for shown, moves in ((present, True), (present - 1e-6, False)):
-        found = end_of(search.found(0.1, present, lambda scored, shown=shown: shown), 0.6)
+        found = end_of(search.run(0.1, present, lambda scored, shown=shown: shown), 0.6)
         assert bool(found.moves) == moves

@@ -150,9 +150,9 @@ def identify(
         parts, blocks = [], []
         newest[:] = [sensitivity(scene, _own(theta, i)) for i, scene in enumerate(scenes)]
         for i, (found, rows) in enumerate(zip(newest, compared, strict=True)):
-            states, change = found.states.numpy(), found.residual_and_jacobian.numpy()
+            states, change = found.states.numpy(), found.jacobian.numpy()
             parts.append(rows.residual(states, theta[LATENCY]))
-            here = rows.residual_and_jacobian(states, change, theta[LATENCY])  # (M, START + 1)
+            here = rows.jacobian(states, change, theta[LATENCY])  # (M, START + 1)
             block = np.zeros((len(here), theta.size))
             block[:, :START], block[:, START + i] = here[:, :START], here[:, START]
             blocks.append(block)

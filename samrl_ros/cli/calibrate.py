@@ -18,7 +18,9 @@ from samrl_ros.contract.exit_codes import OK
 class CalibrateOptions:
     """Options of `samrl calibrate`."""
 
-    pairs: Annotated[Path, typer.Argument(help="JSON file of recorded pairs; its kind says what is sought.")]
+    pairs: Annotated[
+        Path, typer.Argument(help="JSON file of recorded pairs; its kind determines what is calibrated.")
+    ]
     hand_eye: Annotated[
         Path | None, typer.Option(help="Result of a hand-eye calibration, for base-to-base.")
     ] = None
@@ -28,7 +30,7 @@ class CalibrateOptions:
 
 
 def run_calibration(options: CalibrateOptions) -> int:
-    """Calibrate, write the result, and tell it."""
+    """Calibrate, write the result, and print it."""
     found = calibrate(options.pairs, options.hand_eye)
     write_calibration(found, options.pairs, options.out)
     console = Console()

@@ -13,7 +13,7 @@ from samrl_ros.cli.options import add_command, add_group
 
 app = typer.Typer(
     help="A two-arm cell that learns manipulation with few real trials,"
-    " and says why simulation and cell differ.",
+    " and names why simulation and cell differ.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
@@ -143,7 +143,7 @@ def experiment(
         int, typer.Option(help="Episodes or states per condition, or real steps; 0: the experiment's.", min=0)
     ] = 0,
     seed: Annotated[int, typer.Option(help="Of the first episode or state.", min=0)] = 0,
-    device: Annotated[str, typer.Option(help="Of images drawn in batches: cpu, or cuda:0.")] = "cpu",
+    device: Annotated[str, typer.Option(help="Of batched rendering: cpu, or cuda:0.")] = "cpu",
     workers: Annotated[int, typer.Option(help="Processes; 0: free cores.", min=0)] = 0,
     weights: Annotated[
         Path | None, typer.Option(help="Folder of trained networks, in place of the package's.")
@@ -187,7 +187,7 @@ def reproduce(
         int, typer.Option(help="Episodes or states per condition; 0: each experiment's own.", min=0)
     ] = 0,
     steps: Annotated[int, typer.Option(help="Real steps of sample_efficiency; 0: its own.", min=0)] = 0,
-    list_them: Annotated[bool, typer.Option("--list", help="Tell the jobs and run none.")] = False,
+    list_them: Annotated[bool, typer.Option("--list", help="List the jobs and run none.")] = False,
 ) -> None:
     """Train all networks and make all tables and figures, on all cores and GPUs; resumable."""
     from samrl_ros.cli.reproduce import reproduce_all
@@ -223,7 +223,7 @@ add_command(
     app,
     "preflight",
     "samrl_ros.cli.preflight:preflight",
-    "Judge the drivers of a real cell before anything moves: names, limits, clocks, frames, rates.",
+    "Check the drivers of a real cell before anything moves: names, limits, clocks, frames, rates.",
 )
 add_command(
     app,

@@ -166,7 +166,7 @@ def _watch_run(
             trouble = _bring_up(group, monitor, care, stop, compilations)
             while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
                 monitor.spin()
-                compilations.tell()
+                compilations.report()
                 on_tick(group.pids())
                 trouble = _trouble(care.trouble, stop)
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
@@ -198,7 +198,7 @@ def _bring_up(group: Any, monitor: Any, care: Any, stop: Any, compilations: Comp
     deadline = time.monotonic() + START_TIMEOUT_S
     while not all(monitor.is_active(name) for name in others):
         monitor.spin()
-        compilations.tell()
+        compilations.report()
         trouble = _trouble(care.trouble, stop)
         if trouble or stop.is_set():
             return trouble

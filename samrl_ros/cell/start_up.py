@@ -15,7 +15,7 @@ class CompilationTeller:
         self._logs = logs
         self._read: dict[Path, int] = {}  # bytes, by log
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """Print whole lines of compilation that are new, with the node's name."""
         for log in sorted(self._logs.glob("*.log")):
             with log.open("rb") as file:

@@ -160,14 +160,14 @@ def as_json(found: Calibration, pairs_file: Path) -> dict[str, Any]:
 def write_calibration(found: Calibration, pairs_file: Path, out: Path) -> None:
     """`calibration.json` and `calibration.png` into a folder. Raises InputError if it cannot be written."""
     try:
-        _draw(found, out)
+        _plot(found, out)
         text = json.dumps(as_json(found, pairs_file), indent=1) + "\n"
         write_whole(out / "calibration.json", text)
     except OSError as error:
         raise InputError(f"cannot write to {out} ({error.strerror}); give another --out") from error
 
 
-def _draw(found: Calibration, out: Path) -> None:
+def _plot(found: Calibration, out: Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.2), layout="constrained")

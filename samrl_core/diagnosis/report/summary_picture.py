@@ -21,8 +21,8 @@ from samrl_core.diagnosis.report.figures import (
     SCALE,
     TEXT_LIGHT_FROM,
     cell_tone,
+    decimated,
     rms,
-    thinned,
 )
 from samrl_core.diagnosis.result import Diagnosis, Heatmap, Overlay
 
@@ -110,7 +110,7 @@ def _heatmap(ax: Axes, h: Heatmap) -> None:
 
 
 def _overlay(signal: Axes, error: Axes, o: Overlay, label: str) -> None:
-    keep = thinned(o, 2000)
+    keep = decimated(o, 2000)
     t, measured = o.time[keep], o.measured[keep]
     signal.plot(t, measured, color=MEASURED, lw=2, label="measured")
     for name, values, color, dash in (

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.report.figures import OVERLAY_COUNT, OVERLAY_POINTS, cell_tone, rms, thinned
+from samrl_core.diagnosis.report.figures import OVERLAY_COUNT, OVERLAY_POINTS, cell_tone, decimated, rms
 from samrl_core.diagnosis.report.html_report import to_html
 from samrl_core.diagnosis.report.json_report import read_report
 from samrl_core.diagnosis.report.summary_picture import to_png
@@ -181,7 +181,7 @@ def test_thinning_keeps_spikes() -> None:
     measured, nominal = o.measured.copy(), o.nominal.copy()
     measured[12_345], nominal[6_789] = 50.0, -70.0
     spiky = replace(o, measured=measured, nominal=nominal)
-    keep = thinned(spiky, OVERLAY_POINTS)
+    keep = decimated(spiky, OVERLAY_POINTS)
     assert {12_345, 6_789, 0, len(o.time) - 1} <= set(keep.tolist())
     assert len(keep) <= OVERLAY_POINTS + 2 and (np.diff(keep) > 0).all()
 

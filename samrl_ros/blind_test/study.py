@@ -13,6 +13,8 @@ from samrl_core.blind_test.scores.study import Study, write_atomically
 from samrl_core.common.errors import InputError
 
 LEFT_OUT_FILE = "left_out.json"
+KINDS = ("single", "none", "outside", "double")
+SINGLE_ROUNDS, OUTSIDE_ROUNDS = 6, 4  # of worlds over the families
 VERSIONS = ("samrl", "numpy", "pybullet", "mujoco", "pin", "warp-lang", "torch")
 
 
@@ -35,13 +37,41 @@ def commit_before(study: Study) -> str | None:
     return json.loads(path.read_text())["commit"] if path.exists() else None
 
 
+def usual_counts(families: int, outside: int, usual: dict[str, Any]) -> dict[str, int]:
+    """Counts of each kind for a study of some families, in the usual rounds over them and proportions.
+
+    Args:
+        families: of the library.
+        outside: of those outside it.
+        usual: counts over all families.
+    """
+    single = families * SINGLE_ROUNDS
+    share = single / usual["single"]
+    return {
+        "single": single,
+        "none": max(1, round(share * usual["none"])),
+        "outside": outside * OUTSIDE_ROUNDS,
+        "double": round(share * usual["double"]) if families >= 2 else 0,
+    }
+
+
+def by_mujoco(study: Study, counts: dict[str, int], usual: dict[str, Any]) -> int:
+    """Worlds by MuJoCo if nobody says how many: the usual share, or what an unfinished study began with."""
+    if study.plan.exists():
+        before = json.loads(study.plan.read_text())["settings"]
+        if all(before[kind] == counts[kind] for kind in KINDS):
+            return before["mujoco"]
+    return round(usual["mujoco"] * sum(counts.values()) / sum(usual[kind] for kind in KINDS))
+
+
 def shares(worlds: int, usual: dict[str, Any]) -> dict[str, int]:
     """Counts of each kind that sum to `worlds`, in the usual proportions; one of each if they fit."""
-    kinds = ("single", "none", "outside", "double")
-    total = sum(usual[k] for k in kinds)
-    counts = {k: max(worlds * usual[k] // total, 1 if worlds >= len(kinds) else 0) for k in kinds}
-    counts["single"] += worlds - sum(counts.values())
-    return counts | {"mujoco": round(worlds * usual["mujoco"] / total)}
+    there = [k for k in KINDS if usual[k]]
+    total = sum(usual[k] for k in there)
+    counts = dict.fromkeys(KINDS, 0)
+    counts |= {k: max(worlds * usual[k] // total, 1 if worlds >= len(there) else 0) for k in there}
+    counts[there[0]] += worlds - sum(counts.values())
+    return counts
 
 
 def head() -> str:

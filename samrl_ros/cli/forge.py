@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,13 +24,16 @@ from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, Di
 from samrl_core.blind_test.scores.study import Study, write_atomically
 from samrl_core.common import executor
 from samrl_ros.blind_test.study import (
+    KINDS,
     LEFT_OUT_FILE,
+    by_mujoco,
     commit_before,
     commit_or_none,
     head,
     left_out,
     same_as_before,
     shares,
+    usual_counts,
     versions,
 )
 from samrl_ros.cli.forge_show import console as make_console
@@ -66,7 +69,13 @@ def forge(
         int | None, typer.Option(help="Worlds with an effect outside the library.", min=0)
     ] = None,
     double: Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)] = None,
-    mujoco: Annotated[int | None, typer.Option(help="Of all, by MuJoCo instead of PyBullet.", min=0)] = None,
+    mujoco: Annotated[
+        int | None, typer.Option(help="Of all, by MuJoCo instead of PyBullet; else the usual share.", min=0)
+    ] = None,
+    family: Annotated[
+        list[str] | None,
+        typer.Option("--family", "--effect", help="Only this family of effects; may be repeated."),
+    ] = None,
     duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
     workers: Workers = 2,
     ray: OnRay = False,
@@ -82,15 +91,28 @@ def forge(
 
     study = Study(out.resolve())
     chosen = None if seed is not None else (commit or commit_before(study) or head())
-    counts = {"single": single, "none": none, "outside": outside, "double": double, "mujoco": mujoco}
-    given = {name: value for name, value in counts.items() if value is not None}
+    every = ForgeSettings()
+    drawn = ForgeSettings(single=0, outside=0, double=0, mujoco=0, families=tuple(family or ()))
+    usual = {kind: getattr(every, kind) for kind in (*KINDS, "mujoco")}
+    counts = {kind: usual[kind] for kind in KINDS}
+    if family:
+        counts = usual_counts(len(drawn.library), len(drawn.outside_library), usual)
     if worlds is not None:
-        given = shares(worlds, asdict(ForgeSettings())) | given
-    if duration is not None:
-        given["duration_s"] = duration  # type: ignore[assignment]
-    settings = ForgeSettings(seed=seed if chosen is None else seed_from_commit(chosen), **given)  # type: ignore[arg-type]
-    same_as_before(study, {"settings": asdict(settings), "commit": chosen})
+        counts = shares(worlds, counts)
+    asked = {"single": single, "none": none, "outside": outside, "double": double}
+    counts |= {kind: count for kind, count in asked.items() if count is not None}
+    settings = ForgeSettings(
+        seed=seed if seed is not None else seed_from_commit(chosen or ""),
+        mujoco=by_mujoco(study, counts, usual) if mujoco is None else mujoco,
+        duration_s=every.duration_s if duration is None else duration,
+        families=drawn.families,
+        **counts,
+    )
+    same_as_before(study, {"settings": settings.as_dict(), "commit": chosen})
     plan = plan_worlds(settings)
+    console = make_console()
+    listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+    console.print(f"{len(plan)} worlds: {listed}; {settings.mujoco} of all by MuJoCo", soft_wrap=True)
     by_trajectory = sorted(
         plan, key=lambda item: (item.arm, item.programme, item.engine)
     )  # what a worker keeps
@@ -110,11 +132,10 @@ def forge(
     facts = {
         "schema": 1,
         "commit": chosen,
-        "settings": {name: value for name, value in asdict(settings).items() if name != "seed"},
+        "settings": {name: value for name, value in settings.as_dict().items() if name != "seed"},
         "versions": versions(),
         "ran_away": sorted(ran_away),
     }
-    console = make_console()
     if ran_away:  # no arm could be recorded like this, and nobody samples it again until it suits
         console.print(f"{len(ran_away)} worlds ran away in simulation and are left out: {sorted(ran_away)}")
     if failed:

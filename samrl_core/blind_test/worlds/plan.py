@@ -40,15 +40,49 @@ class ForgeSettings:
     mujoco: int = 40  # of all, spread evenly over the kinds
     duration_s: float = 12.0  # of each recording
     wide_share: float = 1 / 3  # of worlds whose background leaves the tolerances, up to twice
+    families: tuple[str, ...] = ()  # effects to sample from, of the library's and those outside; none: all
 
     def __post_init__(self) -> None:
+        self._check_families()
         counts = (self.single, self.none, self.outside, self.double)
         if min(counts) < 0 or sum(counts) == 0:
             raise InputError(f"numbers of worlds {counts} must not be negative, and not all zero")
         if not 0 <= self.mujoco <= sum(counts):
-            raise InputError(f"{self.mujoco} worlds by MuJoCo of {sum(counts)}; give at most all")
+            raise InputError(
+                f"{self.mujoco} worlds by MuJoCo of {sum(counts)}; give at most all, or leave --mujoco out"
+            )
         if not 5.0 <= self.duration_s <= 35.0:
             raise InputError(f"recordings of {self.duration_s} s; give 5..35 s")
+
+    def _check_families(self) -> None:
+        for name in self.families:
+            if name not in (*CATALOGUE, *OUTSIDE):
+                known = ", ".join((*CATALOGUE, *OUTSIDE))
+                raise InputError(f"no family {name!r} can be made; there are {known}")
+        for kind, count, there, least in (
+            ("single", self.single, self.library, 1),
+            ("double", self.double, self.library, 2),
+            ("outside", self.outside, self.outside_library, 1),
+        ):
+            if count and len(there) < least:
+                raise InputError(
+                    f"{count} {kind} worlds need {least} famil{'ies' if least > 1 else 'y'} of that kind, of"
+                    f" {', '.join(self.families)} {len(there)} are; give --{kind} 0, or further families"
+                )
+
+    @property
+    def library(self) -> tuple[str, ...]:
+        """Families of the library that are sampled."""
+        return tuple(name for name in CATALOGUE if not self.families or name in self.families)
+
+    @property
+    def outside_library(self) -> tuple[str, ...]:
+        """Families outside of it that are sampled."""
+        return tuple(name for name in OUTSIDE if not self.families or name in self.families)
+
+    def as_dict(self) -> dict:
+        """For JSON; without the families where all are drawn from, as older studies state it."""
+        return {name: value for name, value in asdict(self).items() if name != "families" or value}
 
 
 @dataclass(frozen=True)
@@ -98,20 +132,21 @@ def plan_worlds(settings: ForgeSettings) -> list[PlanItem]:
     rng = np.random.default_rng(settings.seed)
     arms = [ROLES[int(rng.integers(2))] for _ in range(_total(settings))]
     kinds: list[tuple[str, tuple[PlannedEffect, ...]]] = []
+    library, outside = settings.library, settings.outside_library
 
     def arm() -> str:
         return arms[len(kinds)]
 
     for i in range(settings.single):
-        number, turn = i % len(CATALOGUE), i // len(CATALOGUE)
+        number, turn = i % len(library), i // len(library)
         form = "T1" if (number + turn) % 2 else "T0"
         severity = SEVERITIES[turn % len(SEVERITIES)]
-        kinds.append(("single", (_effect(CATALOGUE[number], form, severity, arm(), settings, rng),)))
+        kinds.append(("single", (_effect(library[number], form, severity, arm(), settings, rng),)))
     for _ in range(settings.none):
         kinds.append(("none", ()))
     for i in range(settings.outside):
-        severity = _STRONG[(i // len(OUTSIDE)) % 3]
-        kinds.append(("outside", (_effect(OUTSIDE[i % len(OUTSIDE)], "T2", severity, arm(), settings, rng),)))
+        severity, name = _STRONG[(i // len(outside)) % 3], outside[i % len(outside)]
+        kinds.append(("outside", (_effect(name, "T2", severity, arm(), settings, rng),)))
     for i in range(settings.double):
         kinds.append(("double", _pair(i, 3 * i < settings.double, arm(), settings, rng)))
 
@@ -174,12 +209,14 @@ def _effect(
 def _pair(
     i: int, confounded: bool, arm: str, settings: ForgeSettings, rng: np.random.Generator
 ) -> tuple[PlannedEffect, ...]:
+    library = settings.library
+    alike = [pair for pair in CONFOUNDED if set(pair) <= set(library)]
     while True:
-        if confounded:
-            names = CONFOUNDED[i % len(CONFOUNDED)]
+        if confounded and alike:
+            names = alike[i % len(alike)]
         else:
-            first, second = rng.choice(len(CATALOGUE), size=2, replace=False)
-            names = (CATALOGUE[first], CATALOGUE[second])
+            first, second = rng.choice(len(library), size=2, replace=False)
+            names = (library[first], library[second])
         pair = tuple(
             _effect(n, "T1" if rng.random() < 0.5 else "T0", float(rng.choice(_STRONG)), arm, settings, rng)
             for n in names

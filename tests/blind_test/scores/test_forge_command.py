@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import pytest
 from samrl_core.blind_test.engines.simulate import DivergedError
 from samrl_core.blind_test.scores.families import ARM_FAMILIES, without
 from samrl_core.blind_test.scores.study import Study, write_atomically
+from samrl_core.blind_test.worlds import plan
 from samrl_core.blind_test.worlds.plan import ForgeSettings
 from samrl_core.common import executor
 from samrl_core.common.errors import InputError
@@ -143,14 +144,84 @@ def test_a_folder_belongs_to_one_forge(tmp_path: Path) -> None:
 def test_shares_sum_up(worlds: int) -> None:
     counts = forge_study.shares(worlds, asdict(ForgeSettings()))
     assert sum(counts[k] for k in ("single", "none", "outside", "double")) == worlds
-    assert 0 <= counts["mujoco"] <= worlds
     if worlds == 298:
         usual = ForgeSettings()
-        assert (counts["single"], counts["none"], counts["mujoco"]) == (
-            usual.single,
-            usual.none,
-            usual.mujoco,
-        )
+        assert (counts["single"], counts["none"]) == (usual.single, usual.none)
+
+
+class Planned(Exception):
+    """Ends the command where worlds would be made."""
+
+
+@pytest.fixture
+def planned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., ForgeSettings]:
+    """Settings that a command line comes to, in a folder that they begin."""
+
+    def stop(settings: ForgeSettings) -> None:
+        raise Planned(settings)
+
+    def settings_of(*options: str) -> ForgeSettings:
+        with monkeypatch.context() as patch:
+            patch.setattr(plan, "plan_worlds", stop)
+            with pytest.raises(Planned) as found:
+                run(["forge", "--out", str(tmp_path / "study"), "--seed", "1", *options])
+        return found.value.args[0]
+
+    return settings_of
+
+
+@pytest.mark.parametrize(
+    ("options", "single", "none", "outside", "double", "mujoco"),
+    [
+        ("", 168, 60, 40, 30, 40),
+        ("--worlds 298", 168, 60, 40, 30, 40),
+        ("--worlds 30", 17, 6, 4, 3, 4),
+        ("--single 29 --none 0 --outside 0 --double 0", 29, 0, 0, 0, 4),
+        ("--single 1 --none 0 --outside 0 --double 0", 1, 0, 0, 0, 0),
+        ("--single 29 --none 0 --outside 0 --double 0 --mujoco 29", 29, 0, 0, 0, 29),
+        ("--family payload", 6, 2, 0, 0, 1),
+        ("--effect payload --effect backlash", 12, 4, 0, 2, 2),
+        ("--family soft_stop", 0, 1, 4, 0, 1),
+        ("--family payload --worlds 10", 8, 2, 0, 0, 1),
+        ("--family payload --single 3 --none 0", 3, 0, 0, 0, 0),
+    ],
+)
+def test_counts_that_are_not_given_follow(
+    planned: Any, options: str, single: int, none: int, outside: int, double: int, mujoco: int
+) -> None:
+    s = planned(*options.split())
+    assert (s.single, s.none, s.outside, s.double, s.mujoco) == (single, none, outside, double, mujoco)
+
+
+def test_an_unfinished_study_goes_on_as_it_began(planned: Callable[..., ForgeSettings]) -> None:
+    only = "--single 29 --none 0 --outside 0 --double 0".split()
+    assert planned(*only, "--mujoco", "20").mujoco == 20
+    assert planned(*only).mujoco == 20
+
+
+def test_a_study_of_some_families_holds_no_others() -> None:
+    names = ("payload", "backlash", "soft_stop")
+    settings = ForgeSettings(1, single=12, none=1, outside=3, double=6, mujoco=0, families=names)
+    made = plan.plan_worlds(settings)
+    assert {e.family for item in made for e in item.effects} == set(names)
+    assert {e.family for item in made if item.set == "outside" for e in item.effects} == {"soft_stop"}
+    assert "families" not in ForgeSettings().as_dict() and settings.as_dict()["families"] == names
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ("--family payloat", "no family 'payloat' can be made; there are"),
+        ("--family payload --double 2", "2 double worlds need 2 families"),
+        ("--family payload --outside 1", "1 outside worlds need 1 family"),
+        ("--single 3 --none 0 --outside 0 --double 0 --mujoco 4", "4 worlds by MuJoCo of 3"),
+    ],
+)
+def test_counts_that_cannot_be_are_refused(
+    options: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["forge", "--out", str(tmp_path / "study"), "--seed", "1", *options.split()]) == 3
+    assert why in " ".join(capsys.readouterr().err.split()) and not (tmp_path / "study").exists()
 
 
 def test_seed_comes_from_the_commit_unless_given(monkeypatch: pytest.MonkeyPatch) -> None:

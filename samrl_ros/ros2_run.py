@@ -51,10 +51,11 @@ def run(given: list[str]) -> int:
     from functools import partial
 
     from samrl_ros.hosting.host import run_process
-    from samrl_ros.hosting.threads import one_thread_per_library
+    from samrl_ros.hosting.threads import give_freed_memory_back, one_thread_per_library
     from samrl_ros.nodes.registry import make_node
 
     one_thread_per_library()
+    give_freed_memory_back()
     return run_process([partial(make_node, name) for name in names], [sys.argv[0], *arguments])
 
 

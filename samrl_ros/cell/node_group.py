@@ -13,7 +13,7 @@ from typing import Any
 
 from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.files import room_for
-from samrl_ros.hosting.threads import one_thread_per_library
+from samrl_ros.hosting.threads import give_freed_memory_back, one_thread_per_library
 
 STOP_TIMEOUT_S = 15.0
 SWITCH_INTERVAL_S = 2e-4
@@ -29,6 +29,7 @@ class ThreadGroup:
         # wait that long each time for a thread that computes.
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         one_thread_per_library()
+        give_freed_memory_back()
         self._threads: list[Any] = []
 
     def start(self, names: Sequence[str]) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from samrl_core.common.errors import InputError
+from samrl_ros.cell.soak.options import SoakOptions
 from samrl_ros.contract.settings import REAL_TIME_FACTOR
 
 bench_app = typer.Typer(help="Measure.", no_args_is_help=True)
@@ -33,6 +34,25 @@ def cell(
     from samrl_ros.cell.cell_bench import bench_cell
 
     raise typer.Exit(bench_cell(out, seed, episodes, real_time_factor))
+
+
+@bench_app.command("soak")
+def soak(
+    out: Annotated[
+        Path, typer.Option(help="Folder of the soak; given again, an interrupted one goes on.")
+    ] = SoakOptions.out,
+    hours: Annotated[float, typer.Option(help="Wall time of all turns.", min=0.01)] = SoakOptions.hours,
+    tasks: Annotated[str, typer.Option(help="Comma-separated tasks.")] = ",".join(SoakOptions.tasks),
+    episodes: Annotated[int, typer.Option(help="Episodes of a turn.", min=1)] = SoakOptions.episodes,
+    seed: Annotated[int, typer.Option(help="Seed of the first episode.", min=0)] = SoakOptions.seed,
+    layout: Annotated[str, typer.Option(help="As of `samrl cell`.")] = SoakOptions.layout,
+    keep_bags: Annotated[bool, typer.Option("--keep-bags", help="60 MB an episode.")] = SoakOptions.keep_bags,
+) -> None:
+    """Run episodes of all tasks in turn for hours: growth of memory, handles, latencies, losses."""
+    from samrl_ros.cell.soak.command import soak_cell
+
+    names = tuple(name for name in tasks.split(",") if name)
+    raise typer.Exit(soak_cell(SoakOptions(out, hours, names, episodes, seed, layout, keep_bags)))
 
 
 @bench_app.command("actions")

@@ -30,6 +30,10 @@ _READINGS = 500
 QUEUES = dict.fromkeys(JOINTS, _READINGS)
 
 
+class UnmatchedImageError(InputError):
+    """An image without a joint state of its time: lost on the way, or of another clock."""
+
+
 class Assembler:
     """Joins by exact image stamp, and takes the joint reading nearest to it.
 
@@ -108,9 +112,10 @@ class Assembler:
             return None  # its own reading may still be on the way
         best = min(readings, key=lambda r: abs(r.stamp_ns - stamp))
         if abs(best.stamp_ns - stamp) > self._slop_ns:
-            raise InputError(
+            raise UnmatchedImageError(
                 f"no joint state of {role} within {self._slop_ns / 1e6:.0f} ms of the image "
-                f"at {stamp / 1e9:.3f} s; check that camera and arm share a clock"
+                f"at {stamp / 1e9:.3f} s, the nearest is of {best.stamp_ns / 1e9:.3f} s; check that camera "
+                f"and arm share a clock"
             )
         return best
 
@@ -118,7 +123,8 @@ class Assembler:
 class PatientAssembler:
     """An `Assembler` of wanted images alone, which gives up only after many bad messages in a row.
 
-    Most images are nobody's business: only those that somebody asked for are put together.
+    Most images are nobody's business: only those that somebody asked for are put together. On a busy computer
+    joint states get lost on the way, and the image of their time with them: it is left out and counted.
     """
 
     def __init__(self, cell: CellSpec, max_bad_frames: int, log: Callable[[str, str], None]) -> None:
@@ -126,6 +132,7 @@ class PatientAssembler:
         self._assembler = Assembler(cell)
         self._most, self._log = max_bad_frames, log
         self.bad_frames = 0  # in a row
+        self.left_out = 0  # images without joint states, since the start
 
     def take(self, topic: str, message: Any, wanted: Callable[[int], bool]) -> Observation | None:
         """As `Assembler.take`, of images whose stamp [ns] is wanted.
@@ -141,9 +148,18 @@ class PatientAssembler:
             self.bad_frames += 1
             if self.bad_frames >= self._most:
                 raise
-            self._log("error", f"refused a message on {topic}: {error}")
+            if isinstance(error, UnmatchedImageError):
+                self._leave_out(error)
+            else:
+                self._log("error", f"refused a message on {topic}: {error}")
             return None
         if observation is None:
             return None
         self.bad_frames = 0
         return observation if wanted(observation.stamp_ns) else None
+
+    def _leave_out(self, error: UnmatchedImageError) -> None:
+        """Log the first such image, and every tenfold."""
+        self.left_out += 1
+        if str(self.left_out).rstrip("0") == "1":
+            self._log("warn", f"{self.left_out} images left out so far: {error}")

@@ -87,6 +87,7 @@ class ModelUpdater(Behaviour):
         return {
             "updates": str(self._updates),
             "bad_frames_in_a_row": str(self._frames.bad_frames),
+            "images_left_out": str(self._frames.left_out),
             "why_stopped": self._agent.estimate.why_stopped,
         }
 

@@ -137,6 +137,7 @@ class PolicyNode(Behaviour):
             "policy": self._settings.policy,
             "residual_version": str(self._residual_version),
             "bad_frames_in_a_row": str(self._inputs.bad_frames),
+            "images_left_out": str(self._inputs.left_out),
         }
 
     def _on_weights(self, message: Any) -> None:

@@ -164,12 +164,17 @@ class SimBridge(CellNode):
         core = self._core
         return {
             "real_time_factor": f"{self._rate:.3f}",
-            "longest_gap_s": f"{self._longest_gap_s:.4f}",
+            "longest_gap_s": f"{self._longest_wall_gap():.4f}",
             "sim_time_s": f"{core.time_ns * 1e-9:.3f}" if core else "0",
             "published": str(self._published),
             "command_lead_min_ms": f"{self._least_lead_ms():.1f}",
             "refused_commands": str(core.guards.refused_commands) if core else "0",
         }
+
+    def _longest_wall_gap(self) -> float:
+        """Longest standstill of the simulation since the last report, wall time [s]."""
+        gap, self._longest_gap_s = self._longest_gap_s, 0.0
+        return gap
 
     def _least_lead_ms(self) -> float:
         """Worst lead of commands since the last report; negative means that they came too late."""

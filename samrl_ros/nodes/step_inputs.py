@@ -70,6 +70,11 @@ class StepInputs:
         """Messages in a row that could not be used."""
         return self._frames.bad_frames
 
+    @property
+    def left_out(self) -> int:
+        """Images without joint states of their time, since the start."""
+        return self._frames.left_out
+
     def take(self, topic: str, message: Any) -> StepInput | None:
         """Hand in one message of `INPUTS`; returns what a request is answered from, once all of it is there.
 

@@ -83,6 +83,7 @@ class ViewPlannerNode(Behaviour):
             "views_chosen": str(self._moves),
             "strategy": self._settings.strategy,
             "bad_frames_in_a_row": str(self._inputs.bad_frames),
+            "images_left_out": str(self._inputs.left_out),
         }
 
     def _plan_view(self, found: StepInput) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
+from samrl_core.common.errors import InputError
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
@@ -25,6 +26,7 @@ class Listener:
         from samrl_ros.nodes.step_inputs import StepInputs
 
         self.logs: list[tuple[str, str]] = []
+        self.joints_lost = False
         self.inputs = StepInputs(stage, NAMES, CELL, 30, lambda *entry: self.logs.append(entry))
         self._take("camera/calibration", to_message.calibration(CELL))
 
@@ -50,8 +52,8 @@ class Listener:
         self._take("camera/color/camera_info", to_message.camera_info(k, stamp, ""))
         found = None
         for role in ("tool_arm", "camera_arm"):
-            zero = np.zeros(7)
-            message = to_message.joint_state(ArmReading(stamp, zero, zero, zero), CELL.arm(role).joint_names)
+            zero, now = np.zeros(7), stamp + 50 * MS * self.joints_lost
+            message = to_message.joint_state(ArmReading(now, zero, zero, zero), CELL.arm(role).joint_names)
             found = self._take(f"{role}/joint_states", message) or found
         return found
 
@@ -131,6 +133,22 @@ def test_where_the_image_was_lost_the_next_one_answers() -> None:
     listener.state(1200)
     assert listener.ask("act", 1300) is None
     assert listener.image(1400) == (1200, 1400)
+
+
+def test_images_without_joint_states_are_left_out_and_told_now_and_then() -> None:
+    """Joint states got lost on the way; a clock of another time ends it."""
+    listener = Listener("act")
+    listener.image(900)
+    listener.ask("update", 1000)
+    listener.joints_lost = True
+    for ms in range(1100, 1100 + 29 * 100, 100):
+        listener.image(ms)
+    assert listener.inputs.left_out == 29 == listener.inputs.bad_frames
+    assert [level for level, _ in listener.logs] == ["warn", "warn"]
+    assert "1 images left out so far: no joint state of tool_arm" in listener.logs[0][1]
+    assert listener.logs[1][1].startswith("10 images")
+    with pytest.raises(InputError, match="share a clock"):
+        listener.image(4000)
 
 
 def test_a_new_episode_forgets() -> None:

@@ -4,6 +4,7 @@
 #   make fuzz    100,000 damaged inputs to every reader (FUZZ: their number, SEED)
 #   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts)
 #   make bench   the cell's benchmark                  make docs   documents generated from code
+#   make soak    episodes of all tasks in turn (HOURS) in SOAK; again, an interrupted soak goes on
 #   make bench-model   the model beside its peers, which it installs (Mitsuba needs Debian's libllvm19)
 #   make clean   remove .venv and caches (recordings in out/ stay)
 # Variables: PYTHON (3.11, or 3.12 with a self-built pybullet), TASK, SEED, EPISODES, WORKERS (of the tests).
@@ -14,6 +15,8 @@ SEED     ?= 0
 EPISODES ?= 1
 FUZZ     ?= 100000
 ONLY     ?=
+HOURS    ?= 2
+SOAK     ?= out/soak
 WORKERS  ?= $(shell n=$$(nproc); echo $$((n < 8 ? n : 8)))
 
 VENV  := .venv
@@ -31,7 +34,7 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: setup cell test check slow fuzz faults bench bench-model docs clean
+.PHONY: setup cell test check slow fuzz faults soak bench bench-model docs clean
 .DELETE_ON_ERROR:
 
 setup: $(BUILT)
@@ -71,6 +74,9 @@ fuzz: $(BUILT)
 
 faults: $(BUILT)
 	$(BIN)/python -m tests.faults.bench --only "$(ONLY)"
+
+soak: $(BUILT)
+	$(BIN)/samrl bench soak --out $(SOAK) --hours $(HOURS)
 
 bench: $(BUILT)
 	@mkdir -p out

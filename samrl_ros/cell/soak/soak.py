@@ -62,18 +62,22 @@ def run_soak(options: SoakOptions, stop: threading.Event, say: Callable[[str], N
     return turns
 
 
+def cell_command(options: SoakOptions, task: str, seed: int, out: Path) -> list[str]:
+    """What a turn runs."""
+    command = [sys.executable, "-m", "samrl_ros.cli.main", "cell", "--task", task, "--seed", str(seed)]
+    return [*command, "--episodes", str(options.episodes), "--layout", options.layout, "--out", str(out)]
+
+
 def _run_turn(
     options: SoakOptions, folder: Path, task: str, number: int, left_s: float, stop: threading.Event
 ) -> dict[str, Any]:
     """One `samrl cell`; its figures are written to the turn's folder."""
     folder.mkdir(parents=True)
     seed = options.seed + number * options.episodes
-    command = [sys.executable, "-m", "samrl_ros.cli.main", "cell", "--task", task, "--seed", str(seed)]
-    command += ["--episodes", str(options.episodes), "--layout", options.layout, "--out", str(folder / "run")]
     begun = time.monotonic()
     with (folder / "console.log").open("wb") as log:
         cell = subprocess.Popen(
-            command,
+            cell_command(options, task, seed, folder / "run"),
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,

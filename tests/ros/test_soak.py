@@ -165,6 +165,17 @@ def test_an_interrupted_turn_counts_as_far_as_it_came(tmp_path: Path, cells: lis
     assert turn["exit_code"] == 130 and turn["episodes"] == 1 and not turn["error"]
 
 
+def test_a_turn_that_was_interrupted_at_once_is_run_again(tmp_path: Path, cells: list[str]) -> None:
+    stop = threading.Event()
+    stop.set()
+    options = SoakOptions(out=tmp_path, tasks=("peg_insertion",))
+    assert soak.run_soak(options, stop, lambda text: None) == [] and not cells
+    stop.clear()
+    cells.append("hangs")
+    assert soak.run_soak(options, stop, lambda text: stop.set()) == []
+    assert len(cells) == 2 and not list(tmp_path.glob("turn-*"))
+
+
 def test_a_turn_whose_cell_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(soak, "cell_command", lambda *_: [sys.executable, "-c", "raise SystemExit(3)"])
     told: list[str] = []

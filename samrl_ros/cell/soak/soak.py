@@ -53,6 +53,7 @@ def run_soak(options: SoakOptions, stop: threading.Event, say: Callable[[str], N
             say(f"turn {number}: {task}, {options.episodes} episodes; {left / 60:.0f} min left")
             turn = _run_turn(options, folder, task, number, left, stop)
             if stop.is_set() and not turn["episodes"]:
+                rmtree(folder)  # to be run again
                 break
             turns.append(folder)
             spent += turn["wall_s"]
@@ -108,7 +109,7 @@ def _run_turn(
     elif asked_to_stop and cell.returncode == INTERRUPTED:
         turn["error"] = ""  # it was we who interrupted it
     write_whole(folder / TURN, json.dumps(turn, indent=1) + "\n")
-    if not options.keep_bags:
+    if not options.keep_bags and turn["episodes"]:  # the bag of a failure is needed
         rmtree(folder / "run" / "bag", ignore_errors=True)
     return turn
 

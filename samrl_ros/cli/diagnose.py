@@ -6,7 +6,9 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
 from rich.markup import escape
 
@@ -24,27 +26,34 @@ NAMED = ("effect", "ambiguous", "none_of_mine")
 
 @dataclass(frozen=True)
 class DiagnoseOptions:
-    """As on the command line."""
+    """Options of `samrl diagnose`."""
 
-    bags: tuple[Path, ...]
-    held_out: tuple[Path, ...]
-    out: Path
-    arm: str | None
-    urdf: Path | None
-    tolerances: Path | None
-    library: Path | None
-    seed: int
-    fail_on_gap: bool
-    null_worlds: int = 0
+    bags: Annotated[
+        tuple[Path, ...], typer.Argument(help="Bags to fit (.mcap, bag folders, or a folder of bags).")
+    ]
+    held_out: Annotated[
+        tuple[Path, ...],
+        typer.Option(help="Bags never fitted; without it, the last of several is one."),
+    ] = ()
+    out: Annotated[Path, typer.Option(help="Folder of report.json and report.html.")] = Path("out/diagnosis")
+    arm: Annotated[str | None, typer.Option(help="tool_arm or camera_arm; else the one that moves.")] = None
+    urdf: Annotated[Path | None, typer.Option(help="Nominal model, in place of the bags' own.")] = None
+    tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None
+    library: Annotated[Path | None, typer.Option(help="Families that may be named (YAML list).")] = None
+    seed: Annotated[int, typer.Option(help="Of bootstrap and sampling.", min=0)] = 0
+    null_worlds: Annotated[
+        int, typer.Option(help="Simulate as many worlds without an effect for the threshold.", min=0)
+    ] = 0
+    fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 on a gap.")] = False
 
 
-def diagnose_bags(options: DiagnoseOptions, console: Console | None = None) -> int:
+def diagnose_bags(options: DiagnoseOptions) -> int:
     """Diagnose and write the report; the exit code of the contract.
 
     Raises:
         InputError: the recordings cannot be used; nothing was written.
     """
-    screen = console or Console()
+    screen = Console()
     if (options.out / "report.json").exists():
         raise InputError(f"{options.out} has a report already; give another --out, reports are not replaced")
     from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose

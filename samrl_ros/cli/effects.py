@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -9,17 +13,26 @@ from rich.table import Table
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
 from samrl_core.diagnosis.effects.effect import Effect
+from samrl_ros.contract.exit_codes import OK
 
 
-def show_effects(family: str | None, console: Console) -> None:
+@dataclass(frozen=True)
+class EffectsOptions:
+    """Options of `samrl effects`."""
+
+    family: Annotated[str | None, typer.Argument(help="One family in full; without it, the table.")] = None
+
+
+def show_effects(options: EffectsOptions) -> int:
     """Print the table, or everything about one family.
 
     Raises:
         InputError: no effect of that name.
     """
-    if family is not None:
-        _show_one(_find(family), console)
-        return
+    console = Console()
+    if options.family is not None:
+        _show_one(_find(options.family), console)
+        return OK
     table = Table("no.", "family", "acts on", "places", "formula", "shown by")
     for effect in EFFECTS:
         table.add_row(
@@ -33,6 +46,7 @@ def show_effects(family: str | None, console: Console) -> None:
     console.print(table)
     for name, reason in NOT_BY_JOINTS.items():
         console.print(f"not by joint channels: {name}: {escape(reason)}", highlight=False)
+    return OK
 
 
 def _find(family: str) -> Effect:

@@ -1,11 +1,13 @@
-"""`samrl excite`: what the command does, apart from how its options are parsed."""
+"""`samrl excite`: excitation trajectories played on the cell, into bags."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress, TextColumn
@@ -15,22 +17,35 @@ from samrl_core.cell.excitation import KINDS, SETS, Run, TrajectoryFile, file_ru
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
+from samrl_core.cell.world import DEFAULT_WORLD
 from samrl_core.common.errors import InputError
 from samrl_ros.cell.excite_cell import CellPlayer, payloads
 from samrl_ros.contract.exit_codes import INTERRUPTED, OK
 from samrl_ros.recordings.write import write_recording
 
 
-def excite(
-    trajectories: Sequence[Path],
-    which: str | None,
-    arm: str | None,
-    out: Path,
-    seed: int,
-    duration_s: float,
-    world: str = "pybullet",
-    cell_name: str = DEFAULT_CELL,
-) -> int:
+@dataclass(frozen=True)
+class ExciteOptions:
+    """Options of `samrl excite`."""
+
+    trajectories: Annotated[
+        tuple[Path, ...], typer.Argument(help="Trajectory files (YAML), as a diagnosis proposes them.")
+    ] = ()
+    sets: Annotated[
+        str | None, typer.Option("--set", help="all, A (slow), B (multisine) or C (task-like, held out).")
+    ] = None
+    arm: Annotated[str | None, typer.Option(help="tool_arm (default) or camera_arm.")] = None
+    out: Annotated[Path, typer.Option(help="Folder for the bags; existing bags are not replaced.")] = Path(
+        "out/excite"
+    )
+    seed: Annotated[int, typer.Option(help="Of the sets' motions and the world's noise.", min=0)] = 0
+    duration: Annotated[float, typer.Option(help="Length of each set in seconds.", min=1.0, max=600.0)] = 15.0
+    world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = DEFAULT_WORLD
+    cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL
+    kinds: Annotated[bool, typer.Option("--list", help="Only list the kinds of trajectory file.")] = False
+
+
+def excite(options: ExciteOptions) -> int:
     """Play the sets, or trajectory files, and leave one bag of each in `out`; returns the exit code.
 
     A bag has its name only when it is complete.
@@ -39,8 +54,11 @@ def excite(
         InputError: a file that is refused, an arm that does not fit it, or a bag that exists.
         LimitError: a motion that the arm must not make.
     """
-    task, cell = task_named(DEFAULT_TASK), cell_named(cell_name)
-    runs = _runs(trajectories, which, arm, seed, duration_s, cell)
+    if options.kinds:
+        Console().print(kinds_table())
+        return OK
+    task, cell, out = task_named(DEFAULT_TASK), cell_named(options.cell), options.out
+    runs = _runs(options, cell)
     targets = [
         (out / role / f"{run.name}.mcap" if _mixed(runs) else out / f"{run.name}.mcap") for role, run in runs
     ]
@@ -62,7 +80,7 @@ def excite(
                 def progress(what: str, done: float, total: float, shown=shown) -> None:
                     bar.update(shown, completed=done, total=total, what=escape(what))
 
-                recording = CellPlayer(role, task, cell, world, seed).record(run, progress)
+                recording = CellPlayer(role, task, cell, options.world, options.seed).record(run, progress)
                 bar.update(shown, what="writing")
                 write_recording(recording, path)
                 bar.update(shown, what="done")
@@ -105,14 +123,8 @@ def _mixed(runs: list[tuple[str, Run]]) -> bool:
     return len({role for role, _ in runs}) > 1
 
 
-def _runs(
-    trajectories: Sequence[Path],
-    which: str | None,
-    arm: str | None,
-    seed: int,
-    duration_s: float,
-    cell: CellSpec,
-) -> list[tuple[str, Run]]:
+def _runs(options: ExciteOptions, cell: CellSpec) -> list[tuple[str, Run]]:
+    arm, which = options.arm, options.sets
     if arm is not None and arm not in ROLES:
         raise InputError(f"--arm is {arm!r}; choose {' or '.join(ROLES)}")
     choices = {"all": "ABC", "ALL": "ABC"} | {letter: letter for letter in SETS}
@@ -120,11 +132,12 @@ def _runs(
         raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}")
     loads = payloads(task_named(DEFAULT_TASK), cell)
     runs: list[tuple[str, Run]] = []
-    if which is not None or not trajectories:
+    if which is not None or not options.trajectories:
         role = arm or "tool_arm"
         for letter in choices[(which or "all").upper()]:
-            runs.append((role, set_run(letter, cell.arm(role), loads[role], seed, duration_s)))
-    for path in trajectories:
+            motion = set_run(letter, cell.arm(role), loads[role], options.seed, options.duration)
+            runs.append((role, motion))
+    for path in options.trajectories:
         file = TrajectoryFile.read(path)
         if arm not in (None, file.arm):
             raise InputError(

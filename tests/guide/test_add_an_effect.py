@@ -18,14 +18,13 @@ BLOCK = re.compile(r"^```(python|diff) (\S+)\n(.*?)^```$", re.M | re.S)
 DIAGNOSE = """
 import json, sys
 from pathlib import Path
-from rich.console import Console
 from samrl_core.blind_test.worlds.plan import PlanItem, PlannedEffect
 from samrl_core.blind_test.worlds.world import make_world
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.report.terminal import summary
 from samrl_core.diagnosis.report.write_report import write_report
-from samrl_ros.cli.effects import show_effects
+from samrl_ros.cli.effects import EffectsOptions, show_effects
 
 planned = PlannedEffect("fan_drag", "joint:panda_joint2", "T0", 0.95, None)
 worlds, label, _ = make_world(PlanItem("w", "single", "pybullet", "tool_arm", 0, (planned,), 1.0, 3, 4.0))
@@ -35,7 +34,7 @@ diagnosis, _ = diagnose([worlds["A"], worlds["B"]], [worlds["C"]], settings)
 write_report(diagnosis, Path(sys.argv[1]))
 Path(sys.argv[1], "label.json").write_text(json.dumps(label))
 print("\\n".join(summary(diagnosis)))
-show_effects("fan_drag", Console())
+show_effects(EffectsOptions("fan_drag"))
 """
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError
+from samrl_ros.cli.main import run
 from samrl_ros.interfaces import build as build_module
 from samrl_ros.interfaces import compile as compile_module
 from samrl_ros.interfaces.build import Target, build, is_current, remove, this_environment
@@ -34,6 +35,11 @@ def test_the_built_tf_message_is_the_one_of_other_ros_systems() -> None:
 @pytest.mark.ros
 def test_the_environment_is_current_and_nothing_is_built_again() -> None:
     assert build() == []
+
+
+@pytest.mark.ros
+def test_the_command_builds_what_is_not_current(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["interfaces"]) == 0 and "are current" in capfd.readouterr().out
 
 
 @pytest.mark.ros

@@ -37,9 +37,7 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Named:
             if not bags.exists():
                 import_machine(machine, bags)
             source = bags if recording is None else bags / f"{recording}.mcap"
-            options = DiagnoseOptions(
-                (source,), (), folder / "unused", None, None, None, None, seed=0, fail_on_gap=False
-            )
+            options = DiagnoseOptions((source,), out=folder / "unused")
             fit, held_out, notes = load(options)
             settings = DiagnosisSettings()
             done[machine, recording] = diagnose(fit, held_out, settings, notes)[0]

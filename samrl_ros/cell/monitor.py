@@ -11,17 +11,19 @@ from typing import Any
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
+from samrl_core.cell.robots.robot import ROLES
 from samrl_ros.cell.incidents import Incident
 from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.topics import NAMESPACE, TOPICS, arm_topic, cell_topic
+from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes.standstill import ESTOP
 
-CLOCK_SILENCE_S = 10.0  # wall time without joint states, once they have come, that means the bridge is gone
-PROGRESS_SILENCE_S = 180.0  # wall time without a new phase that means the cell is stuck
+PROGRESS_SILENCE_S = 180.0  # robot time without a new phase that means the cell is stuck
+STEP_S = 1.0  # a longer step of robot time is a restart, not time that went by
 JOINTS = arm_topic("tool_arm", "joint_states")
 PHASE, OUTCOME, SAFETY = cell_topic("phase"), cell_topic("supervisor/outcome"), cell_topic("safety_state")
-NOMINAL = cell_topic("policy/nominal_action")
+NOMINAL, NODE_WATCH = cell_topic("policy/nominal_action"), cell_topic("node_watch")
 
 
 @dataclass
@@ -50,8 +52,10 @@ class Watch:
     incidents: list[Incident] = field(default_factory=list)
     begun: float = field(default_factory=time.monotonic)
     nodes: dict[str, NodeFigures] = field(default_factory=dict)
-    last_joints: float = 0.0
-    last_progress: float = 0.0
+    last_joints: float = 0.0  # monotonic [s]
+    reports: int = 0  # of sim_bridge on /diagnostics since then
+    robot_s: float = 0.0  # robot time that went by, of the joint states' stamps
+    progress_s: float = 0.0  # of it, at the newest phase
     episode_since: float = field(default_factory=time.monotonic)
 
 
@@ -85,9 +89,15 @@ class Monitor:
             (SAFETY, self._on_safety),
             ("/diagnostics", self._on_diagnostics),
             (JOINTS, self._on_joints),
+            *((arm_topic(role, "motion_status"), self._on_status) for role in ROLES),
         ):
             topic = TOPICS[name]
             self._node.create_subscription(message_class(topic.type), name, callback, qos_named(topic.qos))
+        self._stamp_s = 0.0
+        watch = TOPICS[NODE_WATCH]
+        self._publisher = self._node.create_publisher(
+            message_class(watch.type), NODE_WATCH, qos_named(watch.qos)
+        )
 
     def spin(self, timeout_s: float = 0.05) -> None:
         """Take in what has come."""
@@ -102,18 +112,32 @@ class Monitor:
         figures = self.watch.nodes.get(f"{NAMESPACE}/{node}")
         return figures is not None and figures.values.get("state") == "active"
 
-    def trouble(self) -> str:
-        """Why the run cannot go on, empty while it can."""
-        now, watch = time.monotonic(), self.watch
+    def has_joint_publisher(self) -> bool:
+        """Whether somebody publishes joint states; a participant that is dead leaves the graph in seconds."""
+        return self._node.count_publishers(JOINTS) > 0
+
+    def publish_watch(self, node: str, level: int, text: str) -> None:
+        """Tell the cell that a node is away (2: it starts anew, 1: it is held) or back (0)."""
+        self._publisher.publish(to_message.diagnostic(node, level, text, {}))
+
+    def forget(self, node: str) -> None:
+        """What a node reported so far came from a process that is not there any more."""
+        self.watch.nodes.pop(f"{NAMESPACE}/{node}", None)
+
+    def excuse_progress(self) -> None:
+        """Nobody expects a new phase now."""
+        self.watch.progress_s = self.watch.robot_s
+
+    def trouble(self, excused: frozenset[str] = frozenset()) -> str:
+        """Why the run cannot go on, empty while it can; somebody else looks after excused nodes."""
+        watch = self.watch
         for name, figures in watch.nodes.items():
-            if figures.level >= 2:
+            if figures.level >= 2 and name.rpartition("/")[2] not in excused:
                 return f"{name}: {figures.text}"
-        if watch.last_joints and now - watch.last_joints > CLOCK_SILENCE_S:
-            return f"no joint states for {CLOCK_SILENCE_S:.0f} s: sim_bridge (or the arm's driver) is gone"
         if watch.estop:
-            return ""
-        if watch.last_progress and now - watch.last_progress > PROGRESS_SILENCE_S:
-            return f"no progress for {PROGRESS_SILENCE_S:.0f} s in phase {watch.phase!r}"
+            self.excuse_progress()
+        if watch.phases and watch.robot_s - watch.progress_s > PROGRESS_SILENCE_S:
+            return f"no progress in {PROGRESS_SILENCE_S:.0f} s of robot time, in phase {watch.phase!r}"
         return ""
 
     def arms_stopped(self) -> str:
@@ -127,12 +151,16 @@ class Monitor:
         self._executor.shutdown()
 
     def _on_joints(self, message: Any) -> None:
-        self.watch.last_joints = time.monotonic()
+        self.watch.last_joints, self.watch.reports = time.monotonic(), 0
+        stamp_s = from_message.stamp_ns(message) * 1e-9
+        step_s, self._stamp_s = stamp_s - self._stamp_s, stamp_s
+        if 0.0 < step_s < STEP_S:
+            self.watch.robot_s += step_s
 
     def _on_phase(self, message: Any) -> None:
         self.watch.phase = message.data
         self.watch.phases += 1
-        self.watch.last_progress = time.monotonic()
+        self.excuse_progress()
         if message.data.startswith("episode "):
             self.watch.episode_since = time.monotonic()
             self._marks = self.watch.marks.setdefault(int(message.data.split()[1]), [])
@@ -173,9 +201,12 @@ class Monitor:
             self._on_event(f"  to go on:  {reset_command()}")
         elif watch.estop and not reason:
             waited = time.monotonic() - watch.estop_since
-            watch.last_progress = time.monotonic()
             self.note("reset", f"emergency stop reset after {waited:.0f} s; the run goes on")
         watch.estop = reason
+
+    def _on_status(self, message: Any) -> None:
+        if message.status == message.STOPPED:
+            self.note("motion", f"{message.arm}: {message.message}")
 
     def _on_diagnostics(self, message: Any) -> None:
         now = time.monotonic()
@@ -183,3 +214,5 @@ class Monitor:
             values = {v.key: v.value for v in status.values}
             self.watch.nodes[status.name] = NodeFigures(status.level[0], status.message, values, now)
             self._on_figures(status.name, values)
+            if status.name == f"{NAMESPACE}/sim_bridge":
+                self.watch.reports += 1

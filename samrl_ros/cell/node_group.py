@@ -6,8 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,15 @@ SWITCH_INTERVAL_S = 2e-4
 COMPUTING = (("model_updater",), ("view_planner", "policy"), ("residual_trainer",))
 
 
+@dataclass(frozen=True)
+class Home:
+    """Where nodes live."""
+
+    nodes: tuple[str, ...]
+    pid: int
+    threads: frozenset[int] = frozenset()  # native ids of theirs; empty where the process is theirs alone
+
+
 class ThreadGroup:
     """Every node with its own executor thread in this process."""
 
@@ -30,6 +41,7 @@ class ThreadGroup:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         one_thread_per_library()
         give_freed_memory_back()
+        self._names: list[str] = []
         self._threads: list[Any] = []
 
     def start(self, names: Sequence[str]) -> None:
@@ -39,6 +51,7 @@ class ThreadGroup:
 
         for name in names:
             thread = NodeThread(make_node(name))
+            self._names.append(name)
             self._threads.append(thread)
             thread.start()
 
@@ -46,9 +59,26 @@ class ThreadGroup:
         """All nodes share this process."""
         return {"cell": os.getpid()}
 
+    def homes(self) -> list[Home]:
+        """Each node with its threads, by their names."""
+        found = []
+        for name in self._names:
+            own = {t.native_id for t in threading.enumerate() if t.name.partition(" ")[0] == name}
+            found.append(Home((name,), os.getpid(), frozenset(one for one in own if one is not None)))
+        return found
+
+    def ended(self) -> dict[tuple[str, ...], str]:
+        """Nodes that do not work any more, and why."""
+        pairs = zip(self._names, self._threads, strict=True)
+        return {(name,): thread.failure for name, thread in pairs if thread.failure}
+
+    def restarts_alone(self, nodes: tuple[str, ...]) -> bool:
+        """Threads share their process's memory: none is started anew."""
+        return False
+
     def trouble(self) -> str:
         """The first failure, empty while all work."""
-        return next((thread.failure for thread in self._threads if thread.failure), "")
+        return next(iter(self.ended().values()), "")
 
     def stop(self) -> str:
         """Stop in reverse order; returns what did not stop."""
@@ -86,9 +116,29 @@ class MixedGroup:
         """Process ids: the computing nodes, and this process for all others."""
         return {**self._threads.pids(), **self._processes.pids()}
 
+    def homes(self) -> list[Home]:
+        """Where each node lives."""
+        return self._processes.homes() + self._threads.homes()
+
+    def ended(self) -> dict[tuple[str, ...], str]:
+        """Nodes that do not work any more, and why."""
+        return {**self._processes.ended(), **self._threads.ended()}
+
+    def restarts_alone(self, nodes: tuple[str, ...]) -> bool:
+        """Whether these have a process of their own."""
+        return self._processes.restarts_alone(nodes)
+
+    def restart(self, nodes: tuple[str, ...]) -> None:
+        """Start nodes anew whose process has ended."""
+        self._processes.start_process(nodes)
+
+    def kill(self, nodes: tuple[str, ...]) -> None:
+        """End the process of nodes at once."""
+        self._processes.kill(nodes)
+
     def trouble(self) -> str:
         """The first failure, empty while all work."""
-        return self._processes.trouble() or self._threads.trouble()
+        return next(iter(self.ended().values()), "")
 
     def stop(self) -> str:
         """Stop the threads first: the recorder's among them has then heard all."""
@@ -114,7 +164,7 @@ class ProcessGroup:
         command = [sys.executable, "-m", "samrl_ros.ros2_run", *nodes, *self._arguments]
         name = "+".join(nodes)
         path = self._logs / f"{name}.log"
-        with room_for(path), path.open("wb") as log:
+        with room_for(path), path.open("ab") as log:
             self._children[name] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
@@ -128,14 +178,36 @@ class ProcessGroup:
         """Process ids by the names of their nodes."""
         return {name: child.pid for name, child in self._children.items()}
 
-    def trouble(self) -> str:
-        """The first child that has ended, with the end of its log; empty while all run."""
+    def homes(self) -> list[Home]:
+        """Each child with its nodes."""
+        return [Home(tuple(name.split("+")), child.pid) for name, child in self._children.items()]
+
+    def ended(self) -> dict[tuple[str, ...], str]:
+        """Children that have ended, each with the end of its log."""
+        found = {}
         for name, child in self._children.items():
             code = child.poll()
             if code is not None:
                 how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-                return f"{name} {how}; its log: {self._logs / f'{name}.log'}{self._tail(name)}"
-        return ""
+                log = self._logs / f"{name}.log"
+                found[tuple(name.split("+"))] = f"{name} {how}; its log: {log}{self._tail(name)}"
+        return found
+
+    def restarts_alone(self, nodes: tuple[str, ...]) -> bool:
+        """Whether these have a process of their own."""
+        return "+".join(nodes) in self._children
+
+    def restart(self, nodes: tuple[str, ...]) -> None:
+        """Start nodes anew whose process has ended."""
+        self.start_process(nodes)
+
+    def kill(self, nodes: tuple[str, ...]) -> None:
+        """End the process of nodes at once."""
+        self._children["+".join(nodes)].kill()
+
+    def trouble(self) -> str:
+        """The first child that has ended, empty while all run."""
+        return next(iter(self.ended().values()), "")
 
     def stop(self) -> str:
         """SIGINT in reverse order, then SIGKILL for what hangs; returns what had to be killed."""

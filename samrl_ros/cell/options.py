@@ -65,6 +65,9 @@ class CellOptions:
     estop_wait: Annotated[
         float, typer.Option(help="Longest wait for an emergency stop's reset [s], 0 for ever.", min=0.0)
     ] = 0.0
+    restarts: Annotated[
+        int, typer.Option(help="Restarts of a node's process in a run, 0 for none.", min=0)
+    ] = 3
     params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None
     node_args: tuple[str, ...] = ()  # further --ros-args
 

@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rich.console import Console
@@ -31,7 +32,6 @@ VISITED = "visited.npz"  # of a run's folder: states that Real2Sim found, to lea
 SETTLING_S = 0.5  # wall time in which the last messages reach the recorder
 BRAKING_S = 2.0  # wall time in which the bridge brakes arms whose commands ceased, and the recorder sees it
 DISCOVERY_S = 1.0  # wall time in which whoever is in the ROS domain already is heard of
-START_TIMEOUT_S = 180.0  # wall time until all nodes are active; the first compiles the renderer's kernels
 
 
 def run_cell(
@@ -162,7 +162,7 @@ def _watch_run(
         trouble = ""
         compilations = CompilationTeller(logs)
         try:
-            care = Supervision(group, monitor, options.estop_wait)
+            care = Supervision(group, monitor, options.estop_wait, options.restarts)
             trouble = _bring_up(group, monitor, care, stop, compilations)
             while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
                 monitor.spin()
@@ -195,16 +195,13 @@ def _bring_up(group: Any, monitor: Any, care: Any, stop: Any, compilations: Comp
     """Start all nodes but the supervisor, wait until they are active, then start the supervisor."""
     others = NODES[:-1]
     group.start(others)
-    deadline = time.monotonic() + START_TIMEOUT_S
     while not all(monitor.is_active(name) for name in others):
         monitor.spin()
         compilations.report()
-        trouble = _trouble(care.trouble, stop)
+        late = tuple(name for name in others if not monitor.is_active(name))
+        trouble = _trouble(partial(care.late, late), stop)
         if trouble or stop.is_set():
             return trouble
-        if time.monotonic() > deadline:
-            late = [name for name in others if not monitor.is_active(name)]
-            return f"nodes not active after {START_TIMEOUT_S:.0f} s: {', '.join(late)}"
     group.start(NODES[-1:])
     return ""
 

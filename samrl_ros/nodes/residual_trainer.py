@@ -111,9 +111,7 @@ class ResidualTrainer(Behaviour):
         self._assembler = assembly.Assembler(cell)
         self._asked_ns: int | None = None  # stamp of the newest request for an update
         self._frames: OrderedDict[int, Observation] = OrderedDict()  # since then, by stamp
-        self._chosen: tuple[tuple[int, int], Observation] | None = (
-            None  # episode and step, and their observation
-        )
+        self._chosen: tuple[tuple[float, ...], Observation] | None = None  # `_identity`, and what was seen
         self._recorded: tuple[int, int, int] | None = None  # episode of the cell, of the replay; last number
 
     def start(self) -> None:
@@ -149,11 +147,13 @@ class ResidualTrainer(Behaviour):
             return
         elif topic == REQUEST:
             if message.stage == "update":
+                if self._chosen is not None and self._chosen[0][:2] == (message.episode, message.step):
+                    self._cut()  # the action was given up, and the step begins anew
                 self._asked_ns = from_message.stamp_ns(message)
                 self._frames.clear()
         elif topic == ACTION:
-            observation = self._frames.get(from_message.stamp_ns(message))
-            self._chosen = ((message.episode, message.step), observation) if observation is not None else None
+            seen = self._frames.get(from_message.stamp_ns(message))
+            self._chosen = (_identity(message), seen) if seen is not None else None
         elif topic not in assembly.FRAME or self._wanted(from_message.stamp_ns(message)):
             self._see(topic, message)
 
@@ -205,9 +205,8 @@ class ResidualTrainer(Behaviour):
         """An executed action, with the image that the model was updated from before it was chosen."""
         if self._replay is None:
             return
-        key = (message.episode, message.step)
         chosen, self._chosen = self._chosen, None
-        if chosen is None or chosen[0] != key:
+        if chosen is None or chosen[0] != _identity(message):
             self._missed += 1
             self._recorded = None  # the episode's end belongs to an action that is not there
             self._outbox.log("warn", f"action {message.step}: its image was not seen, it is not learnt from")
@@ -239,6 +238,12 @@ class ResidualTrainer(Behaviour):
             from_message.vector(message.executed),
         )
 
+    def _cut(self) -> None:
+        """What comes next does not follow from the last action alone."""
+        recorded, self._recorded, self._chosen = self._recorded, None, None
+        if recorded is not None and self._replay is not None:
+            self._replay.end_episode(recorded[2], End.CUT)
+
     def _end(self, message: Any) -> None:
         """Stores the episode's end with its last action; a fault says nothing about the action."""
         if self._replay is None:
@@ -249,3 +254,9 @@ class ResidualTrainer(Behaviour):
             end = End.SUCCESS if message.detected_success else End.FAILURE if limit else End.CUT
             self._replay.end_episode(recorded[2], end)
         self._look_after_training()
+
+
+def _identity(action: Any) -> tuple[float, ...]:
+    """Episode, step and what was asked for: a policy that was started anew may have chosen twice."""
+    n, r = action.nominal, action.residual
+    return (action.episode, action.step, n.x, n.y, n.z, r.x, r.y, r.z)

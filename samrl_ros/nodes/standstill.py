@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 SETTLE_NS = 200_000_000  # robot time after a change in which every node hears of it
 MOVED_M = 0.005  # farther than this is not where the tool stood, only a hand moves it so [m]
+MOST_AGAIN = 3  # motions of an episode that are begun anew after they were given up
 AT_REST = 0.02  # below this an arm stands [rad/s], as for the command guard
 ESTOP = "ESTOP"  # of the command guard's states
 STOPPED = ("FAULT", ESTOP)  # in which it follows no commands until a reset
@@ -16,6 +18,15 @@ STOPPED = ("FAULT", ESTOP)  # in which it follows no commands until a reset
 def stopped_arms(message: Any, states: tuple[str, ...]) -> tuple[str, ...]:
     """Arms that a `safety_state` message shows in one of the guard's states."""
     return tuple(value.key for value in message.values if value.value in states)
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """An episode may have to end, unless word of an emergency stop comes in time."""
+
+    since_ns: int
+    reason: str
+    void: bool = False  # a motion was given up: it can be begun anew
 
 
 class Standstill:
@@ -38,9 +49,9 @@ class Standstill:
         self.estop = estop
 
     def hear_node(self, message: Any, now_ns: int) -> None:
-        """Take a `node_watch` message: a node is away (level 2), or back."""
+        """Take a `node_watch` message: a node is away (level 1: held, 2: it starts anew), or back."""
         self._changed_ns = now_ns
-        if message.level >= b"\x02":
+        if message.level >= b"\x01":
             self.away[message.name] = message.message
         else:
             self.away.pop(message.name, None)

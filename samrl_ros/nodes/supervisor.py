@@ -21,7 +21,7 @@ from samrl_ros.contract.outcomes import TARGET_LOST
 from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
-from samrl_ros.nodes.standstill import MOVED_M, SETTLE_NS, Standstill
+from samrl_ros.nodes.standstill import MOST_AGAIN, MOVED_M, SETTLE_NS, Doubt, Standstill
 
 READY, PHASE = cell_topic("sim_bridge/ready"), cell_topic("phase")
 REQUEST, OUTCOME = cell_topic("supervisor/request"), cell_topic("supervisor/outcome")
@@ -117,8 +117,10 @@ class Supervisor(Behaviour):
         self._tip = np.zeros(3)
         self._sigma = float("nan")
         self._successes = 0
+        self._insists = False  # on an action: its node came back and may not have heard
+        self._again = 0  # motions of this episode that were given up and begun anew
         self._standstill = Standstill()
-        self._doubt: tuple[int, str] | None = None  # since when [ns], and why the episode may have to end
+        self._doubt: Doubt | None = None
         self.finished = False
 
     def start(self) -> None:
@@ -166,11 +168,11 @@ class Supervisor(Behaviour):
         self._now_ns = reading.stamp_ns
         self._tip = (self._arm.flange_in_base(reading.position) @ self._tip_in_flange).position
         self._standstill.see(self._tip, reading.velocity)
-        doubtful = self._doubt is not None and self._now_ns - self._doubt[0] >= SETTLE_NS
         if self._waiting_for in ("reset", "hold"):
             self._go_on()
-        elif doubtful and self._doubt is not None:
-            self._resolve(self._doubt[1])
+        elif self._doubt is not None:
+            if self._now_ns - self._doubt.since_ns >= SETTLE_NS and not self._standstill.away:
+                self._resolve(self._doubt)
         elif self._waiting_for in UNDER_WAY and not self._standstill.away:
             self._look_after_answer()
 
@@ -179,7 +181,7 @@ class Supervisor(Behaviour):
         if self._now_ns - self._patient_since_ns > timeout_ns:
             waited = f"within {self._settings.stage_timeout:g} s"
             self._end(False, f"error: no answer to {self._waiting_for!r} {waited}")
-        elif self._waiting_for in ("update", "view"):
+        elif self._waiting_for in ("update", "view") or (self._waiting_for == "act" and self._insists):
             # A request can be lost while the middleware still connects; asking twice for these is harmless.
             if self._now_ns - self._published_ns > int(self._settings.retry_period * 1e9):
                 self._publish_request(self._waiting_for)
@@ -217,21 +219,29 @@ class Supervisor(Behaviour):
         self._standstill.hear_node(message, self._now_ns)
         stage = self._waiting_for
         if message.name in self._standstill.away:
-            if message.name == REMEMBERS and stage in (*UNDER_WAY, "reset"):
+            lost = message.level >= b"\x02" and message.name == REMEMBERS
+            if lost and stage in (*UNDER_WAY, "reset"):
                 self._end(False, f"error: {message.name} {message.message}; its belief is lost")
             return
         self._patient_since_ns = self._now_ns
         if ANSWERS.get(stage) == message.name:
+            self._insists = True
             self._publish_request(stage)
 
-    def _resolve(self, reason: str) -> None:
+    def _resolve(self, doubt: Doubt) -> None:
+        """No emergency stop is behind it: begin the motion anew, from a new image, or give up."""
         self._doubt = None
-        if self._waiting_for != "start":
-            self._end(False, reason)
-        elif self._standstill.estop:
+        if self._waiting_for == "start":
+            if not self._standstill.estop:
+                self._fail(doubt.reason)
             self._waiting_for = "hold"
+        elif doubt.void and self._again < MOST_AGAIN:
+            self._again += 1
+            self._outbox.log("warn", f"episode {self._episode}: {doubt.reason}; begun anew from a new image")
+            self._state = self._state.interrupted()
+            self._ask("update")
         else:
-            self._fail(reason)
+            self._end(False, doubt.reason)
 
     def _on_ready(self, message: Any) -> None:
         if message.episode != self._episode or self._waiting_for not in ("start", "ready"):
@@ -240,7 +250,7 @@ class Supervisor(Behaviour):
             self._fail(f"the cell is laid out for {message.task!r}, not for {self._task.name!r}")
             return
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
-        self._state, self._state_ns = LoopState(), 0
+        self._state, self._state_ns, self._again = LoopState(), 0, 0
         self._mark(f"episode {self._episode}")
         if self._standstill.estop:
             self._stop_here()
@@ -280,7 +290,8 @@ class Supervisor(Behaviour):
         if message.status in (MotionStatus.REJECTED, MotionStatus.STOPPED):
             reason = f"error: {role} {message.message}"
             if self._settings.wait_for_reset:  # word of the emergency stop behind it may be under way
-                self._doubt = self._doubt or (self._now_ns, reason)
+                void = message.status == MotionStatus.STOPPED
+                self._doubt = self._doubt or Doubt(self._now_ns, reason, void)
             else:
                 self._end(False, reason)
         elif self._waiting_for == "camera" and role == "camera_arm":
@@ -290,7 +301,7 @@ class Supervisor(Behaviour):
             self._ask("update")
 
     def _ask(self, stage: str) -> None:
-        self._waiting_for, self._doubt = stage, None
+        self._waiting_for, self._doubt, self._insists = stage, None, False
         # Joint states that waited in the queue are older than the state that is asked about.
         self._now_ns = max(self._now_ns, self._state_ns)
         self._asked_ns = self._patient_since_ns = self._now_ns
@@ -342,7 +353,7 @@ class Supervisor(Behaviour):
             reason = f"the cell cannot start an episode: {response.message}"
             if not self._settings.wait_for_reset:
                 self._fail(reason)
-            self._doubt = (self._now_ns, reason)  # an emergency stop may be why
+            self._doubt = Doubt(self._now_ns, reason)  # an emergency stop may be why
         elif self._waiting_for == "start":
             self._waiting_for = "ready"
 

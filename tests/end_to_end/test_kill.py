@@ -36,6 +36,7 @@ class Cell:
         params = out.parent / "params.yaml"
         params.write_text("sim_bridge: {ros__parameters: {command_timeout: 0.3}}\n")  # two cores, other load
         options = ["--layout", layout, "--out", str(out), "--params", str(params), "--episodes", "3"]
+        options += ["--restarts", "0"]
         command = [sys.executable, "-m", "samrl_ros.cli.main", "cell", *options]
         with (out.parent / "output.txt").open("wb") as output:
             self.process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)

@@ -109,7 +109,16 @@ class FakeCell:
             self.trainer.handle(arm_topic(role, "joint_states"), to_message.joint_state(reading, names))
         return self.now
 
-    def act(self, episode: int, step: int, *, seen: bool = True, residual: float = 0.001) -> None:
+    def act(
+        self,
+        episode: int,
+        step: int,
+        *,
+        seen: bool = True,
+        residual: float = 0.001,
+        given_up: bool = False,
+        chosen_again: bool = False,
+    ) -> None:
         """Update, choice and motion of one step."""
         from samrl_msgs.msg import StepRequest, ToolAction
 
@@ -129,6 +138,11 @@ class FakeCell:
         action.nominal = to_message.vector(np.array([0.004, 0.0, 0.001 * step]))
         action.residual = to_message.vector(np.array([0.0, residual, 0.0]))
         self.trainer.handle(ACTION, action)
+        if chosen_again:
+            other = ToolAction(header=to_message.header(stamp), episode=episode, step=step)
+            self.trainer.handle(ACTION, other)
+        if given_up:
+            return
         action.header = to_message.header(self.now)
         action.executed = to_message.vector(np.array([0.004, 0.0009, 0.0]))
         self.trainer.handle(EXECUTED, action)
@@ -185,6 +199,27 @@ def test_ends_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         cell.act(episode, 0)
         cell.end(episode, detected, reason)
     assert cell.replay().outline()[3].tolist() == [End.FAILURE, End.CUT, End.SUCCESS]
+
+
+def test_an_action_that_was_given_up_cuts_the_chain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the reset of an emergency stop the step begins anew; it does not follow from the last action."""
+    cell = FakeCell(tmp_path, monkeypatch)
+    cell.act(0, 0)
+    cell.act(0, 1, given_up=True)
+    cell.act(0, 1)
+    numbers, episodes, steps, ends = cell.replay().outline()
+    assert steps.tolist() == [0, 1] and ends.tolist() == [End.CUT, End.OPEN]
+    assert len(set(episodes.tolist())) == 2
+    assert np.array_equal(cell.replay().bodies(numbers)[1]["color"], cell.images[0, 1])
+
+
+def test_an_action_that_was_chosen_twice_is_not_learnt_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A policy was started anew and chose again: what was executed is not what its last image led to."""
+    cell = FakeCell(tmp_path, monkeypatch)
+    cell.act(0, 0, chosen_again=True)
+    assert cell.trainer.status()["missed"] == "1"
 
 
 def test_an_action_whose_image_was_missed_is_left_out(

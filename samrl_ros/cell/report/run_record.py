@@ -22,6 +22,7 @@ from samrl_ros.conversions.from_message import stamp_ns
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
 NOMINAL, PHASE = cell_topic("policy/nominal_action"), cell_topic("phase")
 SAFETY, READY = cell_topic("safety_state"), cell_topic("sim_bridge/ready")
+WATCH = cell_topic("node_watch")
 OUTCOME, ROSOUT = cell_topic("supervisor/outcome"), "/rosout"
 STATUS = tuple(arm_topic(role, "motion_status") for role in ROLES)
 
@@ -139,7 +140,7 @@ def read_run(bag_path: Path, watchers: Sequence[Watcher] = ()) -> RunRecord:
     marks: list[tuple[float, str]] = []
     events: list[Event] = []
     former = tuple(old for old, new in FORMER_NAMES.items() if new == NOMINAL)
-    told = {STATE, TARGET, NOMINAL, *former, PHASE, SAFETY, READY, OUTCOME, ROSOUT, *STATUS}
+    told = {STATE, TARGET, NOMINAL, *former, PHASE, SAFETY, WATCH, READY, OUTCOME, ROSOUT, *STATUS}
     samples = {
         arm_topic(role, name): JointSamples(bag, arm_topic(role, name))
         for role in ROLES
@@ -218,6 +219,9 @@ def _take(
         run.outcomes[int(m.episode)] = m.reason
     elif topic == SAFETY:
         _safety(events, now, m)
+    elif topic == WATCH:
+        level = LEVELS.get(m.level[0] if isinstance(m.level, bytes) else int(m.level), "error")
+        events.append(Event(now, level, f"node {m.name}", m.message, True, now))
     elif topic == ROSOUT:
         if int(m.level) >= WARN:
             level = LEVELS.get(int(m.level), str(m.level))

@@ -67,9 +67,12 @@ def _announce_compilation() -> None:
     if compiler is None:
         return
 
+    told: set[tuple[str, str]] = set()
+
     def compile_and_tell(module: Any, device: Any, folder: str, output: str, *rest: Any, **named: Any) -> Any:
-        if not (Path(folder) / output).exists():
-            name = str(module.name).removeprefix("samrl_core.")
+        name = str(module.name).removeprefix("samrl_core.")
+        if not (Path(folder) / output).exists() and (name, str(device)) not in told:
+            told.add((name, str(device)))  # threads that need the same kernels all compile them
             print(f"{COMPILING}: {name} for {device}; kept for the next start", file=sys.stderr, flush=True)
         return compiler(module, device, folder, output, *rest, **named)
 

@@ -6,6 +6,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import warp as wp
+
+from samrl_core.common import warp_runtime
 
 PROGRAM = """
 import warp as wp
@@ -34,3 +40,16 @@ def test_only_the_first_start_tells_what_it_compiles(tmp_path: Path) -> None:
         errors.append(done.stderr)
     assert errors[0].startswith("compiling kernels: __main__ for cpu") and errors[0].count("\n") == 1
     assert errors[1] == ""
+
+
+def test_threads_that_compile_the_same_tell_it_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    compiled: list[str] = []
+    monkeypatch.setattr(wp.Module, "_compile", lambda module, *_: compiled.append(module.name))
+    warp_runtime._announce_compilation()
+    for name, device in (("a", "cpu"), ("a", "cpu"), ("a", "cuda:0"), ("b", "cpu")):
+        getattr(wp.Module, "_compile")(SimpleNamespace(name=name), device, str(tmp_path), "missing.o")  # noqa: B009
+    assert compiled == ["a", "a", "a", "b"]
+    told = [line.split(";")[0] for line in capsys.readouterr().err.splitlines()]
+    assert told == [f"compiling kernels: {what}" for what in ("a for cpu", "a for cuda:0", "b for cpu")]

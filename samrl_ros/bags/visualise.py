@@ -37,7 +37,8 @@ class LiveView:
         self._foxglove = _foxglove()
         self._context = self._foxglove.Context()
         self._channels: dict[str, Any] = {}
-        self._kept: dict[str, tuple[bytes, int]] = {}  # topic: newest message of a latched topic, its time
+        self._kept: dict[str, bytes] = {}  # topic: newest message of a latched topic
+        self._now_ns = 0  # time of the message shown last
         self._lock = threading.Lock()  # clients subscribe in the server's thread
         try:
             self._server = self._foxglove.start_server(
@@ -87,14 +88,15 @@ class LiveView:
         with self._lock:
             self._channel(topic, type_name, described).log(data, log_time=time_ns)
             if latched:
-                self._kept[topic] = (data, time_ns)
+                self._kept[topic] = data
+            self._now_ns = max(self._now_ns, time_ns)
 
     def resend(self, topic: str) -> None:
         """Send the stored message of a latched topic again, if there is one."""
         with self._lock:
             if topic in self._kept:
-                data, time_ns = self._kept[topic]
-                self._channels[topic].log(data, log_time=time_ns)
+                # With the present time: clients take a message of long ago for a jump of the clock.
+                self._channels[topic].log(self._kept[topic], log_time=self._now_ns)
 
     def _channel(self, topic: str, type_name: str, described: Definition | None) -> Any:
         channel = self._channels.get(topic)

@@ -10,6 +10,7 @@ from functools import partial
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
+from samrl_core.common.errors import InputError
 from samrl_ros.bags.visualise import LiveView
 from samrl_ros.cell.viewer.meshes import asset
 from samrl_ros.cell.viewer.viewer_messages import DESCRIPTIONS, MADE, TAKEN, ViewerMessages
@@ -17,6 +18,7 @@ from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.topics import LATCHED, NAMESPACE, STATIC_TF, TOPICS, Topic
 
+QUIET_S = 10.0  # between two warnings
 WAITING = 4000  # messages that may wait while a cloud is drawn; what comes then is not shown
 
 
@@ -73,8 +75,12 @@ class LiveViewNode:
                 topic, data = self._waiting.get(timeout=0.05)
             except queue.Empty:
                 continue
-            for shown in self._made.take(topic, data):
-                self._view.show(shown.topic, shown.type, shown.data, time.time_ns(), latched=True)
+            try:
+                for shown in self._made.take(topic, data):
+                    self._view.show(shown.topic, shown.type, shown.data, time.time_ns(), latched=True)
+            except InputError as error:  # a viewer's trouble is not the run's
+                text = f"viewers miss what {topic} shows: {error}"
+                self._node.get_logger().warning(text, throttle_duration_sec=QUIET_S)
 
     def close(self) -> None:
         """Stop forwarding and serving."""

@@ -129,6 +129,27 @@ def intrinsics(message: Any) -> Intrinsics:
     return Intrinsics.from_ros_k(int(message.width), int(message.height), k)
 
 
+def points(message: Any, names: tuple[str, ...]) -> np.ndarray:
+    """Fields of a sensor_msgs/PointCloud2 as columns (N, F) float32.
+
+    Raises:
+        InputError: a field is missing or not float32, or the data do not fill the points.
+    """
+    fields = {field.name: field for field in message.fields}
+    wrong = [
+        name for name in names if name not in fields or (fields[name].datatype, fields[name].count) != (7, 1)
+    ]
+    if wrong or message.is_bigendian:
+        raise InputError(f"cloud lacks {wrong} as float32, little endian; it has {sorted(fields)}")
+    count, step = int(message.width) * int(message.height), int(message.point_step)
+    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
+    offsets = [int(fields[name].offset) for name in names]
+    if data.size != count * step or any(offset + 4 > step for offset in offsets):
+        raise InputError(f"cloud of {count} points of {step} bytes has {data.size} bytes")
+    rows = data.reshape(count, step)
+    return np.column_stack([np.ascontiguousarray(rows[:, o : o + 4]).view("<f4") for o in offsets])
+
+
 def pose(message: Any) -> Pose:
     """geometry_msgs/Pose."""
     p, q = message.position, message.orientation

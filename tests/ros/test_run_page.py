@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_ros.cell.report.figures import extremes, view_figure
+from samrl_ros.cell.report.figures import extremes
 from samrl_ros.cell.report.page import write_run_page
 from samrl_ros.cell.report.run_record import read_run
+from samrl_ros.cell.report.view_sphere import view_figure
 from tests.ros.bag_files import record
 from tests.ros.small_run import ERROR_RAD, new, small_run
 
@@ -192,3 +193,29 @@ def test_stops_and_restarts_of_the_summary_are_told(folder: Path) -> None:
         "by &lt;hand&gt;",
     ]
     assert 'id="incidents"' not in summarised(folder)
+
+
+def test_views_in_one_place_share_a_label(folder: Path) -> None:
+    from dataclasses import replace
+
+    from samrl_ros.cell.report.view_sphere import labels_of
+
+    one = read_run(folder / "bag").views[0]
+    views = [replace(one, step=k) for k in (0, 3, 6, 9, 12)]
+    places = np.array([[0.0, 0.0], [0.01, 0.0], [0.5, 0.0], [0.0, 0.02], [0.0, 0.0]])
+    assert labels_of(views, places) == ["0 ... 12", "", "6", "", ""]
+    assert labels_of(views[:2], places[:2]) == ["0, 3", ""]
+
+
+def test_scored_views_are_dots_on_the_sphere(three_actions: Any, tmp_path: Path) -> None:
+    from samrl_core.cell.tasks import task_named
+    from tests.ros.bag_files import record
+
+    run = read_run(record(tmp_path / "bag", three_actions.messages))
+    (scored,) = run.scored
+    assert len(scored) > 1
+    region = task_named("peg_insertion").view_region()
+    traces: Any = view_figure(run.views, region, run.scored).data
+    (dots,) = [trace for trace in traces if trace.name == "scored"]
+    assert len(dots.x) == len(scored)
+    assert max(np.hypot(dots.x, dots.y)) < 1.3

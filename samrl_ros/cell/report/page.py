@@ -20,6 +20,7 @@ from samrl_core.diagnosis.report.html_report import packed_plotly
 from samrl_ros.cell.report import figures
 from samrl_ros.cell.report.pictures import Card, Cards, Video
 from samrl_ros.cell.report.run_record import RunRecord, empty_run, read_run, task_of
+from samrl_ros.cell.report.view_sphere import view_figure
 
 TEMPLATES = Path(__file__).parent / "templates"
 PAGE, VIDEO, SUMMARY = "run.html", "run.webm", "summary.json"
@@ -117,6 +118,7 @@ def _render(
             notes=notes,
             figure=figure_json,
             figures=figures,
+            view_figure=view_figure,
             region=region,
             video=base64.b64encode(video).decode() if 0 < len(video) <= EMBEDDED_VIDEO else "",
             has_video=bool(video),

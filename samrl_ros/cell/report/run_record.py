@@ -17,9 +17,10 @@ from samrl_ros.bags.decode import Decoder, decode
 from samrl_ros.bags.reader import Bag, RawMessage, open_bag
 from samrl_ros.cell.report.tracking import JointSamples, Tracking, tracking_of
 from samrl_ros.contract.topics import FORMER_NAMES, arm_topic, cell_topic
-from samrl_ros.conversions.from_message import stamp_ns
+from samrl_ros.conversions.from_message import points, stamp_ns
 
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
+CANDIDATES = cell_topic("view_planner/candidates")
 NOMINAL, PHASE = cell_topic("policy/nominal_action"), cell_topic("phase")
 SAFETY, READY = cell_topic("safety_state"), cell_topic("sim_bridge/ready")
 WATCH = cell_topic("node_watch")
@@ -101,6 +102,7 @@ class RunRecord:
     phases: list[Phase] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     views: list[ConsideredView] = field(default_factory=list)
+    scored: list[np.ndarray] = field(default_factory=list)  # per search (N, 4): camera in world [m], score
     actions: list[ChosenAction] = field(default_factory=list)
     fits: list[ModelUpdate] = field(default_factory=list)
     outcomes: dict[int, str] = field(default_factory=dict)
@@ -140,7 +142,9 @@ def read_run(bag_path: Path, watchers: Sequence[Watcher] = ()) -> RunRecord:
     marks: list[tuple[float, str]] = []
     events: list[Event] = []
     former = tuple(old for old, new in FORMER_NAMES.items() if new == NOMINAL)
-    told = {STATE, TARGET, NOMINAL, *former, PHASE, SAFETY, WATCH, READY, OUTCOME, ROSOUT, *STATUS}
+    told = {STATE, TARGET, CANDIDATES, NOMINAL, PHASE, SAFETY, WATCH, READY, OUTCOME, ROSOUT}.union(
+        former, STATUS
+    )
     samples = {
         arm_topic(role, name): JointSamples(bag, arm_topic(role, name))
         for role in ROLES
@@ -211,6 +215,8 @@ def _take(
                     m.reason,
                 )
             )
+    elif topic == CANDIDATES:
+        run.scored.append(points(m, ("x", "y", "z", "score")))
     elif topic == NOMINAL:
         run.actions.append(ChosenAction(now, _length(m.nominal), _length(m.residual)))
     elif topic == READY:

@@ -126,6 +126,9 @@ def test_every_mesh_of_the_arms_is_served() -> None:
     from samrl_core.cell.robots.robot import ROLES
     from samrl_ros.cell.viewer.meshes import asset, with_meshes
 
+    def unreadable(uri: str) -> bytes:
+        raise InputError(f"{uri} is no mesh")
+
     served = 0
     with LiveView(port=0, asset=asset) as view, FoxgloveClient(view.port) as client:
         for role in ROLES:
@@ -135,6 +138,9 @@ def test_every_mesh_of_the_arms_is_served() -> None:
                 assert client.fetch(uri)[:4] == b"glTF", uri
                 served += 1
         assert client.fetch("package://franka_panda/../../pybullet_data/r2d2.urdf") == b""
+    with LiveView(port=0, asset=unreadable) as view, FoxgloveClient(view.port) as client:
+        assert client.fetch("package://arm/link.obj") == b""  # and the server lives on
+        assert client.fetch("package://arm/link.obj") == b""
     assert served == 8  # of the Panda; no package that samrl installs has the Rizon's
 
 

@@ -123,7 +123,7 @@ class NodeThread:
         self._thread.join(JOIN_S)
         if self._thread.is_alive():
             raise TimeoutError(
-                f"node {self.node.get_name()} did not stop within {JOIN_S:.0f} s: one of its callbacks hangs"
+                f"node {self._thread.name} did not stop within {JOIN_S:.0f} s: one of its callbacks hangs"
             )
 
     def _loop(self) -> None:

@@ -67,11 +67,17 @@ def shift(values: Any, samples: Any) -> np.ndarray:
     return values[row]
 
 
+def derivative(values: Any, time: Any) -> np.ndarray:
+    """Central differences of values (N,) or (N, K) over time (N,)."""
+    return np.gradient(np.asarray(values), np.asarray(time), axis=0)
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs, "sign": np.sign, "sqrt": np.sqrt, "exp": np.exp, "log": np.log,
-    "sin": np.sin, "cos": np.cos, "tan": np.tan, "atan2": np.arctan2, "min": np.minimum, "max": np.maximum,
-    "clip": np.clip, "where": np.where, "signed": signed, "unwrap": unwrap,
-    "shift": shift, "apply": apply, "solve": solve, "stack": stack,
+    "sin": np.sin, "cos": np.cos, "tan": np.tan, "tanh": np.tanh, "atan2": np.arctan2,
+    "min": np.minimum, "max": np.maximum, "clip": np.clip, "where": np.where, "signed": signed,
+    "unwrap": unwrap, "shift": shift, "derivative": derivative, "apply": apply, "solve": solve,
+    "stack": stack,
 }  # fmt: skip
 _NAMES = {"pi": np.pi}
 

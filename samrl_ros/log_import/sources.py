@@ -11,8 +11,11 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formulas import evaluate, names_in
 from samrl_ros.log_import.specs import ColumnSpec, Missing, RecordingSpec, TimeSpec
-from samrl_ros.log_import.tables import Table, read_table
+from samrl_ros.log_import.table import Table
+from samrl_ros.log_import.tables import read_table
 from samrl_ros.log_import.units import factor
+
+TIME = "time"  # [s] of the source's rows in formulas, unless a column has that name
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,9 @@ def read_source(
     """Read a source. Raises `InputError` naming key path, file, column and row."""
     source, where = spec.sources[name], f"{spec.path}.sources.{name}"
     paths = tuple(data / file for file in spec.files_of(name))
-    tables = [read_table(path, source.csv, f"{where}.file") for path in paths]
+    tables = [read_table(path, source.csv, f"{where}.file", spec.part_of(name)) for path in paths]
+    for table in tables:
+        notes += [f"{where}: {note}" for note in table.notes]
     columns = {
         key: _column(tables[source.columns[key].file], source.columns[key], f"{where}.columns.{key}")
         for key in sorted(_used(spec, name, constants))
@@ -48,7 +53,7 @@ def read_source(
     for key, values in columns.items():
         rule = source.columns[key].missing or source.missing
         keep &= _fill(values, rule, time, keep, f"{where}.columns.{key}", notes)
-    if source.time.repeated == "drop":
+    if source.time is not None and source.time.repeated == "drop":
         ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
         repeated = keep & (time <= np.concatenate([[-np.inf], ahead[:-1]]))
         if repeated.any():
@@ -63,7 +68,11 @@ def read_source(
             f" {int(np.flatnonzero(keep)[k + 1])} ({len(steps)} such steps); `repeated: drop` leaves such"
             " rows out, `rows` cuts the log"
         )
-    values = {**constants, **{key: v if v.shape == (1,) else v[keep] for key, v in columns.items()}}
+    values = {
+        TIME: time,
+        **constants,
+        **{key: v if v.shape == (1,) else v[keep] for key, v in columns.items()},
+    }
     for key, formula in source.values.items():
         values[key] = evaluate(formula, values, f"{where}.values.{key}")
     return SourceData(paths, time, values)
@@ -72,7 +81,7 @@ def read_source(
 def _used(spec: RecordingSpec, name: str, constants: dict[str, Any]) -> set[str]:
     """Columns that some formula needs; others may be broken without harm."""
     source, path = spec.sources[name], f"{spec.path}.sources.{name}"
-    known = set(constants) | set(source.columns) | set(source.values)
+    known = {TIME} | set(constants) | set(source.columns) | set(source.values)
     wanted: set[str] = set()
 
     def want(formula: str | float, where: str) -> None:
@@ -111,7 +120,11 @@ def _count(columns: dict[str, np.ndarray], where: str) -> int:
     return next(iter(lengths.values()))
 
 
-def _time(spec: TimeSpec, table: Table, count: int, where: str) -> np.ndarray:
+def _time(spec: TimeSpec | None, table: Table, count: int, where: str) -> np.ndarray:
+    if spec is None:
+        if table.time is None:
+            raise InputError(f"{where} is missing: {table.path.name} has no time of its own; name its column")
+        return table.time
     if spec.rate_hz is not None:
         return np.arange(count) / spec.rate_hz + spec.offset_s
     name, where = str(spec.column), f"{where}.column"

@@ -98,12 +98,18 @@ def _column(value: Any) -> Any:
     return value if isinstance(value, dict) else {"column": str(value)}
 
 
+Part = Annotated[str, BeforeValidator(lambda value: str(value) if isinstance(value, int) else value)]
+
+
 class SourceSpec(Checked):
     """Files of equal length, side by side, and their time."""
 
     file: Files | None = None  # None: `files` of the recording names it
+    part: Part = (
+        ""  # topic of a bag, episode of a LeRobot dataset, group of HDF5, keys down to JSON's samples
+    )
     csv: CsvOptions = CsvOptions()
-    time: TimeSpec
+    time: TimeSpec | None = None  # None: the file's own, such as a bag's stamps
     columns: dict[Name, Annotated[ColumnSpec, BeforeValidator(_column)]]
     missing: Missing = "error"
     values: dict[Name, Formula] = Field({})  # intermediate formulas, in order
@@ -193,6 +199,7 @@ class RecordingSpec(Checked):
     constants: dict[Name, Any] = Field({})
     sources: Annotated[dict[str, SourceSpec], Field(min_length=1)]
     files: dict[str, Files] = Field({})  # of a source, instead of its own
+    parts: dict[str, Part] = Field({})  # of a source, instead of its own
     channels: dict[str, ChannelSpec]
     resample: Resample = Resample()  # of channels without their own
     rows: Pair | None = None
@@ -216,14 +223,19 @@ class RecordingSpec(Checked):
         files = self.files.get(source) or self.sources[source].file or []
         return [file.replace("{name}", self.name) for file in files]
 
+    def part_of(self, source: str) -> str:
+        """Part of a source's files that is read, with the recording's name in it; empty for all."""
+        return (self.parts.get(source) or self.sources[source].part).replace("{name}", self.name)
+
     def source_of(self, channel: str) -> str:
         """The source that a channel's formulas read."""
         return self.channels[channel].source or next(iter(self.sources))
 
     @model_validator(mode="after")
     def _sources_fit(self) -> RecordingSpec:
-        if unknown := sorted(set(self.files) - set(self.sources)):
-            raise fault(f": no source {unknown}; there are {sorted(self.sources)}", "files")
+        for key, named in (("files", self.files), ("parts", self.parts)):
+            if unknown := sorted(set(named) - set(self.sources)):
+                raise fault(f": no source {unknown}; there are {sorted(self.sources)}", key)
         for name, source in self.sources.items():
             count = len(self.files_of(name))
             if not count:

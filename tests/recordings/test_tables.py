@@ -9,7 +9,8 @@ import pytest
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.specs import CsvOptions
-from samrl_ros.log_import.tables import Table, read_table
+from samrl_ros.log_import.table import Table
+from samrl_ros.log_import.tables import read_table
 
 
 @pytest.fixture
@@ -69,9 +70,9 @@ def test_dates_carry_their_zone_and_microseconds(read) -> None:
 
 
 def test_a_mat_file_that_kills_its_reader_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from samrl_ros.log_import import tables
+    from samrl_ros.log_import.formats import arrays
 
     (tmp_path / "a.mat").write_bytes(bytes(200))
-    monkeypatch.setattr(tables.sys, "executable", "/bin/false")
+    monkeypatch.setattr(arrays.sys, "executable", "/bin/false")
     with pytest.raises(InputError, match="cannot be read as .mat"):
         read_table(tmp_path / "a.mat", CsvOptions(), "it")

@@ -1,0 +1,81 @@
+"""A decoded message as numbers by path: names that stand beside an array become part of the path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+_LONGEST = 256  # numbers of one array; more is an image or a cloud
+_MOST_ELEMENTS = 64  # of a list of messages, such as the points of a trajectory
+_TIME = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})
+
+
+def flatten(message: Any) -> dict[str, float | np.ndarray]:
+    """Numbers, arrays (K,) and times [s] of a message by path.
+
+    An array whose length is that of a list of names beside it or above it (`name`, `joint_names`,
+    `interface_names`) is given per name as well: `position.JOINT`. Elements of a list of messages have
+    their name, their own `name` field, or their number in the path: `points.0.positions.JOINT`.
+    """
+    found: dict[str, float | np.ndarray] = {}
+    _add(found, "", message, [])
+    return found
+
+
+def _fields(message: Any) -> dict[str, Any]:
+    names = [name for name in getattr(message, "__dataclass_fields__", ()) if not name.startswith("__")]
+    return {name: getattr(message, name) for name in names}
+
+
+def _add(found: dict[str, float | np.ndarray], prefix: str, message: Any, labels: list[list[str]]) -> None:
+    fields = _fields(message)
+    own = [value for value in fields.values() if _is_names(value)]
+    inside = [*own, *labels]  # the nearest first
+    for name, value in fields.items():
+        path = f"{prefix}{name}"
+        if isinstance(value, bool | int | float | np.number):
+            found[path] = float(value)
+        elif isinstance(value, np.ndarray):
+            _add_array(found, path, value, inside)
+        elif isinstance(value, list):
+            _add_list(found, path, value, inside)
+        elif (parts := _fields(value)) and set(parts) in _TIME:
+            seconds, rest = parts.values()
+            found[path] = float(seconds) + 1e-9 * float(rest)
+        elif parts:
+            _add(found, f"{path}.", value, inside)
+
+
+def _add_array(
+    found: dict[str, float | np.ndarray], path: str, value: np.ndarray, labels: list[list[str]]
+) -> None:
+    if value.dtype.kind not in "fiub" or not 0 < value.size <= _LONGEST:
+        return
+    found[path] = value.astype(float).ravel()
+    for names in labels:
+        if len(names) == value.size:
+            found |= {f"{path}.{name}": float(each) for name, each in zip(names, value.ravel(), strict=True)}
+            return
+
+
+def _add_list(
+    found: dict[str, float | np.ndarray], path: str, value: list[Any], labels: list[list[str]]
+) -> None:
+    if not value or len(value) > _MOST_ELEMENTS or isinstance(value[0], str):
+        return
+    if isinstance(value[0], bool | int | float):
+        _add_array(found, path, np.array(value, dtype=float), labels)
+        return
+    names = next((names for names in labels if len(names) == len(value)), None)
+    if names is None:
+        own = [getattr(each, "name", "") for each in value]
+        names = own if _is_names(own) else [str(k) for k in range(len(value))]
+    for name, each in zip(names, value, strict=True):
+        _add(found, f"{path}.{name}.", each, labels)
+
+
+def _is_names(value: Any) -> bool:
+    """Whether a value is a list of different names."""
+    whole = isinstance(value, list) and value and all(isinstance(each, str) and each for each in value)
+    return bool(whole) and len(set(value)) == len(value)

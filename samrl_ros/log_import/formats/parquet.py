@@ -1,0 +1,122 @@
+"""Parquet files, and LeRobot datasets (v2.0, v2.1, v3.0): a folder of them, of which an episode is a part."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file
+from samrl_core.common.text_files import parse_json, read_text
+from samrl_ros.log_import.table import Table
+
+_INFO = Path("meta/info.json")
+_WIDEST = 1024  # numbers of one sample; more is an image, no signal
+
+
+def is_lerobot(path: Path) -> bool:
+    """Whether a folder is a LeRobot dataset."""
+    return is_file(path / _INFO)
+
+
+def read_parquet_table(path: Path, where: str) -> Table:
+    """A Parquet file. Raises `InputError` where pyarrow is missing or cannot read it."""
+    return _table(path, _arrow(path, where).read_table(path), {})
+
+
+def read_lerobot_table(path: Path, part: str, where: str) -> Table:
+    """One episode of a dataset; `observation.state.NAME` beside `observation.state` where names are given.
+
+    Args:
+        path: folder of the dataset.
+        part: number of the episode.
+        where: key path, for messages.
+
+    Raises:
+        InputError: no number, no such episode, or files that cannot be read.
+    """
+    if not part.isdecimal():
+        raise InputError(f"{where}: part {part!r} of {path.name} must be an episode's number, such as 0")
+    parquet = _arrow(path, where)
+    names = _names(path)
+    files = sorted((path / "data").rglob("*.parquet"))
+    own = [file for file in files if file.stem == f"episode_{int(part):06d}"]  # v2; v3 has several in a file
+    for file in own or files:
+        table = parquet.read_table(file, filters=[("episode_index", "=", int(part))])
+        if table.num_rows:
+            made = _table(path, table, names)
+            time = made.columns.get("timestamp")
+            made.time = time if isinstance(time, np.ndarray) else None
+            return made
+    raise InputError(
+        f"{where}: {path.name} has no episode {part}; it has {', '.join(episodes(path)) or 'none'}"
+    )
+
+
+def episodes(path: Path) -> list[str]:
+    """Numbers of a dataset's episodes, as `meta/info.json` counts them."""
+    total = _info(path).get("total_episodes", 0)
+    return [str(k) for k in range(total)] if isinstance(total, int) else []
+
+
+def _info(path: Path) -> dict[str, Any]:
+    info = parse_json(read_text(path / _INFO, "the dataset's info"), str(path / _INFO))
+    if not isinstance(info, dict):
+        raise InputError(f"{path / _INFO} must be an object")
+    return info
+
+
+def _names(path: Path) -> dict[str, list[str]]:
+    """Names of the numbers of each feature; given as a list, or as a list by kind (`{"motors": [...]}`)."""
+    features = _info(path).get("features")
+    found = {}
+    for key, about in (features if isinstance(features, dict) else {}).items():
+        names = about.get("names") if isinstance(about, dict) else None
+        if isinstance(names, dict) and len(names) == 1:
+            names = next(iter(names.values()))
+        if isinstance(names, list) and all(isinstance(name, str) for name in names):
+            found[key] = names
+    return found
+
+
+def _arrow(path: Path, where: str) -> Any:
+    try:
+        import pyarrow.parquet as parquet  # optional
+    except ImportError as error:
+        raise InputError(f"{where}: {path} is Parquet; `pip install pyarrow` (extra `logs`)") from error
+    return parquet
+
+
+def _table(path: Path, arrow: Any, names: dict[str, list[str]]) -> Table:
+    import pyarrow as pa
+
+    table = Table(path)
+    for name, column in zip(arrow.column_names, arrow.columns, strict=True):
+        kind = column.type
+        if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
+            values = _lists(column)
+        elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
+            values = np.asarray(column.to_numpy(), dtype=float)
+        else:
+            continue  # text, images
+        if values is None:
+            table.notes.append(f"{name} holds lists of different length; left out")
+            continue
+        table.columns[name] = values
+        labels = names.get(name, [])
+        if values.ndim == 2 and values.shape[1] == len(labels) == len(set(labels)):
+            table.columns |= {f"{name}.{label}": values[:, k] for k, label in enumerate(labels)}
+    return table
+
+
+def _lists(column: Any) -> np.ndarray | None:
+    rows = [np.nan if row is None else row for row in column.to_pylist()]
+    width = max((len(row) for row in rows if isinstance(row, list)), default=0)
+    if not 0 < width <= _WIDEST or any(isinstance(r, list) and len(r) != width for r in rows):
+        return None
+    try:
+        return np.array([row if isinstance(row, list) else [np.nan] * width for row in rows], dtype=float)
+    except (TypeError, ValueError):  # lists of lists, or of text
+        return None

@@ -1,0 +1,179 @@
+"""ROS bags of any kind: rosbag2 in MCAP or sqlite3, and ROS 1; a topic of one is a part."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file, is_folder
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.log_import.formats.control_msgs import RELEASES
+from samrl_ros.log_import.formats.message_fields import flatten
+from samrl_ros.log_import.table import Table
+
+SUFFIXES = (".mcap", ".db3", ".bag")
+
+
+@dataclass(frozen=True)
+class LoggedTopic:
+    """A topic of a bag."""
+
+    name: str
+    type: str  # package/msg/Name, for ROS 1 too
+    count: int  # [messages]
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag, by its suffix or what lies in the folder."""
+    if is_folder(path):
+        return is_file(path / "metadata.yaml") or any(path.glob("*.mcap"))
+    return path.suffix.lower() in SUFFIXES
+
+
+def list_topics(path: Path, where: str) -> tuple[LoggedTopic, ...]:
+    """Topics that hold messages, by name. Raises `InputError` if the bag cannot be opened."""
+    if _is_mcap(path):
+        return tuple(LoggedTopic(t.name, t.type, t.count) for t in open_bag(path).topics if t.count)
+    with _opened(path, where) as reader:
+        found = [
+            LoggedTopic(name, about.msgtype or "", about.msgcount) for name, about in reader.topics.items()
+        ]
+    return tuple(topic for topic in sorted(found, key=lambda t: t.name) if topic.count)
+
+
+def read_text_topic(path: Path, topic: str, where: str) -> str | None:
+    """The last text of a std_msgs/String topic; None where there is none."""
+    last = None
+    for _, message in _messages(path, topic, where):
+        last = getattr(message, "data", None)
+    return last if isinstance(last, str) else None
+
+
+def read_topic_table(path: Path, topic: str, where: str) -> Table:
+    """A topic's numbers by field, such as `position.JOINT` or `feedback.velocities.JOINT`.
+
+    Arrays that belong to a list of names get a column per name; a message that lacks a name has NaN there.
+    `Table.time` is the header's stamp, or the recorder's where no header was ever stamped.
+
+    Raises:
+        InputError: no such topic, definitions that are missing, or messages that do not fit them.
+    """
+    logged: list[int] = []
+    rows: list[dict[str, Any]] = []
+    for log_time_ns, message in _messages(path, topic, where):
+        logged.append(log_time_ns)
+        rows.append(flatten(message))
+    if not rows:
+        present = ", ".join(t.name for t in list_topics(path, where)) or "none"
+        raise InputError(f"{where}: {path.name} has no messages of {topic!r}; topics are {present}")
+    table = Table(
+        path, {name: column for name in _order(rows) if (column := _column(rows, name)) is not None}
+    )
+    log_time = np.array(logged, dtype=np.int64) * 1e-9
+    table.columns["log_time"] = log_time
+    stamps = table.columns.get("header.stamp")
+    if isinstance(stamps, np.ndarray) and stamps.any():
+        table.time = stamps
+    else:
+        table.time = log_time
+        table.notes.append(f"{topic}: no header is stamped; the recorder's log times are used instead")
+    return table
+
+
+def _order(rows: list[dict[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def _column(rows: list[dict[str, Any]], name: str) -> np.ndarray | None:
+    """(N,) or (N, K); None where the width of a list changes."""
+    values = [row.get(name) for row in rows]
+    widths = {len(value) for value in values if isinstance(value, np.ndarray)}
+    if len(widths) > 1:
+        return None
+    if widths:
+        blank = np.full(widths.pop(), np.nan)
+        return np.array([blank if value is None else value for value in values], dtype=float)
+    return np.array([np.nan if value is None else value for value in values], dtype=float)
+
+
+def _is_mcap(path: Path) -> bool:
+    return path.suffix.lower() == ".mcap" or (is_folder(path) and any(path.glob("*.mcap")))
+
+
+def _messages(path: Path, topic: str, where: str) -> Iterator[tuple[int, Any]]:
+    """Log time [ns] and decoded message, in log order."""
+    if _is_mcap(path):
+        for raw, message in open_bag(path).decoded([topic]):
+            yield raw.log_time_ns, message
+        return
+    faults = []
+    for release in RELEASES:
+        with _opened(path, where, release) as reader:
+            wanted = [connection for connection in reader.connections if connection.topic == topic]
+            unknown = sorted({c.msgtype for c in wanted} - set(reader.typestore.fielddefs))
+            if unknown:
+                raise InputError(
+                    f"{where}: {path.name} carries no definition of {', '.join(unknown)}, of {topic}; record"
+                    " as MCAP (its files carry definitions), or convert the bag"
+                )
+            begun = False
+            try:
+                for connection, log_time_ns, data in reader.messages(wanted) if wanted else ():
+                    message = reader.deserialize(data, connection.msgtype)
+                    begun = True
+                    yield log_time_ns, message
+                return
+            except _broken() as error:
+                faults.append(f"{type(error).__name__}: {error}")
+                if begun:
+                    break
+    raise InputError(f"{where}: {path.name}, topic {topic}: a message does not fit its type: {faults[0]}")
+
+
+@contextmanager
+def _opened(path: Path, where: str, release: dict[str, str] = RELEASES[-1]) -> Iterator[Any]:
+    """A reader of a ROS 1 bag, or of a rosbag2 folder in sqlite3."""
+    import sqlite3
+
+    import ruamel.yaml.error
+    from rosbags.highlevel import AnyReader
+
+    folder = path.parent if path.suffix.lower() == ".db3" else path
+    if folder != path and not is_file(folder / "metadata.yaml"):
+        raise InputError(
+            f"{where}: {folder} has no metadata.yaml beside {path.name}; `ros2 bag reindex` makes it"
+        )
+    try:
+        reader = AnyReader([folder], default_typestore=_definitions(release))
+        reader.open()
+    except (*_broken(), sqlite3.Error, OSError, ruamel.yaml.error.YAMLError) as error:
+        raise InputError(f"{where}: {path} cannot be read as a bag: {error}") from error
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def _broken() -> tuple[type[Exception], ...]:
+    """What rosbags raises on bytes that are not what they should be."""
+    from rosbags.highlevel import AnyReaderError
+
+    builtin = (ValueError, IndexError, KeyError, AssertionError, TypeError, AttributeError, struct.error)
+    return (AnyReaderError, *builtin)
+
+
+def _definitions(release: dict[str, str]) -> Any:
+    """Types of bags that carry no definitions: ROS 2's own, and a release of ros2_control's."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in release.items():
+        store.register(get_types_from_msg(text, name))
+    return store

@@ -1,0 +1,88 @@
+"""Named columns of one file or one of its parts, as numbers when somebody asks for them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from samrl_core.common.errors import InputError
+
+_SEPARATORS = re.compile(r"[,;\s]+")
+
+
+@dataclass
+class Table:
+    """Columns of a file. Text columns stay text until numbers are asked for."""
+
+    path: Path
+    columns: dict[str, np.ndarray | pd.Series] = field(default_factory=dict)  # text: a series
+    decimal: str = "."
+    time: np.ndarray | None = None  # (N,) [s] that the file itself gives its rows, if it does
+    notes: list[str] = field(default_factory=list)  # what is odd about the file
+
+    def numbers(self, name: str, where: str) -> np.ndarray:
+        """A column (N,), a list of columns (N, K) or a single number (1,). Missing cells are NaN."""
+        cells = self._get(name, where)
+        if isinstance(cells, np.ndarray):
+            return cells
+        if any(str(cell).lstrip().startswith(("[", "(", "{")) for cell in cells.head(10)):
+            return self._lists(name, cells, where)
+        numbers = pd.Series(pd.to_numeric(cells, errors="coerce"))
+        self._refuse(name, cells, numbers, where, "number")
+        return np.array(numbers, dtype=float)  # a copy: pandas' own are read-only
+
+    def times(self, name: str, where: str) -> np.ndarray:
+        """A column of ISO 8601 dates (N,) [s since 1970, UTC where no zone is given]."""
+        cells = self._get(name, where)
+        if isinstance(cells, np.ndarray):
+            raise InputError(f"{where}: column {name!r} of {self.path.name} holds numbers, not ISO dates")
+        moments = pd.Series(pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce"))
+        self._refuse(name, cells.fillna(""), moments, where, "ISO 8601 date")
+        return moments.astype("datetime64[us, UTC]").astype("int64").to_numpy() / 1e6
+
+    def _get(self, name: str, where: str) -> np.ndarray | pd.Series:
+        if name not in self.columns:
+            present = ", ".join(map(repr, self.columns)) or "none"
+            raise InputError(f"{where}: {self.path.name} has no column {name!r}; it has {present}")
+        return self.columns[name]
+
+    def _refuse(self, name: str, cells: pd.Series, read: pd.Series, where: str, kind: str) -> None:
+        """Raises `InputError` for the first cell that holds something and could not be read."""
+        bad = np.flatnonzero(cells.notna() & read.isna())
+        if len(bad):
+            cell = f"row {bad[0]}: {cells.iloc[bad[0]]!r}"
+            raise InputError(f"{where}: column {name!r} of {self.path.name}, {cell} is no {kind}")
+
+    def _lists(self, name: str, cells: pd.Series, where: str) -> np.ndarray:
+        rows: list[list[float]] = []
+        width = 0
+        for k, cell in enumerate(cells.fillna("").str.replace(self.decimal, ".").tolist()):
+            inner = cell.strip().strip("[](){}").strip()
+            try:
+                row = [float(word) for word in _SEPARATORS.split(inner)] if inner else []
+            except ValueError as error:
+                raise InputError(
+                    f"{where}: column {name!r} of {self.path.name}, row {k}: {cell!r} is no list of numbers"
+                ) from error
+            width = width or len(row)
+            if row and len(row) != width:
+                raise InputError(
+                    f"{where}: column {name!r} of {self.path.name}, row {k} has {len(row)} numbers, others"
+                    f" {width}"
+                )
+            rows.append(row)
+        return np.array([row or [np.nan] * width for row in rows])
+
+
+def as_column(value: np.ndarray) -> np.ndarray:
+    """Floats (N,) or (N, K); rows lie along the longer side of a vector."""
+    array = np.asarray(value, dtype=float)
+    if array.ndim <= 1 or (array.ndim == 2 and 1 in array.shape):
+        return array.reshape(-1)
+    if array.ndim > 2:
+        return array.reshape(len(array), -1)
+    return array

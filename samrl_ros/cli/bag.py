@@ -1,4 +1,4 @@
-"""`samrl bag info`, `samrl bag repair`, `samrl bag view` and `samrl bag import`."""
+"""`samrl bag info`, `repair`, `view`, `draft` and `import`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
-from samrl_core.common.errors import SamrlError
+from samrl_core.common.errors import InputError, SamrlError
+from samrl_core.common.files import is_there, write_whole
+from samrl_core.common.text_files import read_text
 from samrl_ros.bags.info import describe, render
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import default_destination, repair
 from samrl_ros.hosting.ros_check import require_ros
+from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
 INPUT_REFUSED = 3
 
@@ -93,6 +96,37 @@ def view_command(
     typer.echo(f"{destination}: {added} messages added; open its .mcap in Foxglove")
 
 
+@bag_app.command("draft")
+def draft_command(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Files of one recording, a bag, or a folder.")
+    ],
+    urdf: Annotated[Path | None, typer.Option("--urdf", metavar="FILE", help="Robot description.")] = None,
+    effort: Annotated[Effort, typer.Option("--effort", help=EFFORT_HELP)] = Effort.ask,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Mapping to write [default: print it].")
+    ] = None,
+) -> None:
+    """Draft a mapping for `samrl bag import`: entries with reasons, questions where nothing proves them."""
+    from samrl_ros.log_import.draft.draft import draft_mapping
+    from samrl_ros.log_import.draft.writing import as_yaml
+
+    with _refusals():
+        if out is not None and is_there(out):
+            raise InputError(f"{out} exists already; choose another --out or move it away")
+        text = read_text(urdf, "the URDF") if urdf is not None else None
+        drafted = draft_mapping(logs, text, None if urdf is None else str(urdf.resolve()), effort)
+        if out is not None:
+            write_whole(out, as_yaml(drafted))
+    if out is None:
+        typer.echo(as_yaml(drafted), nl=False)
+        return
+    sure = sum(guess.sure for guess in drafted.guesses)
+    typer.echo(f"{out}: {sure} entries are sure, {len(drafted.questions)} ask")
+    for question in drafted.questions:
+        typer.echo(f"  {question}")
+
+
 @bag_app.command("import")
 def import_command(
     mapping: Annotated[Path, typer.Argument(metavar="MAPPING.yaml", help="What the logs' columns mean.")],
@@ -107,7 +141,7 @@ def import_command(
         bool, typer.Option("--check", help="Only say what each channel becomes; write nothing.")
     ] = False,
 ) -> None:
-    """Turn CSV, NPZ and MAT logs into bags, by a YAML mapping alone (msgs_docs/guide/import.md)."""
+    """Turn logs of other tools into bags, by a YAML mapping alone (msgs_docs/guide/import.md)."""
     from samrl_ros.log_import.importer import INDEX, import_logs
     from samrl_ros.log_import.mapping import read_mapping
 

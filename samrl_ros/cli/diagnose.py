@@ -20,6 +20,7 @@ from samrl_core.common.text_files import parse_json, parse_yaml, read_text
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
+from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
 NAMED = ("effect", "ambiguous", "none_of_mine")
 
@@ -29,7 +30,7 @@ class DiagnoseOptions:
     """Options of `samrl diagnose`."""
 
     bags: Annotated[
-        tuple[Path, ...], typer.Argument(help="Bags to fit (.mcap, bag folders, or a folder of bags).")
+        tuple[Path, ...], typer.Argument(help="Bags to fit (or a folder of bags), or logs of other tools.")
     ]
     held_out: Annotated[
         tuple[Path, ...],
@@ -45,6 +46,7 @@ class DiagnoseOptions:
         int, typer.Option(help="Simulate as many worlds without an effect for the threshold.", min=0)
     ] = 0
     fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 on a gap.")] = False
+    effort: Annotated[Effort, typer.Option(help=f"Of logs of other tools: {EFFORT_HELP}")] = Effort.ask
 
 
 def diagnose_bags(options: DiagnoseOptions) -> int:
@@ -90,6 +92,7 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
     Raises:
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
     """
+    from samrl_ros.log_import.foreign import is_foreign, read_foreign
     from samrl_ros.recordings import load_recordings, read_tolerances
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
@@ -100,6 +103,11 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
     for paths in (fit_paths, held_paths):
         group = []
         for path in paths:
+            if is_foreign(path):
+                recording, more = read_foreign(path, urdf, tolerances, options.effort)
+                group.append((recording,))
+                notes += [f"{path.name}: {note}" for note in more]
+                continue
             bag = load_recordings(path, urdf=urdf, tolerances=tolerances)
             group.append(bag.recordings)
             notes += [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]
@@ -178,11 +186,8 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
             fit += [path / name for name in table["fit"]]
             if not held_out:
                 held += [path / name for name in table["held_out"]]
-        elif path.is_dir() and not (path / "metadata.yaml").exists():
-            inside = sorted(path.glob("*.mcap"))
-            if not inside:
-                raise InputError(f"{path} holds no .mcap; give bags or a folder of bags")
-            fit += inside
+        elif path.is_dir() and not (path / "metadata.yaml").exists() and any(path.glob("*.mcap")):
+            fit += sorted(path.glob("*.mcap"))
         else:
             fit.append(path)
     chosen = {h.resolve() for h in held}

@@ -21,7 +21,7 @@ from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.mapping import Mapping
 from samrl_ros.log_import.resampling import even, low_pass, resample
-from samrl_ros.log_import.sources import SourceData, read_source
+from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import QuantitySpec, RecordingSpec
 from samrl_ros.log_import.units import DEFAULT_UNIT, SI, factor
 from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
@@ -42,12 +42,17 @@ class ImportedRecording:
     raw: tuple[str, ...] = ()  # channels whose effort has no SI unit
 
 
-def import_recording(spec: RecordingSpec, mapping: Path, data: Path) -> ImportedRecording:
+def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> ImportedRecording:
     """Make one recording.
 
     Args:
+<<<<<<< HEAD
         spec: of the mapping.
         mapping: its file; the URDF is searched beside it as well.
+=======
+        spec: one of the mapping.
+        mapping: whose file the URDF is looked for beside as well.
+>>>>>>> f352359 (samrl bag draft writes a commented mapping; foreign bags are read without one where all is sure)
         data: folder that paths count from.
 
     Raises:
@@ -66,15 +71,15 @@ def import_recording(spec: RecordingSpec, mapping: Path, data: Path) -> Imported
     signals = {
         name: _signal(name, spec, cache[spec.source_of(name)], zero, report, notes) for name in spec.channels
     }
-    digest = hashlib.sha256(mapping.read_bytes() + spec.name.encode())
+    digest = hashlib.sha256(mapping.text.encode() + spec.name.encode())
     for source in cache.values():
         for file in source.files:
-            digest.update(file.read_bytes())
+            update_digest(digest, file)
     recording = ArmRecording(
         name=spec.name,
         source=", ".join(dict.fromkeys(str(f) for s in cache.values() for f in s.files)),
         sha256=digest.hexdigest(),
-        arm=_arm(spec, constants, mapping, data, notes),
+        arm=_arm(spec, constants, mapping.path, data, notes),
         states=signals["states"],
         command=signals.get("command"),
         commanded_effort=signals.get("commanded_effort"),
@@ -94,7 +99,7 @@ def import_logs(mapping: Mapping, data: Path, out: Path | None) -> list[Imported
     Raises:
         InputError: as `import_recording`; or a file of `out` exists already.
     """
-    made = [import_recording(spec, mapping.path, data) for spec in mapping.recordings]
+    made = [import_recording(spec, mapping, data) for spec in mapping.recordings]
     if out is None:
         return made
     index = out / INDEX

@@ -16,15 +16,28 @@ class Mapping:
 
     path: Path
     recordings: tuple[RecordingSpec, ...]
+    text: str  # as the file holds it
 
 
 def read_mapping(path: Path | str) -> Mapping:
     """Read and check a mapping. Raises `InputError` with the exact key path of what is wrong."""
     path = Path(path)
-    content = parse_yaml(read_text(path, "the mapping"), str(path))
+    return parse_mapping(read_text(path, "the mapping"), path)
+
+
+def parse_mapping(text: str, path: Path) -> Mapping:
+    """The mapping that a file of this path holds, or would hold. Raises `InputError` as `read_mapping`."""
+    content = parse_yaml(text, str(path))
     if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
         raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
-    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
+    if content.get("questions"):
+        asked = content["questions"]
+        listed = "".join(f"\n  {each}" for each in asked) if isinstance(asked, list) else f" {asked}"
+        raise InputError(
+            f"{path.name}: questions of its draft are open; answer them in the file, then delete `questions`:"
+            f"{listed}"
+        )
+    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about", "questions")}
     recordings = []
     for number, entry in enumerate(content["recordings"]):
         where = f"{path.name}: recordings[{number}]"
@@ -33,4 +46,4 @@ def read_mapping(path: Path | str) -> Mapping:
     names = [recording.name for recording in recordings]
     if not names or len(set(names)) != len(names):
         raise InputError(f"{path.name}: recordings {names}: at least one, and each name once")
-    return Mapping(path, tuple(recordings))
+    return Mapping(path, tuple(recordings), text)

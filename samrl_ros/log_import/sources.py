@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.formulas import evaluate, names_in
 from samrl_ros.log_import.specs import ColumnSpec, Missing, RecordingSpec, TimeSpec
 from samrl_ros.log_import.table import Table
@@ -76,6 +78,15 @@ def read_source(
     for key, formula in source.values.items():
         values[key] = evaluate(formula, values, f"{where}.values.{key}")
     return SourceData(paths, time, values)
+
+
+def update_digest(digest: hashlib._Hash, path: Path) -> None:
+    """Adds a file's content; of a folder (a bag, a dataset) all of its files in the order of their names."""
+    files = sorted(p for p in path.rglob("*") if is_file(p)) if is_folder(path) else [path]
+    for file in files:
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
 
 
 def _used(spec: RecordingSpec, name: str, constants: dict[str, Any]) -> set[str]:

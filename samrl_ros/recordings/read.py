@@ -90,6 +90,11 @@ def load_recordings(
     return LoadedBag(tuple(recordings), notes)
 
 
+def has_arms(bag: Bag) -> bool:
+    """Whether a bag holds joint states under the contract's names."""
+    return any(_STATES.match(topic.name) and topic.count > 0 for topic in bag.topics)
+
+
 def _messages(bag: Bag, roles: list[str]) -> tuple[Bag, dict[str, list[RawMessage]]]:
     """The bag (reopened up to its first damage where it only looked whole) and its messages by topic."""
     wanted = {f"/cell/{role}/{name}" for role in roles for name in (*_CHANNELS, *_TEXTS)} | {PHASE}

@@ -1,0 +1,155 @@
+"""The numbers of a log as blocks: a column per joint, of one table, at its times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from samrl_core.common.errors import InputError
+from samrl_ros.log_import.draft.column_names import is_time, split_names
+from samrl_ros.log_import.formats.parquet import is_lerobot
+from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
+from samrl_ros.log_import.specs import CsvOptions
+from samrl_ros.log_import.table import Table
+from samrl_ros.log_import.tables import read_table
+
+ROS_TYPES = {
+    "sensor_msgs/msg/JointState": "states of joints",
+    "control_msgs/msg/JointTrajectoryControllerState": "a controller's set point and feedback",
+    "control_msgs/msg/DynamicJointState": "states of joints, by interface",
+    "control_msgs/msg/JointControllerState": "one joint's set point and feedback",
+    "control_msgs/msg/MultiDOFStateStamped": "a controller's set point and feedback",
+    "std_msgs/msg/Float64MultiArray": "commands of a forward controller",
+}
+_LEAST = 50  # rows of a table that is looked at
+_STAMPS = ("log_time", "header.stamp", "header.seq")  # of a bag's messages; their table has a time
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Columns that differ in the joint alone."""
+
+    part: str  # of the log: topic, episode, group
+    stem: str  # name with {} for the joint, or the name of an array
+    labels: tuple[str, ...]  # of the joints: names, numbers, or one empty
+    columns: tuple[str, ...]  # one per label, or one that holds all
+    values: np.ndarray  # (N, J), rows with NaN left out
+    rows: np.ndarray  # (M,) bool, which rows of the table these are
+
+
+@dataclass(frozen=True, eq=False)
+class LogPart:
+    """A table of a log."""
+
+    path: Path
+    part: str
+    kind: str  # message type, or empty
+    table: Table
+    blocks: tuple[Block, ...]
+    times: tuple[str, ...]  # columns of numbers that may be time
+    dates: tuple[str, ...]  # columns of text that may be time
+
+    @property
+    def ros(self) -> bool:
+        """Whether it is a topic, whose units and stamps are standard."""
+        return bool(self.kind)
+
+
+def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
+    """Every table of a log that may hold joints.
+
+    Args:
+        path: of the log.
+        joints: of the robot's description, if there is one.
+
+    Raises:
+        InputError: the log cannot be read, or holds no table of numbers.
+    """
+    if is_bag(path):
+        topics = [t for t in list_topics(path, "the log") if t.type in ROS_TYPES and t.count >= _LEAST]
+        parts = [(t.name, t.type) for t in topics]
+        if not parts:
+            present = ", ".join(f"{t.name} ({t.type})" for t in list_topics(path, "the log")) or "none"
+            raise InputError(
+                f"{path} has no topic of {', '.join(sorted(ROS_TYPES))} with {_LEAST} messages; topics are"
+                f" {present}"
+            )
+    elif is_lerobot(path):
+        parts = [("0", "")]
+    else:
+        parts = [(part, "") for part in _parts(path)]
+    found = [_part(path, part, kind, joints) for part, kind in parts]
+    useful = [each for each in found if each.blocks]
+    if not useful:
+        names = sorted({name for each in found for name in each.table.columns})
+        raise InputError(
+            f"{path} holds no columns of numbers with {_LEAST} rows; its columns are {names[:40]}"
+        )
+    return useful
+
+
+def _parts(path: Path) -> list[str]:
+    """Groups of an HDF5 file, of robomimic's kind the first demonstration; else the file as one."""
+    if path.suffix.lower() not in (".h5", ".hdf5"):
+        return [""]
+    import h5py
+
+    from samrl_ros.log_import.formats.hdf5 import groups
+
+    try:
+        with h5py.File(path, "r") as file:
+            found = groups(file)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read as HDF5: {error}") from error
+    demonstration = next((group for group in found if group.startswith("data/demo_")), None)
+    return ["/".join(demonstration.split("/")[:2])] if demonstration else [""]
+
+
+def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
+    table = read_table(path, CsvOptions(), "the log", part)
+    arrays = {name: values for name in table.columns if (values := _numbers(table, name)) is not None}
+    long = {name: values for name, values in arrays.items() if len(values) >= _LEAST}
+    flat = [name for name, values in long.items() if values.ndim == 1]
+    times = tuple(name for name in flat if is_time(name) and name not in _STAMPS)
+    dates = tuple(name for name in table.columns if name not in arrays and is_time(name))
+    blocks = []
+    for stem, members in split_names([name for name in flat if name not in times], joints).items():
+        columns = [long[name] for _, name in members]
+        if stem not in _STAMPS and not _is_index(stem) and len({len(column) for column in columns}) == 1:
+            labels = tuple(label for label, _ in members)
+            names = tuple(name for _, name in members)
+            blocks.append(_block(part, stem, labels, names, np.column_stack(columns)))
+    for name, values in long.items():
+        labelled = any(other.startswith(f"{name}.") for other in flat)
+        if values.ndim == 2 and not labelled:
+            labels = tuple(str(k) for k in range(values.shape[1]))
+            blocks.append(_block(part, name, labels, (name,), values))
+    useful = tuple(block for block in blocks if len(block.values) >= _LEAST)
+    return LogPart(path, part, kind, table, useful, times, dates)
+
+
+def _block(
+    part: str, stem: str, labels: tuple[str, ...], columns: tuple[str, ...], values: np.ndarray
+) -> Block:
+    rows = np.isfinite(values).all(axis=1)
+    return Block(part, stem, labels, columns, values[rows], rows)
+
+
+def _is_index(stem: str) -> bool:
+    """Counters that tools write beside the signals."""
+    return stem.rpartition(".")[2] in ("index", "frame_index", "episode_index", "task_index", "seq", "step")
+
+
+def _numbers(table: Table, name: str) -> np.ndarray | None:
+    """A column as numbers; None where its cells are text."""
+    cells = table.columns[name]
+    if isinstance(cells, pd.Series):
+        try:
+            return table.numbers(name, "the log")
+        except InputError:
+            return None
+    return cells

@@ -1,0 +1,120 @@
+"""What names of columns say: quantity, unit, measured or commanded, and which part of it names the joint."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+SLOT = "{}"  # where the joint stands in a stem
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\{\}")
+_NUMBER = re.compile(r"\d+")
+
+QUANTITIES = {
+    "position": "q pos position positions qpos theta angle angles rad deg counts encoder enc tick ticks",
+    "velocity": "dq qdot qvel vel velocity velocities speed speeds omega rpm",
+    "acceleration": "ddq qddot acc accel acceleration accelerations",
+    "effort": "tau torque torques effort efforts moment force forces nm",
+    "current": "current currents cur curr amps amp ampere iq",
+    "voltage": "voltage voltages volt volts pwm duty",
+    "temperature": "temperature temp temperatures celsius",
+}
+COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
+COMMANDED += " set point action wanted control d"
+MEASURED = "actual act meas measured feedback state states obs observation present real process value"
+COMPUTED = "error err output residual integral multi"
+TIME = "t time times timestamp timestamps stamp stamps sec secs seconds ms us ns clock"
+UNIT_WORDS = {
+    "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
+    "us": "us", "ns": "ns", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
+}  # fmt: skip
+
+_QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
+_COMMANDED, _MEASURED = set(COMMANDED.split()), set(MEASURED.split())
+_COMPUTED, _TIME = set(COMPUTED.split()), set(TIME.split())
+
+
+@dataclass(frozen=True)
+class NameMeaning:
+    """What a column's name says; empty where it says nothing."""
+
+    quantity: str = ""  # a key of QUANTITIES
+    commanded: bool = False
+    measured: bool = False
+    computed: bool = False  # an error or an output of the controller: neither measured nor tracked
+    unit: str = ""
+
+
+def meaning(name: str) -> NameMeaning:
+    """Reads a stem or a name such as `q_des_deg{}`."""
+    words = words_in(name)
+    quantities = [_QUANTITY_OF[word] for word in words if word in _QUANTITY_OF]
+    # The last word that names something other than an angle: `joint_position_velocity` does not occur.
+    quantity = next((q for q in reversed(quantities) if q != "position"), quantities[0] if quantities else "")
+    units = [UNIT_WORDS[word] for word in words if word in UNIT_WORDS]
+    found = set(words)
+    return NameMeaning(
+        quantity=quantity,
+        commanded=bool(found & _COMMANDED),
+        measured=bool(found & _MEASURED),
+        computed=bool(found & _COMPUTED),
+        unit=units[-1] if units else "",
+    )
+
+
+def is_time(name: str) -> bool:
+    """Whether a name is one of time and of nothing else."""
+    words = [word for word in words_in(name) if not word.isdecimal()]
+    return bool(words) and any(word in _TIME for word in words) and not meaning(name).quantity
+
+
+def words_in(name: str) -> list[str]:
+    """Lower-case words of a name in snake case, camel case or with dots."""
+    return [word.lower() for word in _WORDS.findall(name)]
+
+
+def split_names(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
+    """Names that differ in one place alone belong together.
+
+    Args:
+        names: of columns.
+        joints: known names of joints, if any.
+
+    Returns:
+        Pairs (joint's label, column) by stem; the stem has `{}` where the label stood. A column of its own
+        is its own stem, with an empty label.
+    """
+    candidates = {name: _stems(name, joints) for name in names}
+    members = Counter(stem for found in candidates.values() for stem, _ in found)
+    grouped: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        best = max(candidates[name], key=lambda pair: members[pair[0]], default=("", ""))
+        named = best[1] in joints
+        stem, label = best if named or members[best[0]] > 1 else (name, "")
+        grouped.setdefault(stem, []).append((label, name))
+    return grouped
+
+
+def _stems(name: str, joints: Sequence[str]) -> list[tuple[str, str]]:
+    """Ways to take one part of a name as the joint's, the likeliest first."""
+    found = []
+    for joint in sorted(joints, key=len, reverse=True):
+        if re.search(rf"(?<![A-Za-z0-9]){re.escape(joint)}(?![A-Za-z0-9])", name):
+            found.append((name.replace(joint, SLOT, 1), joint))
+            break
+    parts = name.split(".")
+    for k, part in enumerate(parts):
+        if len(parts) > 1 and not meaning(part).quantity and not _is_role(part):
+            found.append((".".join([*parts[:k], SLOT, *parts[k + 1 :]]), part))
+    for run in _NUMBER.finditer(name):
+        found.append((name[: run.start()] + SLOT + name[run.end() :], run.group()))
+    words = re.split(r"(_)", name)
+    for k, word in enumerate(words):
+        if word not in ("", "_") and len(words) > 1 and not meaning(word).quantity and not _is_role(word):
+            found.append(("".join([*words[:k], SLOT, *words[k + 1 :]]), word))
+    return found
+
+
+def _is_role(word: str) -> bool:
+    return bool(set(words_in(word)) & (_COMMANDED | _MEASURED | _COMPUTED | _TIME))

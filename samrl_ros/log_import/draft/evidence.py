@@ -1,0 +1,87 @@
+"""What the numbers themselves say: which block is another's rate, which follows it, in which unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_WINDOW_S = 0.1  # over which increments are compared; noise averages out, motion does not
+_AGREES = 0.9  # correlation from which increments are taken as those of one motion
+_MOVES = 1e-6  # of a block's own size: less is a joint at rest
+_RATIOS = {  # position's unit over that of the velocity [1/s]
+    ("rad", "rad/s"): 1.0,
+    ("deg", "deg/s"): 1.0,
+    ("deg", "rad/s"): 180 / np.pi,
+    ("rad", "deg/s"): np.pi / 180,
+    ("rad", "rpm"): np.pi / 30,
+    ("deg", "rpm"): 6.0,
+}
+_NEAR = 0.15  # relative error of a ratio up to which it is that of the units
+
+
+@dataclass(frozen=True)
+class RateFit:
+    """How the increments of a position compare with the integral of what may be its velocity."""
+
+    correlation: float
+    ratio: float  # position over integral
+
+
+def fit_rate(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> RateFit:
+    """Compares increments over windows of about 0.1 s.
+
+    Args:
+        time: (N,) [s].
+        position: (N, J).
+        velocity: (N, J) in units of its own.
+    """
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    window = max(1, round(_WINDOW_S / step)) if step > 0 else 1
+    integral = np.vstack(
+        [
+            np.zeros(velocity.shape[1]),
+            np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * steps[:, None], axis=0),
+        ]
+    )
+    moved = (position[window:] - position[:-window]).ravel()
+    expected = (integral[window:] - integral[:-window]).ravel()
+    scale = float(np.sqrt((moved @ moved) * (expected @ expected)))
+    if not scale:
+        return RateFit(0.0, 0.0)
+    return RateFit(float(moved @ expected) / scale, float(moved @ expected) / float(expected @ expected))
+
+
+def velocity_unit(position_unit: str, fit: RateFit) -> str:
+    """Unit of a velocity whose ratio to the position's rate is known; empty where none fits."""
+    if fit.correlation < _AGREES:
+        return ""
+    for (one, other), ratio in _RATIOS.items():
+        if one == position_unit and abs(fit.ratio / ratio - 1.0) < _NEAR:
+            return other
+    return ""
+
+
+def follows(time: np.ndarray, position: np.ndarray, other_time: np.ndarray, other: np.ndarray) -> float:
+    """Correlation of two blocks over their common time, of joints that move; 0 where none does."""
+    low, high = max(time[0], other_time[0]), min(time[-1], other_time[-1])
+    inside = (time >= low) & (time <= high)
+    if inside.sum() < 10:
+        return 0.0
+    there = np.column_stack([np.interp(time[inside], other_time, column) for column in other.T])
+    here = position[inside]
+    here, there = here - here.mean(axis=0), there - there.mean(axis=0)
+    moving = (np.ptp(here, axis=0) > _MOVES * (1 + np.abs(here).max())) & (np.ptp(there, axis=0) > 0)
+    if not moving.any():
+        return 0.0
+    products = (here * there).sum(axis=0)[moving]
+    return float(np.median(products / np.sqrt((here**2).sum(axis=0) * (there**2).sum(axis=0))[moving]))
+
+
+def time_unit(steps: np.ndarray) -> list[str]:
+    """Units in which a clock with these steps would run at 5 to 5,000 Hz, the likeliest first."""
+    step = float(np.median(steps))
+    rates = {"s": 1.0 / step, "ms": 1e3 / step, "us": 1e6 / step, "ns": 1e9 / step} if step > 0 else {}
+    plausible = {unit: rate for unit, rate in rates.items() if 5.0 <= rate <= 5000.0}
+    return sorted(plausible, key=lambda unit: abs(np.log(plausible[unit] / 200.0)))

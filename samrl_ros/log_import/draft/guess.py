@@ -1,0 +1,75 @@
+"""What was guessed about a log, why, and how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+EFFORT_HELP = (
+    "What measured efforts are: of a link-side sensor, of the drive before friction, or not to be used."
+)
+
+
+class Effort(StrEnum):
+    """What measured efforts are."""
+
+    ask = "ask"  # not known: a question, unless the joints' names tell
+    link = "link"  # of a torque sensor behind the gears
+    drive = "drive"  # torque of the drive times gear ratio, before friction
+    none = "none"  # not to be used
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One entry of a mapping."""
+
+    key: str  # path in the mapping, such as channels.states.position
+    reason: str
+    question: str = ""  # what the user has to confirm or answer; empty where the log itself is proof
+
+    @property
+    def sure(self) -> bool:
+        """Whether nothing is left to ask."""
+        return not self.question
+
+
+@dataclass
+class Draft:
+    """A mapping as far as a log gives it."""
+
+    about: str
+    joints: list[str] = field(default_factory=list)
+    urdf: str | None = None  # path or text
+    sources: dict[str, dict[str, Any]] = field(default_factory=dict)
+    channels: dict[str, dict[str, Any]] = field(default_factory=dict)
+    recordings: list[dict[str, Any]] = field(default_factory=list)
+    guesses: list[Guess] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)  # columns that went nowhere, and why
+
+    @property
+    def questions(self) -> list[str]:
+        """What is not sure, a sentence each."""
+        return [f"{guess.key}: {guess.question}" for guess in self.guesses if guess.question]
+
+    def note(self, key: str, reason: str, question: str = "") -> None:
+        """Remember why an entry is what it is."""
+        self.guesses.append(Guess(key, reason, question))
+
+    def of(self, key: str) -> Iterator[Guess]:
+        """Guesses about one entry."""
+        return (guess for guess in self.guesses if guess.key == key)
+
+    def as_mapping(self) -> dict[str, Any]:
+        """As a mapping file holds it; `questions` keeps it from being used before they are answered."""
+        content: dict[str, Any] = {"about": self.about, "joints": self.joints}
+        if self.questions:
+            content = {"questions": self.questions, **content}
+        if self.urdf is not None:
+            content["urdf"] = self.urdf
+        return content | {
+            "sources": self.sources,
+            "channels": self.channels,
+            "recordings": self.recordings,
+        }

@@ -1,0 +1,64 @@
+"""Logs of other tools read without a mapping, where everything about them is sure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from samrl_core.cell.types.arm_description import Tolerances
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_folder
+from samrl_ros.bags.reader import open_bag
+from samrl_ros.log_import.draft.draft import draft_mapping
+from samrl_ros.log_import.draft.guess import Effort
+from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.importer import import_recording
+from samrl_ros.log_import.mapping import parse_mapping
+from samrl_ros.recordings.read import has_arms
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a log is anything but a bag with samrl's topics (or a file that only looks like a bag)."""
+    if path.suffix.lower() == ".mcap" or (is_folder(path) and any(path.glob("*.mcap"))):
+        bag = open_bag(path)
+        return (
+            bool(bag.topics) and not has_arms(bag) and any(t.type.endswith("/JointState") for t in bag.topics)
+        )
+    return True
+
+
+def read_foreign(
+    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort
+) -> tuple[ArmRecording, tuple[str, ...]]:
+    """Draft a mapping and import by it.
+
+    Args:
+        path: of the log.
+        urdf: text of the robot's description; None takes a bag's own.
+        tolerances: of the model, instead of the defaults.
+        effort: what measured efforts are.
+
+    Raises:
+        InputError: something about the log is not sure, or as `draft_mapping` and `import_recording`.
+    """
+    draft = draft_mapping([path], urdf, urdf, effort)
+    if draft.questions:
+        asked = "".join(f"\n  {question}" for question in draft.questions)
+        raise InputError(
+            f"{path} is not in samrl's topics, and not all of it is sure:{asked}\n`samrl bag draft {path}"
+            " --out mapping.yaml` writes down what was found; answer there, then `samrl bag import`"
+        )
+    data = path if is_folder(path) and not _is_one(draft.sources, path) else path.parent
+    mapping = parse_mapping(as_yaml(draft), Path("the drafted mapping"))
+    made = import_recording(mapping.recordings[0], mapping, data)
+    recording = made.recording
+    if tolerances is not None:
+        recording = replace(recording, arm=replace(recording.arm, tolerances=tolerances))
+    reasons = tuple(f"{guess.key}: {guess.reason}" for guess in draft.guesses)
+    return replace(recording, name=path.stem, source=str(path)), (*reasons, *made.notes)
+
+
+def _is_one(sources: dict[str, dict], path: Path) -> bool:
+    """Whether all sources are the folder itself: a bag's, a dataset's."""
+    return all(source["file"] == path.name for source in sources.values())

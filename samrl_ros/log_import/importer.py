@@ -45,18 +45,13 @@ class ImportedRecording:
 def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> ImportedRecording:
     """Make one recording.
 
-    Args:
-<<<<<<< HEAD
-        spec: of the mapping.
-        mapping: its file; the URDF is searched beside it as well.
-=======
-        spec: one of the mapping.
-        mapping: whose file the URDF is looked for beside as well.
->>>>>>> f352359 (samrl bag draft writes a commented mapping; foreign bags are read without one where all is sure)
-        data: folder that paths count from.
+        Args:
+            spec: one of the mapping.
+            mapping: whose file the URDF is looked for beside as well.
+            data: folder that paths count from.
 
-    Raises:
-        InputError: with the key path of what is wrong, or as `check_recording`.
+        Raises:
+            InputError: with the key path of what is wrong, or as `check_recording`.
     """
     report: list[str] = []
     notes: list[str] = []

@@ -8,13 +8,21 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import h5py
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import yaml
 from mcap.writer import CompressionType, Writer
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from samrl_core.cell.excitation.trajectory_file import TrajectoryFile
@@ -31,6 +39,9 @@ from samrl_ros.bags.writer import BagWriter
 from samrl_ros.cell.parameter_file import load_parameters
 from samrl_ros.cli.diagnose import read_library
 from samrl_ros.conversions import from_message
+from samrl_ros.log_import.draft.draft import draft_mapping
+from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.formats.rosbag import list_topics
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.importer import import_logs
 from samrl_ros.log_import.mapping import read_mapping
@@ -101,6 +112,60 @@ def _mat() -> bytes:
 
 def _table(path: Path) -> None:
     read_table(path, CsvOptions(), "it")
+
+
+def _hdf5() -> bytes:
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file["log/q"], file["log/t"] = np.ones((COUNT, 2)), _columns()["t"]
+    return buffer.getvalue()
+
+
+def _parquet() -> bytes:
+    buffer = io.BytesIO()
+    pq.write_table(pa.table({**_columns(), "list": [[1.0, 2.0]] * COUNT, "text": ["a"] * COUNT}), buffer)
+    return buffer.getvalue()
+
+
+@cache
+def _ros_bag_files(name: str) -> dict[str, bytes]:
+    """A bag of a few joint states as rosbags writes it."""
+    ros1 = name.endswith(".bag")
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=1, nanosec=2)
+    header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="", **({"seq": 1} if ros1 else {}))
+    ones = np.ones(2)
+    message = store.types["sensor_msgs/msg/JointState"](header, ["a", "b"], ones, ones, np.array([]))
+    encode: Callable[[Any, str], Any] = store.serialize_ros1 if ros1 else store.serialize_cdr
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        writer: Any = (
+            Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        )
+        with writer:
+            to = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+            for k in range(3):
+                writer.write(to, k + 1, encode(message, "sensor_msgs/msg/JointState"))
+        files = [path] if ros1 else sorted(path.iterdir())
+        return {file.name: file.read_bytes() for file in files}
+
+
+def _ros_bag(name: str) -> bytes:
+    files = _ros_bag_files(name)
+    return files[name if name.endswith(".bag") else f"{name}.db3"]
+
+
+def _ros_metadata() -> bytes:
+    return _ros_bag_files("log")["metadata.yaml"]
+
+
+def _topics(path: Path) -> None:
+    list_topics(path, "it")
+    read_table(path, CsvOptions(), "it", "/joint_states")
+
+
+def _draft(path: Path) -> None:
+    as_yaml(draft_mapping([path], None, None))
 
 
 def _mapping() -> bytes:
@@ -323,6 +388,19 @@ READERS: tuple[Reader, ...] = (
     Reader("table CSV", "a.csv", lambda: [_csv(), b't,q\n1,"[1, 2]"\n2,"[3, 4]"\n'], _table),
     Reader("table NPZ", "a.npz", lambda: [_npz()], _table),
     Reader("table MAT", "a.mat", lambda: [_mat()], _table, share=0.1),
+    Reader("table HDF5", "a.h5", lambda: [_hdf5()], _table),
+    Reader("table Parquet", "a.parquet", lambda: [_parquet()], _table),
+    Reader("table JSON", "a.json", lambda: [b'[{"t": 1, "a": {"q": [1, 2]}}, {"t": 2}]'], _table),
+    Reader("ROS 1 bag", "a.bag", lambda: [_ros_bag("a.bag")], _topics, share=0.3),
+    Reader(
+        "sqlite3 bag",
+        "log/log.db3",
+        lambda: [_ros_bag("log")],
+        lambda path: _topics(path.parent),
+        share=0.3,
+        prepare=lambda path: (path.parent / "metadata.yaml").write_bytes(_ros_metadata()),
+    ),
+    Reader("draft of a CSV", "a.csv", lambda: [_csv(), _csv().replace(b"q", b"q_deg1")], _draft, share=0.1),
     Reader(
         "formula", "f", lambda: [FORMULA, b"solve(m, x)[1] + apply(m, x)[0] + signed(q, 3)"], _text(_formula)
     ),

@@ -45,13 +45,13 @@ class ImportedRecording:
 def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> ImportedRecording:
     """Make one recording.
 
-        Args:
-            spec: one of the mapping.
-            mapping: whose file the URDF is looked for beside as well.
-            data: folder that paths count from.
+    Args:
+        spec: one of the mapping.
+        mapping: whose file the URDF is looked for beside as well.
+        data: folder that paths count from.
 
-        Raises:
-            InputError: with the key path of what is wrong, or as `check_recording`.
+    Raises:
+        InputError: with the key path of what is wrong, or as `check_recording`.
     """
     report: list[str] = []
     notes: list[str] = []

@@ -54,7 +54,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "samrl_ros": ("samrl_ros/",),
     "mcap": ("samrl_ros/",),
     "mcap_ros2": ("samrl_ros/",),
-    "rosbags": ("samrl_ros/bags/",),
+    "rosbags": ("samrl_ros/bags/", "samrl_ros/log_import/formats/"),
     "typer": ("samrl_ros/",),
     "rich": ("samrl_ros/",),
 }
@@ -78,7 +78,7 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
         "hosting": frozenset({"contract"}),
         "bags": frozenset({"contract", "hosting"}),
         "recordings": frozenset({"bags", "contract"}),
-        "log_import": frozenset({"recordings"}),
+        "log_import": frozenset({"recordings", "bags"}),
         "blind_test": frozenset({"recordings"}),
         "nodes": frozenset({"bags", "contract", "conversions", "hosting"}),
         "cell": frozenset({"nodes", "bags", "contract", "conversions", "hosting"}),

@@ -66,7 +66,7 @@ def report_soak(turns: list[Path], out: Path) -> dict[str, Any]:
         "turns": [{k: v for k, v in one.items() if k not in ("latencies", "losses")} for one in told],
     }
     write_whole(out / "soak.json", json.dumps(_plain(found), indent=1, allow_nan=False) + "\n")
-    _draw(out / "soak.png", samples, told, found, processes)
+    _plot(out / "soak.png", samples, told, found, processes)
     return found
 
 
@@ -165,7 +165,7 @@ def _interval(growth: dict[str, Any]) -> str:
     return f"{growth['per_hour']:+.2f} ({low:+.2f} to {high:+.2f})"
 
 
-def _draw(
+def _plot(
     path: Path,
     samples: list[list[dict[str, Any]]],
     told: list[dict[str, Any]],

@@ -20,6 +20,7 @@ REMAPS = {
     "sim_bridge": [f"{COMMAND}:={RELAYED[COMMAND]}"],
     "manipulator": [f"{JOINTS}:={RELAYED[JOINTS]}"],
 }
+REST_S = 0.4  # simulated time in which an arm whose commands cease has braked
 HARM_S = 2.0  # wall time of a fault of messages
 
 
@@ -48,6 +49,13 @@ def heal(graph: ArmsGraph, trial: Trial) -> None:
     trial.healed, trial.healed_ns = time.monotonic(), int(graph.state.read()[0] * 1e9)
 
 
+def rest(graph: ArmsGraph, trial: Trial) -> None:
+    """Until the arm has rested for a while of simulated time, which first waits for the commander."""
+    graph.wait(
+        lambda: graph.state.read()[0] > trial.harmed_ns * 1e-9 + REST_S and graph.at_rest(), "rest", 0.02
+    )
+
+
 def killed(*nodes: str) -> Callable[[ArmsGraph, Trial], None]:
     """SIGKILL to the first; once the arm rests, all of them are started anew."""
 
@@ -57,7 +65,7 @@ def killed(*nodes: str) -> Callable[[ArmsGraph, Trial], None]:
         os.kill(children[nodes[0]].pid, signal.SIGKILL)
         children[nodes[0]].wait()
         if nodes[0] != "sim_bridge":
-            graph.wait(graph.at_rest, "rest", 0.02)
+            rest(graph, trial)
         others = [n for n in children if n not in nodes and not graph.processes.alive(n)]
         trial.check("all others live", not others, ", ".join(others) or "they do")
         heal(graph, trial)
@@ -92,6 +100,8 @@ def relayed(topic: str, mode: str, amount: float) -> Callable[[ArmsGraph, Trial]
     def harm(graph: ArmsGraph, trial: Trial) -> None:
         graph.order("relay", f"{topic} {mode} {amount}")
         begin(graph, trial)
+        if mode == "cease":
+            rest(graph, trial)
         time.sleep(HARM_S)
         heal(graph, trial)
         graph.order("relay", f"{topic} pass")

@@ -164,8 +164,8 @@ def _estop_and_reset(cell: Cell) -> None:
     raise Late("the emergency stop could not be reset")
 
 
-RESTARTABLE = ("model_updater", "view_planner", "policy", "residual_trainer", "recorder")
-NEEDED = ("sim_bridge", "manipulator", "supervisor")
+RESTARTABLE = ("model_updater", "view_planner", "policy", "residual_trainer")
+NEEDED = ("sim_bridge", "manipulator", "supervisor", "recorder")
 GONE = "(killed|gone|died|ended|restart|starts? again|started)"
 
 CELL_FAULTS: list[CellFault] = [
@@ -173,11 +173,10 @@ CELL_FAULTS: list[CellFault] = [
         CellFault(
             f"cell_{node}_killed",
             ("before", "motion") if node in ("model_updater", "policy") else ("motion",),
-            "It is started anew and the run goes on, or the run ends; either is told by the node's name",
+            "It is started anew and told; the episode goes on or is given up, the next one is run",
             _kill(node),
             (OK, FAILED),
             f"{node}.*{GONE}",
-            "repairable" if node == "recorder" else "whole",
         )
         for node in RESTARTABLE
     ),
@@ -185,10 +184,11 @@ CELL_FAULTS: list[CellFault] = [
         CellFault(
             f"cell_{node}_killed",
             ("motion", "stopping") if node == "sim_bridge" else ("motion",),
-            "It cannot be replaced in motion: the arms stop and the run ends, told by the node's name",
+            "It is not replaced in motion: the arms stop and the run ends, told by the node's name",
             _kill(node),
             (FAILED,),
             f"{node}.*{GONE}",
+            "repairable" if node == "recorder" else "whole",
         )
         for node in NEEDED
     ),
@@ -198,7 +198,7 @@ CELL_FAULTS: list[CellFault] = [
             ("motion", "stopping") if node == "model_updater" else ("motion",),
             "3 s without it are no fault: the run goes on; an episode that it costs is given up and told",
             _pause(node, 3.0),
-            (OK,),
+            (OK, FAILED),
         )
         for node in ("sim_bridge", "model_updater", "policy", "manipulator", "supervisor")
     ),
@@ -206,10 +206,9 @@ CELL_FAULTS: list[CellFault] = [
         CellFault(
             f"cell_{node}_paused_30s",
             ("motion",),
-            "After 30 s it goes on, or the run has ended and said why; never silently",
+            "30 s held by a signal are no death: it goes on; an episode that it costs is given up and told",
             _pause(node, 30.0),
             (OK, FAILED),
-            node,
         )
         for node in ("sim_bridge", "model_updater")
     ),
@@ -296,13 +295,15 @@ def _check_outcome(trial: Trial, fault: CellFault, cell: Cell, code: int) -> Non
     else:
         summary = json.loads(path.read_text())
     reasons = [f"{e['episode']}: {e['reason']}" for e in summary["episodes"]]
-    if code == OK:
+    lost = bool(summary.get("given_up"))
+    if code == OK or lost or fault.codes == (OK, FAILED):
         trial.check("every episode has an outcome", len(reasons) == EPISODES, "; ".join(reasons)[:400])
         acted = any(e["actions"] for e in summary["episodes"])
         trial.check("it acted", acted, f"{[e['actions'] for e in summary['episodes']]} actions")
-    elif path.exists():
-        trial.check("the summary says why", summary["error"], summary["error"][:300] or "nothing")
-    if fault.told and trial.moment != "stopping" and (code != OK or fault.told != "sim_bridge"):
+    if code != OK and path.exists():
+        why = summary["error"] or (f"{summary['given_up']} given up" if lost else "")
+        trial.check("the summary says why", why, why[:300] or "nothing")
+    if fault.told and trial.moment != "stopping":
         trial.check_told(fault.told, "its output", cell.processes.text("cell"))
 
 

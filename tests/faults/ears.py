@@ -82,8 +82,8 @@ class Ears:
         self._thread.start()
 
     def heard_by_all(self) -> bool:
-        """Whether every answer and action has somebody who listens."""
-        return all(speaker.get_subscription_count() > 0 for speaker in self._speakers.values())
+        """Whether every answer and action has somebody who listens, beside the recorder."""
+        return all(speaker.get_subscription_count() > 1 for speaker in self._speakers.values())
 
     def holds_a_request(self) -> bool:
         """Whether an update is asked for that is not answered."""

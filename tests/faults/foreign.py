@@ -84,8 +84,8 @@ def _nan_command(stranger: Stranger, t: float) -> None:
 
 def _joint_states(stranger: Stranger, t: float) -> None:
     """A second driver that says the arm is elsewhere."""
-    zeros = np.zeros(len(stranger.position))
-    reading = ArmReading(stranger.now_ns + 1_000_000, stranger.position - 0.1, zeros, zeros)
+    home = stranger.__dict__.setdefault("home", stranger.position.copy())  # the stranger hears itself as well
+    reading = ArmReading(stranger.now_ns + 1_000_000, home - 0.1, home * 0.0, home * 0.0)
     stranger.say(JOINTS, to_message.joint_state(reading, stranger.names))
 
 

@@ -62,9 +62,9 @@ def _overview(results: list[dict[str, Any]]) -> list[str]:
         lines.append(f"| {fault.replace('_', ' ')} | {promise} | {row} |")
     highest: dict[str, float] = {}
     for result in results:
-        for what, share in result["shares"].items():
+        for what, share in result.get("shares", {}).items():
             highest[what] = max(share, highest.get(what, 0.0))
-    periods = sum(result["periods"] for result in results)
+    periods = sum(result.get("periods", 0) for result in results)
     lines += ["", f"{periods} controller periods of 1 ms; highest share of a limit over all of them:", ""]
     lines += ["| limit | highest share |", "|---|---|"]
     return lines + [f"| {what} | {share:.3f} |" for what, share in highest.items()]

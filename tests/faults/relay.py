@@ -1,6 +1,6 @@
 """`python -m tests.faults.relay TOPIC=OTHER...`: passes bytes on from a topic to another name, or not.
 
-A line on standard input sets the fault: `TOPIC MODE [AMOUNT]`. Modes: pass, drop (share), delay (s),
+A line on standard input sets the fault: `TOPIC MODE [AMOUNT]`. Modes: pass, drop (share), cease, delay (s),
 duplicate (times), reorder (messages held back and sent the other way round), truncate (share that loses its
 second half). The messages stay CDR bytes: nothing is decoded, so that what is broken stays broken.
 """
@@ -25,6 +25,8 @@ from samrl_ros.contract.topics import TOPICS
 from samrl_ros.hosting.host import start_ros
 from tests.faults.processes import DOES
 
+MODES = ("pass", "drop", "cease", "delay", "duplicate", "reorder", "truncate")
+
 
 @dataclass
 class Channel:
@@ -39,6 +41,8 @@ class Channel:
 
     def set(self, mode: str, amount: float) -> None:
         """From now on; what is held back leaves in order."""
+        if mode not in MODES:
+            raise ValueError(f"mode {mode!r} is none of {', '.join(MODES)}")
         for data in self.held:
             self.publisher.publish(data)
         self.held.clear()
@@ -47,7 +51,7 @@ class Channel:
     def take(self, data: bytes) -> None:
         """Pass a message on, or not."""
         send, mode, amount = self.publisher.publish, self.mode, self.amount
-        if mode == "drop" and self.chance.random() < amount:
+        if mode == "cease" or (mode == "drop" and self.chance.random() < amount):
             return
         if mode == "delay" or (self.late and mode == "pass"):
             self.late.append((time.monotonic() + (amount if mode == "delay" else 0.0), data))

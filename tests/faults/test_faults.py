@@ -94,6 +94,7 @@ class _Sent:
     [
         ("pass", 0, [b"aa", b"bb", b"cc", b"dd"]),
         ("drop", 1, []),
+        ("cease", 0, []),
         ("duplicate", 2, [b"aa", b"aa", b"bb", b"bb", b"cc", b"cc", b"dd", b"dd"]),
         ("reorder", 2, [b"bb", b"aa", b"dd", b"cc"]),
         ("truncate", 1, [b"a", b"b", b"c", b"d"]),

@@ -25,13 +25,13 @@ def run(given: list[str]) -> int:
 
     try:
         from samrl_ros.hosting.ros_check import require_ros
-        from samrl_ros.nodes.registry import NODES
+        from samrl_ros.nodes.registry import EXECUTABLES
 
         require_ros()
     except SamrlError as error:
         print(f"error: {error}", file=sys.stderr)
         return INPUT_REFUSED
-    unknown = [name for name in names if name not in NODES]
+    unknown = [name for name in names if name not in EXECUTABLES]
     if unknown or not names:
         why = f"no node {unknown[0]!r}" if unknown else "which node?"
         print(f"{why}\n{usage()}", file=sys.stderr)
@@ -74,11 +74,11 @@ def own_arguments(arguments: list[str]) -> list[str]:
 
 def usage() -> str:
     """How to call it."""
-    from samrl_ros.nodes.registry import NODES
+    from samrl_ros.nodes.registry import EXECUTABLES
 
     return (
         "usage: python -m samrl_ros.ros2_run NODE... [--help] [--ros-args ...]\n"
-        f"NODE is one of {', '.join((*NODES, 'cell'))}"
+        f"NODE is one of {', '.join((*EXECUTABLES, 'cell'))}"
     )
 
 

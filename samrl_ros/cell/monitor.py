@@ -99,6 +99,10 @@ class Monitor:
             message_class(watch.type), NODE_WATCH, qos_named(watch.qos)
         )
 
+    def tell(self, text: str) -> None:
+        """Show a line where events are shown."""
+        self._on_event(text)
+
     def spin(self, timeout_s: float = 0.05) -> None:
         """Take in what has come."""
         self._executor.spin_once(timeout_sec=timeout_s)

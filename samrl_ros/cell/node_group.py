@@ -22,7 +22,8 @@ STOP_TIMEOUT_S = 15.0  # asleep, held by a signal, or of processor time
 STOP_LOOK_S = 0.02
 SWITCH_INTERVAL_S = 2e-4
 # Nodes that compute for long, by process. The planner and the policy take turns: they share one.
-COMPUTING = (("model_updater",), ("view_planner", "policy"), ("residual_trainer",))
+# So is the border to real arms: it must keep up with a kilohertz of joint states.
+COMPUTING = (("hardware_bridge",), ("model_updater",), ("view_planner", "policy"), ("residual_trainer",))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 import yaml
 
+from samrl_core.cell.calibration.calibrate import calibrated_cell
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.world import DEFAULT_WORLD, WORLDS
@@ -19,8 +20,9 @@ from samrl_core.common.files import write_whole
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_ros.cell.parameter_file import load_parameters
-from samrl_ros.contract.settings import OUTLASTS_STOPS, REAL_TIME_FACTOR
-from samrl_ros.nodes.registry import NODES
+from samrl_ros.contract.settings import JUDGES, OUTLASTS_STOPS, REAL_TIME_FACTOR
+from samrl_ros.hardware.driver_file import PARTS, DriverFile, drivers_by_part
+from samrl_ros.nodes.registry import BRIDGES, EXECUTABLES, nodes_of_run
 
 LAYOUTS = ("split", "processes", "threads")
 
@@ -69,6 +71,28 @@ class CellOptions:
         int, typer.Option(help="Restarts of a node's process in a run, 0 for none.", min=0)
     ] = 3
     params: Annotated[Path | None, typer.Option(help="ROS parameter file laid over the defaults.")] = None
+    hardware: Annotated[
+        tuple[str, ...],
+        typer.Option(
+            help="A real cell in place of the simulated one: DRIVER or PART=DRIVER, by name or YAML file;"
+            " one for each arm, the camera and the segmenter."
+        ),
+    ] = ()
+    observe: Annotated[
+        bool, typer.Option("--observe", help="With --hardware: record what drivers say; nothing can move.")
+    ] = False
+    judge: Annotated[
+        str, typer.Option(help="With --hardware: model or operator says whether an episode succeeded.")
+    ] = JUDGES[0]
+    hand_eye: Annotated[
+        Path | None, typer.Option(help="With --hardware: calibration.json of the camera in its flange.")
+    ] = None
+    bases: Annotated[
+        Path | None, typer.Option(help="With --hardware: calibration.json of one arm's base in the other's.")
+    ] = None
+    sim_time: Annotated[
+        bool, typer.Option("--sim-time", help="With --hardware: the drivers are a simulator's, with /clock.")
+    ] = False
     node_args: tuple[str, ...] = ()  # further --ros-args
 
     def __post_init__(self) -> None:
@@ -79,6 +103,11 @@ class CellOptions:
         """Plain values for `summary.json`."""
         data = asdict(self)
         return {k: str(v) if isinstance(v, Path) else v for k, v in data.items()}
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of the nodes to start, in order."""
+        return nodes_of_run(bool(self.hardware), self.observe)
 
 
 def prepare(options: CellOptions) -> Path:
@@ -105,13 +134,17 @@ def prepare(options: CellOptions) -> Path:
         raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")
     if options.world not in WORLDS:
         raise InputError(f"--world is {options.world!r}, must be one of {', '.join(WORLDS)}")
-    if options.policy == "learned" or options.strategy == "q":
+    if options.hardware:
+        require_hardware(options)
+    elif given := [n for n in ("observe", "hand_eye", "bases", "sim_time") if getattr(options, n)]:
+        raise InputError(f"--{given[0].replace('_', '-')} is for a real cell; give --hardware as well")
+    if not options.observe and (options.policy == "learned" or options.strategy == "q"):
         _require_weights(options)
     if options.residual is not None:
         _require_residual(options, options.residual)
     overlay: dict[str, dict[str, Any]] = {}
     if options.params is not None:
-        overlay = load_parameters(options.params, NODES)
+        overlay = load_parameters(options.params, EXECUTABLES)
     parameters = _parameters(options, overlay)
     out = options.out
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -126,6 +159,24 @@ def prepare(options: CellOptions) -> Path:
     file = out / "params.yaml"
     write_whole(file, yaml.safe_dump(parameters, sort_keys=False))
     return file
+
+
+def require_hardware(options: CellOptions) -> dict[str, DriverFile]:
+    """The drivers of a real cell by part, after a check of all that belongs to them.
+
+    Raises:
+        InputError: a driver, calibration or judge that does not fit, or a part without a driver.
+    """
+    drivers = drivers_by_part(options.hardware)
+    missing = [part for part in PARTS if part not in drivers]
+    if missing and not options.observe:
+        raise InputError(
+            f"--hardware names no driver of {', '.join(missing)}; give all, or --observe to hear alone"
+        )
+    if options.judge not in JUDGES:
+        raise InputError(f"--judge is {options.judge!r}, must be one of {', '.join(JUDGES)}")
+    calibrated_cell(cell_named(options.cell), options.hand_eye, options.bases)
+    return drivers
 
 
 def _require_weights(options: CellOptions) -> None:
@@ -159,6 +210,14 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     out = options.out.resolve()
     weights = str(options.weights.resolve()) if options.weights else ""
     ours: dict[str, dict[str, tuple[str, Any]]] = {  # by node and parameter: option and value
+        "hardware_bridge": {
+            "task": ("--task", options.task),
+            "drivers": ("--hardware", [_as_found(name) for name in options.hardware]),
+            "observe_only": ("--observe", options.observe),
+            "judge": ("--judge", options.judge),
+            "hand_eye": ("--hand-eye", str(options.hand_eye.resolve()) if options.hand_eye else ""),
+            "bases": ("--bases", str(options.bases.resolve()) if options.bases else ""),
+        },
         "sim_bridge": {
             "task": ("--task", options.task),
             "world": ("--world", options.world),
@@ -188,6 +247,7 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
             "max_actions": ("--max-actions", options.max_actions),
         },
     }
+    del ours[BRIDGES[0] if options.hardware else BRIDGES[1]]
     if options.residual is not None:
         ours["residual_trainer"]["residual"] = ("--residual", str(options.residual.resolve()))
         trained = overlay.get("residual_trainer", {})
@@ -201,13 +261,15 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     if not options.update:  # a model as it starts knows nothing of when a task is done
         ours["supervisor"]["stop_on_model_success"] = ("--no-update", False)
     merged: dict[str, Any] = {}
+    sim_time = options.sim_time or not options.hardware
     for node, owned in ours.items():
         given = overlay.get(node, {})
         if given:
             _refuse_contradiction(node, owned, given)
         values = {name: value for name, (_, value) in owned.items()}
-        merged[f"/cell/{node}"] = {"ros__parameters": {"use_sim_time": True, **given, **values}}
-    merged["/cell/sim_bridge"]["ros__parameters"]["use_sim_time"] = False  # it makes the clock
+        merged[f"/cell/{node}"] = {"ros__parameters": {"use_sim_time": sim_time, **given, **values}}
+    if not options.hardware:
+        merged["/cell/sim_bridge"]["ros__parameters"]["use_sim_time"] = False  # it makes the clock
     # Written down always: a replay knows older runs by its absence.
     supervisor = merged["/cell/supervisor"]["ros__parameters"]
     supervisor.setdefault("done_confirmations", LoopSettings.done_confirmations)
@@ -215,6 +277,12 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     supervisor.setdefault("wait_for_reset", OUTLASTS_STOPS)
     merged["/cell/manipulator"]["ros__parameters"].setdefault("heed_stops", OUTLASTS_STOPS)
     return merged
+
+
+def _as_found(driver: str) -> str:
+    """A driver as any process finds it: its YAML file by its absolute path."""
+    part, equals, name = driver.rpartition("=")
+    return f"{part}{equals}{Path(name).resolve() if name.endswith(('.yaml', '.yml')) else name}"
 
 
 def _refuse_contradiction(node: str, owned: dict[str, tuple[str, Any]], given: dict[str, Any]) -> None:

@@ -18,13 +18,13 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError, SamrlError
+from samrl_ros.cell.driver_check import check_drivers
 from samrl_ros.cell.options import CellOptions, prepare
 from samrl_ros.cell.reserve import Reserve
 from samrl_ros.cell.start_up import CompilationTeller
 from samrl_ros.contract.exit_codes import FAILED, INTERRUPTED, OK
 from samrl_ros.contract.outcomes import given_up_episodes
 from samrl_ros.hosting.ros_check import require_ros
-from samrl_ros.nodes.registry import NODES
 
 __all__ = ["CellOptions", "run_cell"]
 
@@ -59,6 +59,8 @@ def run_cell(
 
     check_ros_arguments(options.node_args)
     _refuse_taken_domain()
+    if options.hardware and not check_drivers(options, screen):
+        return FAILED
     params = prepare(options)
     arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
     _clean_shared_memory(screen)
@@ -153,6 +155,7 @@ def _watch_run(
             lambda text: progress.console.print(escape(text), highlight=False, soft_wrap=True), on_figures
         )
         view = _start_view(options)
+        desk = _open_desk(options, monitor)
         logs = options.out / "logs"
         group = {
             "split": lambda: MixedGroup(arguments, logs),
@@ -163,10 +166,12 @@ def _watch_run(
         compilations = CompilationTeller(logs)
         try:
             care = Supervision(group, monitor, options.estop_wait, options.restarts)
-            trouble = _bring_up(group, monitor, care, stop, compilations)
-            while not trouble and not stop.is_set() and len(monitor.watch.outcomes) < options.episodes:
+            trouble = _bring_up(options.nodes, group, monitor, care, stop, compilations)
+            while not trouble and not stop.is_set() and not _is_done(options, monitor, desk):
                 monitor.spin()
                 compilations.report()
+                if desk is not None:
+                    desk.spin()
                 on_tick(group.pids())
                 trouble = _trouble(care.trouble, stop)
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
@@ -181,6 +186,8 @@ def _watch_run(
             late = group.stop()
             if view is not None:
                 view.close()
+            if desk is not None:
+                desk.close()
             monitor.close()
     return monitor.watch, trouble, late
 
@@ -191,9 +198,11 @@ def _trouble(find: Callable[[], str], stop: Any) -> str:
     return "" if stop.is_set() else found
 
 
-def _bring_up(group: Any, monitor: Any, care: Any, stop: Any, compilations: CompilationTeller) -> str:
-    """Start all nodes but the supervisor, wait until they are active, then start the supervisor."""
-    others = NODES[:-1]
+def _bring_up(
+    nodes: tuple[str, ...], group: Any, monitor: Any, care: Any, stop: Any, compilations: CompilationTeller
+) -> str:
+    """Start all nodes but the last, wait until they are active, then start the last, the supervisor."""
+    others = nodes[:-1]
     group.start(others)
     while not all(monitor.is_active(name) for name in others):
         monitor.spin()
@@ -202,8 +211,25 @@ def _bring_up(group: Any, monitor: Any, care: Any, stop: Any, compilations: Comp
         trouble = _trouble(partial(care.late, late), stop)
         if trouble or stop.is_set():
             return trouble
-    group.start(NODES[-1:])
+    group.start(nodes[-1:])
     return ""
+
+
+def _open_desk(options: CellOptions, monitor: Any) -> Any:
+    """Where a real cell asks its operator; None where there is nobody to ask."""
+    if not options.hardware or options.observe:
+        return None
+    from samrl_ros.cell.operator_desk import OperatorDesk
+
+    return OperatorDesk(monitor.tell)
+
+
+def _is_done(options: CellOptions, monitor: Any, desk: Any) -> bool:
+    """Whether all episodes have ended, and are judged where a person does that; observing has no end."""
+    if options.observe:
+        return False
+    to_judge = desk is not None and options.judge == "operator" and desk.judged < options.episodes
+    return len(monitor.watch.outcomes) >= options.episodes and not to_judge
 
 
 def _start_view(options: CellOptions) -> Any:
@@ -231,16 +257,21 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     n = len(summary["episodes"])
     low, high = summary["success_rate_wilson95"]
     interval = f"95 %: {low:.2f}-{high:.2f}"
-    console.print(f"{summary['successes']} of {n} episodes succeeded by evaluation truth ({interval})")
+    if options.hardware and options.judge == "model":
+        console.print(f"{n} episodes; nobody judged them (--judge operator asks you)", highlight=False)
+    else:
+        judge = "the operator's word" if options.hardware else "evaluation truth"
+        console.print(f"{summary['successes']} of {n} episodes succeeded by {judge} ({interval})")
     for episode in summary["episodes"]:
         console.print(_line(episode), highlight=False, soft_wrap=True)
     timing = summary["timing"]
-    console.print(
-        f"real-time factor {timing['real_time_factor_median']:.2f}, longest wall gap "
-        f"{1e3 * timing['longest_wall_gap_s']:.0f} ms, "
-        f"joint states at {timing['joint_state_hz_median']:.0f} Hz",
-        highlight=False,
-    )
+    if math.isfinite(timing["real_time_factor_median"]):
+        console.print(
+            f"real-time factor {timing['real_time_factor_median']:.2f}, longest wall gap "
+            f"{1e3 * timing['longest_wall_gap_s']:.0f} ms, "
+            f"joint states at {timing['joint_state_hz_median']:.0f} Hz",
+            highlight=False,
+        )
     console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)
     _keep_visited(options, task, console)
     picture = out / "contact_sheet.png"
@@ -289,6 +320,8 @@ def _line(episode: dict[str, Any]) -> str:
         f"estimate off by {1e3 * estimate:.2f} mm before contact"
         if math.isfinite(estimate)
         else f"ended {1e3 * end:.1f} mm from the goal"
+        if math.isfinite(end)
+        else episode["reason"]
     )
     return (
         f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, "

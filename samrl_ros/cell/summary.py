@@ -32,6 +32,7 @@ from samrl_ros.conversions.from_message import stamp_ns
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
 OUTCOME, READY = cell_topic("supervisor/outcome"), cell_topic("sim_bridge/ready")
 EXECUTED = cell_topic("manipulator/executed_action")
+JUDGEMENT = cell_topic("operator/judgement")
 STATUS = tuple(arm_topic(role, "motion_status") for role in ROLES)
 
 
@@ -82,6 +83,7 @@ def summarise(
         for number, topics in sorted(messages.items())
         if topics[OUTCOME]
     ]
+    judged_by = "truth" if truth else _take_judgements(folder / "bag", episodes) if episodes else None
     successes = sum(bool(e["success"]) for e in episodes)
     return {
         "schema": 1,
@@ -92,6 +94,7 @@ def summarise(
         "given_up": sum(is_given_up(e["reason"]) for e in episodes),
         "incidents": [asdict(one) for one in incidents],
         "successes": successes,
+        "judged_by": judged_by,
         "success_rate_wilson95": wilson_interval(successes, len(episodes)),
         "detector": _detector(episodes),
         "timing": timing,
@@ -115,6 +118,17 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(float(value)) else None
     return value.item() if isinstance(value, np.generic) else value
+
+
+def _take_judgements(bag_path: Path, episodes: list[dict[str, Any]]) -> str | None:
+    """Enter what the operator of a real cell said of each episode; "operator" if there was a word."""
+    said = {}
+    for _, message in open_bag(bag_path).decoded((JUDGEMENT,)):
+        judgement = json.loads(message.data)
+        said[int(judgement["episode"])] = bool(judgement["success"])
+    for episode in episodes:
+        episode["success"] = said.get(episode["episode"])
+    return "operator" if said else None
 
 
 def _median(values: list[float]) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -13,11 +12,9 @@ from rich.markup import escape
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.common.errors import InputError
 from samrl_ros.contract.exit_codes import FAILED, OK
-from samrl_ros.hardware.driver_file import driver_named
-from samrl_ros.hardware.preflight import cell_faults
+from samrl_ros.hardware.driver_file import PARTS, drivers_by_part
+from samrl_ros.hardware.preflight import MAX_OFFSET_S, cell_faults, clock_offsets
 from samrl_ros.hosting.ros_check import require_ros
-
-KINDS = {"tool_arm": "arm", "camera_arm": "arm", "camera": "camera"}
 
 
 @dataclass(frozen=True)
@@ -27,8 +24,10 @@ class PreflightOptions:
     tool_arm: Annotated[str, typer.Option(help="Driver by name or YAML file.")] = "franka_ros2"
     camera_arm: Annotated[str, typer.Option(help="Driver by name or YAML file.")] = "flexiv_ros2"
     camera: Annotated[str, typer.Option(help="Driver by name or YAML file.")] = "realsense_ros"
+    segmenter: Annotated[str, typer.Option(help="Driver by name or YAML file; none by default.")] = ""
     cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL
-    seconds: Annotated[float, typer.Option(help="To listen.", min=0.5, max=60.0)] = 3.0
+    seconds: Annotated[float, typer.Option(help="To hear each topic.", min=0.5, max=60.0)] = 3.0
+    sim_time: Annotated[bool, typer.Option("--sim-time", help="Stamps are of a simulator's /clock.")] = False
 
 
 def preflight(options: PreflightOptions) -> int:
@@ -38,27 +37,27 @@ def preflight(options: PreflightOptions) -> int:
         InputError: no such driver or cell, or a driver of the other kind.
     """
     cell = cell_named(options.cell)
-    drivers = {part: driver_named(name) for part in KINDS if (name := getattr(options, part))}
+    drivers = drivers_by_part([f"{part}={name}" for part in PARTS if (name := getattr(options, part))])
     if not drivers:
-        raise InputError("no driver is named; give --tool-arm, --camera-arm or --camera")
-    for part, driver in drivers.items():
-        if driver.kind != KINDS[part]:
-            raise InputError(
-                f"{driver.package} drives a {driver.kind}; --{part.replace('_', '-')} needs another"
-            )
+        raise InputError("no driver is named; give --tool-arm, --camera-arm, --camera or --segmenter")
     require_ros()
     from samrl_ros.hardware.observe import observe
     from samrl_ros.hosting.host import start_ros, stop_ros
 
     start_ros([])
     try:
-        heard = observe(drivers, options.seconds, time.time)
+        heard = observe(drivers, options.seconds, options.sim_time)
     finally:
         stop_ros()
     faults = cell_faults(cell, drivers, heard.arms, heard.images)
     console = Console()
     for fault in faults:
         console.print(f"[bold red]no:[/] {escape(fault)}", highlight=False, soft_wrap=True)
+    for name, age in clock_offsets(heard.arms, heard.images).items():
+        console.print(
+            f"{name}: stamps are {1e3 * age:.1f} ms old at reception, limit of arms {1e3 * MAX_OFFSET_S:.0f}",
+            highlight=False,
+        )
     if faults:
         console.print(f"{len(faults)} faults; do not move the arms", highlight=False)
         return FAILED

@@ -178,6 +178,23 @@ _ALL: list[Topic] = [
         STATE,
         "on change",
     ),
+    _own(
+        "operator/request",
+        "std_msgs/msg/String",
+        "hardware_bridge",
+        "what a real cell asks its operator, JSON: asks (scene, judgement or nothing), episode, text; for a"
+        " scene start, the joints [rad] by arm",
+        LATCHED,
+        "on change",
+    ),
+    _own(
+        "operator/judgement",
+        "std_msgs/msg/String",
+        "hardware_bridge",
+        "the operator's word on an ended episode, JSON: episode, success",
+        STATE,
+        "per episode",
+    ),
     _own("supervisor/request", "samrl_msgs/msg/StepRequest", "supervisor", "asks a stage of the loop"),
     _own(
         "supervisor/outcome",
@@ -260,6 +277,19 @@ SERVICES: tuple[Service, ...] = (
         "samrl_msgs/srv/StartEpisode",
         "sim_bridge",
         "lay the scene anew; answers when the arms are at rest",
+    ),
+    Service(
+        f"{NAMESPACE}/operator/scene_ready",
+        "std_srvs/srv/Trigger",
+        "hardware_bridge",
+        "the operator's word that the scene is laid and the arms may move; refused while an arm moves or is"
+        " not at the start",
+    ),
+    Service(
+        f"{NAMESPACE}/operator/judge",
+        "std_srvs/srv/SetBool",
+        "hardware_bridge",
+        "the operator's word whether the ended episode succeeded",
     ),
     Service(
         f"{NAMESPACE}/estop",

@@ -9,9 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Duration
 from sensor_msgs.msg import Image, JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from samrl_core.cell.robots.robot import RobotSpec
+from samrl_core.cell.robots.robot import JointLimits, RobotSpec
+from samrl_core.cell.types.observation import ArmCommand
 from samrl_core.common.errors import InputError
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.hardware.preflight import reordered
@@ -75,3 +78,42 @@ def depth_image(message: Any, frame: str) -> Image:
             f"depth image is {message.encoding!r}, must be 16UC1 or 32FC1; set the driver's format"
         )
     return to_message.image(from_message.image(message), "32FC1", from_message.stamp_ns(message), frame)
+
+
+def mask_image(message: Any) -> Image:
+    """A label image as it is. Raises InputError for an encoding but mono8."""
+    if message.encoding != "mono8":
+        raise InputError(f"label image is {message.encoding!r}, must be mono8; set the segmenter's format")
+    return message
+
+
+def controller_trajectory(
+    command: ArmCommand, joints: Mapping[str, int], limits: JointLimits
+) -> JointTrajectory:
+    """A set point for a JointTrajectoryController: at its time, and from there to rest.
+
+    The next message replaces it long before. If none comes, because we died, the controller itself brakes
+    each joint at its acceleration limit. It interpolates with cubics, which parabolas are; from ROS Jazzy on
+    it refuses a trajectory that ends in motion, and it refuses efforts.
+
+    Args:
+        command: set point, valid at its stamp, in the driver's clock.
+        joints: number of our joint by the driver's name.
+        limits: of the arm.
+    """
+    names = sorted(joints, key=lambda name: joints[name])
+    speed, way = np.abs(command.velocity), np.sign(command.velocity)
+    stop = np.round(1e9 * speed / limits.acceleration).astype(np.int64)  # [ns] each joint needs
+    points = []
+    for after_ns in sorted({0, *stop.tolist()}):
+        t = np.minimum(1e-9 * after_ns, speed / limits.acceleration)
+        point = JointTrajectoryPoint(time_from_start=_duration(after_ns))
+        point.positions = (command.position + way * (speed - 0.5 * limits.acceleration * t) * t).tolist()
+        rest = after_ns >= stop
+        point.velocities = np.where(rest, 0.0, way * (speed - limits.acceleration * t)).tolist()
+        points.append(point)
+    return JointTrajectory(header=to_message.header(command.stamp_ns), joint_names=names, points=points)
+
+
+def _duration(ns: int) -> Duration:
+    return Duration(sec=ns // 1_000_000_000, nanosec=ns % 1_000_000_000)

@@ -10,14 +10,16 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from samrl_ros.contract.message_types import message_class
 from samrl_ros.conversions.from_message import stamp_ns
 from samrl_ros.hardware.driver_file import DriverFile
-from samrl_ros.hardware.preflight import ImageSample, JointSample
+from samrl_ros.hardware.preflight import LEAST_SAMPLES, ImageSample, JointSample
 
 DEPTH = 100  # messages of 1 kHz while the executor is elsewhere
+PATIENCE = 4.0  # wall time to wait for the drivers, in units of the time to listen
 
 
 @dataclass
@@ -26,6 +28,22 @@ class Observed:
 
     arms: dict[str, list[JointSample]] = field(default_factory=dict)
     images: dict[str, list[ImageSample]] = field(default_factory=dict)
+
+    def take(self, driver: DriverFile, part: str, stream: str, message: Any, received_s: float) -> None:
+        """Note a message of a part's stream, received at `received_s` by the clock of stamps [s]."""
+        if driver.kind == "arm":
+            self.arms.setdefault(part, []).append(joint_sample(message, received_s))
+        else:
+            self.images.setdefault(stream, []).append(image_sample(message, received_s))
+
+    def is_enough(self, drivers: Mapping[str, DriverFile], seconds: float) -> bool:
+        """Whether each stream has been heard for so long, by its stamps [s]."""
+        for part, driver in drivers.items():
+            for stream in driver.streams:
+                heard = self.arms.get(part, []) if driver.kind == "arm" else self.images.get(stream, [])
+                if len(heard) < LEAST_SAMPLES or heard[-1].stamp_s - heard[0].stamp_s < seconds:
+                    return False
+        return True
 
 
 def joint_sample(message: Any, received_s: float) -> JointSample:
@@ -50,46 +68,56 @@ def image_sample(message: Any, received_s: float) -> ImageSample:
         int(message.height),
         getattr(message, "encoding", ""),
         tuple(float(v) for v in getattr(message, "k", ())),
+        tuple(float(v) for v in getattr(message, "d", ())),
     )
 
 
-def observe(drivers: Mapping[str, DriverFile], seconds: float, now: Callable[[], float]) -> Observed:
-    """Hear all topics of the drivers. ROS has been started; the time counts from the first message.
-
-    Args:
-        drivers: by `tool_arm`, `camera_arm` and `camera`.
-        seconds: to listen [s]; as long again is waited for the first message.
-        now: this computer's clock, that stamps are compared with [s].
-    """
-    heard = Observed()
-    node = rclpy.create_node("samrl_preflight")
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-
-    def take(samples: list[Any], convert: Callable[[Any, float], Any], message: Any) -> None:
-        samples.append(convert(message, now()))
-
+def subscribe(
+    node: Any,
+    drivers: Mapping[str, DriverFile],
+    hear: Callable[[str, str, Any], None],
+) -> list[Any]:
+    """Subscriptions of a node to all topics of the drivers; `hear` takes part, stream and message."""
+    made = []
     for part, driver in drivers.items():
         for name, stream in driver.streams.items():
-            samples: list[Any] = (
-                heard.arms.setdefault(part, []) if driver.kind == "arm" else heard.images.setdefault(name, [])
-            )
-            convert = joint_sample if driver.kind == "arm" else image_sample
             reliability = (
                 ReliabilityPolicy.RELIABLE
                 if stream.reliability == "reliable"
                 else ReliabilityPolicy.BEST_EFFORT
             )
-            node.create_subscription(
-                message_class(stream.type),
-                stream.driver_topic,
-                partial(take, samples, convert),
-                QoSProfile(depth=DEPTH, reliability=reliability),
+            made.append(
+                node.create_subscription(
+                    message_class(stream.type),
+                    stream.driver_topic,
+                    partial(hear, part, name),
+                    QoSProfile(depth=DEPTH, reliability=reliability),
+                )
             )
-    begin, first = time.monotonic(), None
-    while time.monotonic() - (begin if first is None else first) < seconds:
+    return made
+
+
+def observe(drivers: Mapping[str, DriverFile], seconds: float, sim_time: bool = False) -> Observed:
+    """Hear all topics of the drivers. ROS has been started.
+
+    Args:
+        drivers: by `tool_arm`, `camera_arm`, `camera` and `segmenter`.
+        seconds: that each stream must have been heard, by its stamps [s]; after `PATIENCE` times as long by
+            the wall clock it ends with what there is.
+        sim_time: whether stamps are compared with /clock, in place of this computer's clock.
+    """
+    heard = Observed()
+    override = [Parameter("use_sim_time", value=sim_time)]
+    node = rclpy.create_node("samrl_preflight", parameter_overrides=override)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def hear(part: str, stream: str, message: Any) -> None:
+        heard.take(drivers[part], part, stream, message, 1e-9 * node.get_clock().now().nanoseconds)
+
+    subscribe(node, drivers, hear)
+    end = time.monotonic() + PATIENCE * seconds
+    while time.monotonic() < end and not heard.is_enough(drivers, seconds):
         executor.spin_once(timeout_sec=0.05)
-        if first is None and any([*heard.arms.values(), *heard.images.values()]):
-            first = time.monotonic()
     node.destroy_node()
     return heard

@@ -16,6 +16,7 @@ from samrl_ros.hardware.driver_file import DriverFile, Stream
 
 LEAST_SAMPLES = 5
 MAX_OFFSET_S = 0.05  # median age of stamps at reception; commands are stamped 40 ms ahead
+MAX_IMAGE_AGE_S = 0.25  # of images, which take time to be aligned and labelled; the arms rest meanwhile
 MAX_REST_SPEED = 0.02  # [rad/s]: an arm that moves before the cell commands it
 MAX_PAIR_S = 0.005  # between the stamps of colour and depth
 
@@ -43,6 +44,7 @@ class ImageSample:
     height: int
     encoding: str = ""
     k: tuple[float, ...] = ()  # of a CameraInfo, row by row [pixel]
+    d: tuple[float, ...] = ()  # of a CameraInfo: distortion
 
 
 def arm_faults(driver: DriverFile, spec: RobotSpec, samples: Sequence[JointSample]) -> list[str]:
@@ -100,17 +102,17 @@ def reordered(joints: Mapping[str, int], names: Sequence[str], values: Sequence[
 def camera_faults(
     driver: DriverFile, intrinsics: Intrinsics, samples: Mapping[str, Sequence[ImageSample]]
 ) -> list[str]:
-    """Rate, clock, frame, encoding and size of colour, depth and camera info, and that they belong together.
+    """Rate, clock, frame, encoding and size of images, and that they belong together.
 
     Args:
-        driver: of a camera.
+        driver: of a camera, or of a segmenter.
         intrinsics: that the cell's networks and model are for.
-        samples: by stream: `color`, `depth`, `info`.
+        samples: by stream: `color`, `depth`, `info`, `mask`.
     """
     faults = []
     for name, stream in driver.streams.items():
         observed = samples.get(name, ())
-        faults += _timing_faults(stream, [(s.received_s, s.stamp_s) for s in observed])
+        faults += _timing_faults(stream, [(s.received_s, s.stamp_s) for s in observed], MAX_IMAGE_AGE_S)
         frames = {s.frame for s in observed}
         if stream.frame is not None and frames - {stream.frame}:
             faults.append(f"{stream.driver_topic} is in frame {sorted(frames)}, expected {stream.frame}")
@@ -119,41 +121,53 @@ def camera_faults(
             faults.append(f"{stream.driver_topic} is {sorted(encodings)}, expected {stream.encodings}")
     sizes = {(s.width, s.height) for observed in samples.values() for s in observed}
     if len(sizes) > 1:
-        faults.append(f"colour, depth and camera info differ in size: {sorted(sizes)}; align depth to colour")
-    for info in samples.get("info", ())[:1]:
+        names = ", ".join(samples)
+        faults.append(f"{names} differ in size: {sorted(sizes)}; align depth to colour, label that image")
+    for info in samples.get("info", ())[:1] if driver.kind == "camera" else ():
         faults += _lens_faults(info, intrinsics)
-    stamps = [np.array([s.stamp_s for s in samples.get(name, ())]) for name in ("color", "depth")]
+    other = "depth" if driver.kind == "camera" else "mask"
+    stamps = [np.array([s.stamp_s for s in samples.get(name, ())]) for name in ("color", other)]
     if all(len(each) >= LEAST_SAMPLES for each in stamps):
-        apart = float(np.median(np.abs(stamps[0][:, None] - stamps[1][None, :]).min(axis=1)))
+        apart = float(np.median(np.abs(stamps[0][:, None] - stamps[1][None, :]).min(axis=0)))
         if apart > MAX_PAIR_S:
             faults.append(
-                f"colour and depth are {1e3 * apart:.1f} ms apart, limit {1e3 * MAX_PAIR_S:.0f} ms; turn on "
+                f"color and {other} are {1e3 * apart:.1f} ms apart, limit {1e3 * MAX_PAIR_S:.0f} ms; turn on "
                 "the driver's synchronisation"
             )
     return faults
 
 
 def _lens_faults(info: ImageSample, intrinsics: Intrinsics) -> list[str]:
-    """The image may be scaled to the cell's size, but it has to show the same field of view."""
-    if len(info.k) != 9 or not np.isfinite(info.k).all() or info.k[0] <= 0.0 or info.width <= 0:
+    """The image is cut and scaled to the cell's: it has to hold all that the cell's camera sees."""
+    if len(info.k) != 9 or not np.isfinite(info.k).all() or info.k[0] <= 0.0 or info.k[4] <= 0.0:
         return [f"camera info has K {list(info.k)}, no camera matrix; calibrate the camera"]
-    if info.width * intrinsics.height != info.height * intrinsics.width:
+    if any(info.d):
+        return [f"camera info has distortion {list(info.d)}; have the driver or image_proc rectify"]
+    if min(info.width, info.height) < 1:
+        return [f"images are {info.width}x{info.height}; check the driver"]
+    lens = Intrinsics.from_ros_k(info.width, info.height, info.k)
+    u, v = corners_seen(lens, intrinsics)
+    beyond = max(-u.min(), u.max() - info.width, -v.min(), v.max() - info.height)
+    if beyond > 0.01 * info.width:
         return [
-            f"images are {info.width}x{info.height}, the cell's {intrinsics.width}x{intrinsics.height}: "
-            "another shape; cut them before they are scaled"
-        ]
-    scale = info.width / intrinsics.width
-    focal, wanted = info.k[0] / scale, intrinsics.ros_k[0]
-    if abs(focal - wanted) > 0.05 * wanted:
-        return [
-            f"the focal length is {focal:.1f} pixels at {intrinsics.width} pixels of width, the cell's is "
-            f"{wanted:.1f}; describe this camera in the cell, and train networks for it"
+            f"the camera sees less than the cell's: {info.width}x{info.height} pixels with focal length "
+            f"{info.k[0]:.1f} miss {beyond:.0f} pixels at an edge; choose a wider profile of the driver, or "
+            "describe this camera in the cell, and train networks for it"
         ]
     return []
 
 
-def _timing_faults(stream: Stream, times: Sequence[tuple[float, float]]) -> list[str]:
-    """Rate and clock of a topic, from pairs of reception and stamp [s]."""
+def corners_seen(lens: Intrinsics, intrinsics: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of the cell's image in a lens's: left and right u (2,), upper and lower v (2,) [px]."""
+    u = (np.array([0.0, intrinsics.width]) - intrinsics.cx) * lens.fx / intrinsics.fx + lens.cx
+    v = (np.array([0.0, intrinsics.height]) - intrinsics.cy) * lens.fy / intrinsics.fy + lens.cy
+    return u, v
+
+
+def _timing_faults(
+    stream: Stream, times: Sequence[tuple[float, float]], oldest_s: float = MAX_OFFSET_S
+) -> list[str]:
+    """Rate and clock of a topic, from pairs of reception and stamp [s]; stamps may be `oldest_s` old."""
     topic = stream.driver_topic
     if len(times) < LEAST_SAMPLES:
         return [f"{topic}: {len(times)} messages heard, needed {LEAST_SAMPLES}; check that its driver runs"]
@@ -166,11 +180,11 @@ def _timing_faults(stream: Stream, times: Sequence[tuple[float, float]]) -> list
         rate = 1.0 / period if period > 0.0 else 0.0
         faults.append(f"{topic} comes at {rate:.1f} Hz, needed {stream.least_rate_hz:.0f} Hz")
     offset = float(np.median(received - stamps))
-    if abs(offset) > MAX_OFFSET_S:
+    if not -MAX_OFFSET_S <= offset <= oldest_s:
         faults.append(
             f"{topic} is stamped {abs(offset):.3f} s {'before' if offset > 0 else 'after'} its reception, "
-            f"limit {MAX_OFFSET_S} s; synchronise the clocks (chrony, ptp4l), or set use_sim_time alike "
-            "everywhere"
+            f"limit {oldest_s if offset > 0 else MAX_OFFSET_S} s; synchronise the clocks "
+            "(chrony, ptp4l), or set use_sim_time alike everywhere"
         )
     return faults
 
@@ -186,8 +200,19 @@ def cell_faults(
     for part, driver in drivers.items():
         found = (
             camera_faults(driver, cell.intrinsics, images)
-            if part == "camera"
+            if driver.kind != "arm"
             else arm_faults(driver, cell.arm(part), arms.get(part, ()))
         )
         faults += [f"{part}: {fault}" for fault in found]
     return faults
+
+
+def clock_offsets(
+    arms: Mapping[str, Sequence[JointSample]], images: Mapping[str, Sequence[ImageSample]]
+) -> dict[str, float]:
+    """Median age of stamps at reception [s] by arm and stream: delay less the lead of its clock."""
+    return {
+        name: float(np.median([s.received_s - s.stamp_s for s in samples]))
+        for name, samples in [*arms.items(), *images.items()]
+        if samples
+    }

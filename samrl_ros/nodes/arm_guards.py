@@ -35,6 +35,7 @@ class ArmGuards:
         self._dropped_log_s: dict[str, float] = dict.fromkeys(
             ROLES, -1.0
         )  # robot time of the last message about it [s]
+        self._was_moving: dict[str, bool] = dict.fromkeys(ROLES, False)  # at the last `is_in_charge`
         self._told: tuple[Any, ...] = ()
         self.refused_commands = 0
         self.least_lead_ms = float("inf")  # validity stamp minus time of arrival, worst since last asked [ms]
@@ -73,6 +74,19 @@ class ArmGuards:
     def tick(self, role: str, reading: ArmReading, robot_s: float) -> ArmCommand:
         """What an arm's controller tracks now."""
         return self._guards[role].tick(reading, self._steady_s(), robot_s)
+
+    def release(self, role: str) -> None:
+        """No more commands are expected: an arm that stands is let go without an alarm."""
+        if self._guards[role].status.state is GuardState.TRACKING and not self._was_moving[role]:
+            self.restart(role)
+
+    def is_in_charge(self, role: str, point: ArmCommand) -> bool:
+        """Whether a controller has to be told `point`, just returned by `tick`: commands are followed, or the
+        arm brakes. Once it holds still, nothing more is said; others may move it then."""
+        moving = bool(point.velocity.any())
+        told = self._guards[role].status.state is GuardState.TRACKING or moving or self._was_moving[role]
+        self._was_moving[role] = moving
+        return told
 
     def waits_for_commands(self, robot_s: float, within_s: float) -> bool:
         """Whether simulated time should stand still: an arm's next commands are due and still under way."""

@@ -21,6 +21,16 @@ NODES = (
     "residual_trainer",
     "supervisor",
 )
+# In the place of the simulated cell, before the drivers of a real one.
+BRIDGES = ("sim_bridge", "hardware_bridge")
+EXECUTABLES = (*NODES, "hardware_bridge")
+
+
+def nodes_of_run(hardware: bool, observe_only: bool = False) -> tuple[str, ...]:
+    """The nodes of a run, in the order of starting. Where nothing may move, nobody is there to ask for it."""
+    if observe_only:
+        return ("recorder", "hardware_bridge")
+    return tuple("hardware_bridge" if hardware and name == "sim_bridge" else name for name in NODES)
 
 
 @dataclass(frozen=True)
@@ -52,12 +62,14 @@ def behaviour_nodes() -> dict[str, NodeEntry]:
 
 def all_settings() -> dict[str, Any]:
     """Settings types by node."""
+    from samrl_ros.nodes.hardware_bridge import HardwareBridgeSettings
     from samrl_ros.nodes.recorder_node import RecorderSettings
     from samrl_ros.nodes.sim_bridge import SimBridgeSettings
 
     settings: dict[str, Any] = {"sim_bridge": SimBridgeSettings}
     settings |= {name: node.settings for name, node in behaviour_nodes().items()}
     settings["recorder"] = RecorderSettings
+    settings["hardware_bridge"] = HardwareBridgeSettings
     return settings
 
 
@@ -83,6 +95,10 @@ def make_node(name: str) -> Any:
         from samrl_ros.nodes.sim_bridge import SimBridge
 
         return SimBridge()
+    if name == "hardware_bridge":
+        from samrl_ros.nodes.hardware_bridge import HardwareBridge
+
+        return HardwareBridge()
     if name == "recorder":
         from samrl_ros.nodes.recorder_node import RecorderNode
 

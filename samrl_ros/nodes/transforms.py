@@ -10,20 +10,20 @@ from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.types.pose import Pose
 from samrl_ros.conversions import to_message
 
+OPTICAL_FRAME = "camera_color_optical_frame"
 # REP-103: body axes x forward, y left, z up, seen from the optical frame (z forward, x right, y down).
 CAMERA_LINK_IN_OPTICAL = Pose.from_rotation(np.zeros(3), np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]]))
 
 
 def static_transforms(cell: CellSpec, tip_in_flange: Pose, stamp_ns: int) -> list[TransformStamped]:
     """Bases in world, camera and tool on their flanges."""
-    optical = "camera_color_optical_frame"
     return [
         *(
             to_message.transform(stamp_ns, "world", cell.arm(role).base_link, cell.base_in_world(role))
             for role in ROLES
         ),
-        to_message.transform(stamp_ns, cell.camera_arm.flange, optical, cell.camera_in_flange),
-        to_message.transform(stamp_ns, optical, "camera_link", CAMERA_LINK_IN_OPTICAL),
+        to_message.transform(stamp_ns, cell.camera_arm.flange, OPTICAL_FRAME, cell.camera_in_flange),
+        to_message.transform(stamp_ns, OPTICAL_FRAME, "camera_link", CAMERA_LINK_IN_OPTICAL),
         to_message.transform(stamp_ns, cell.tool_arm.flange, "tool_tip", tip_in_flange),
     ]
 

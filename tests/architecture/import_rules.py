@@ -80,8 +80,8 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
         "recordings": frozenset({"bags", "contract"}),
         "log_import": frozenset({"recordings", "bags"}),
         "blind_test": frozenset({"recordings"}),
-        "nodes": frozenset({"bags", "contract", "conversions", "hosting"}),
-        "cell": frozenset({"nodes", "bags", "contract", "conversions", "hosting"}),
+        "nodes": frozenset({"hardware", "bags", "contract", "conversions", "hosting"}),
+        "cell": frozenset({"nodes", "hardware", "bags", "contract", "conversions", "hosting"}),
         "doctor": frozenset({"hosting", "contract"}),
         "hardware": frozenset({"contract", "conversions"}),
         "cli": frozenset(

@@ -12,7 +12,7 @@ from samrl_ros.contract.topics import SERVICES, TOPICS
 FOLDER = Path(__file__).resolve().parents[2] / "msgs_docs"
 # Speakers that are no nodes of ours: people's tools, and what every node does on its own.
 OTHER_PUBLISHERS = {"cell", "any user", "every node"}
-HOSTS = {"sim_bridge", "recorder"}
+HOSTS = {"sim_bridge", "hardware_bridge", "recorder"}
 
 
 def behaviours() -> set[str]:

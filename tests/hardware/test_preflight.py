@@ -107,6 +107,14 @@ def late_depth() -> dict[str, list[ImageSample]]:
     return made
 
 
+def age(seconds: float) -> dict[str, list[ImageSample]]:
+    """Images received so long after their stamps."""
+    return {
+        name: [replace(s, received_s=s.stamp_s + seconds) for s in samples]
+        for name, samples in image_samples().items()
+    }
+
+
 @pytest.mark.parametrize(
     ("samples", "says"),
     [
@@ -116,10 +124,13 @@ def late_depth() -> dict[str, list[ImageSample]]:
         (spoil("color", encoding="yuv422_yuy2"), "yuv422_yuy2"),
         (spoil("depth", encoding="32FC1"), "expected ['16UC1']"),
         (spoil("depth", width=848), "align depth to colour"),
+        (spoil("info", d=(0.1, 0.0, 0.0, 0.0, 0.0)), "rectify"),
         (late_depth(), "20.0 ms apart"),
         (spoil("info", k=(0.0,) * 9), "no camera matrix"),
-        (spoil("info", k=(900.0, 0, 240, 0, 900.0, 240, 0, 0, 1.0)), "focal length"),
-        ({n: changed(s, width=640) for n, s in image_samples().items()}, "another shape"),
+        (spoil("info", k=(900.0, 0, 240, 0, 900.0, 240, 0, 0, 1.0)), "sees less than the cell's"),
+        ({n: changed(s, width=400) for n, s in image_samples().items()}, "miss 79 pixels at an edge"),
+        (age(2.0), "2.000 s before its reception, limit 0.25 s"),
+        (age(-0.1), "0.100 s after its reception, limit 0.05 s"),
     ],
 )
 def test_a_fault_of_the_camera_is_seen(samples: dict[str, list[ImageSample]], says: str) -> None:
@@ -131,7 +142,20 @@ def test_every_shipped_driver_has_sources_and_can_be_read() -> None:
     for path in sorted(FOLDER.glob("*.yaml")):
         driver = DriverFile.from_file(path)
         assert driver.sources and all(source.strip() for source in driver.sources)
-    assert len(list(FOLDER.glob("*.yaml"))) == 3
+    assert len(list(FOLDER.glob("*.yaml"))) == 4
+
+
+def test_the_middle_of_a_wide_image_will_do_and_labels_may_come_late() -> None:
+    wide = {n: changed(s, width=640) for n, s in image_samples().items()}
+    k = wide["info"][0].k
+    wide["info"] = changed(wide["info"], k=(k[0], 0.0, 319.5, *k[3:]))
+    assert camera_faults(CAMERA, CELL.intrinsics, wide) == []
+    labels = [replace(s, encoding="mono8", received_s=s.stamp_s + 0.2) for s in wide["color"]]
+    heard = wide | {"mask": labels}
+    assert cell_faults(CELL, {"camera": CAMERA, "segmenter": driver_named("segmenter")}, {}, heard) == []
+    heard["mask"] = [replace(s, stamp_s=s.stamp_s + 0.02) for s in labels]
+    faults = camera_faults(driver_named("segmenter"), CELL.intrinsics, heard)
+    assert any("color and mask are 20.0 ms apart" in fault for fault in faults), faults
 
 
 @pytest.mark.parametrize(
@@ -153,6 +177,6 @@ def test_a_bad_driver_file_is_refused(text: str, says: str, tmp_path: Path) -> N
 
 def test_the_command_refuses_what_it_cannot_judge(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["preflight", "--tool-arm", "realsense_ros"]) == INPUT_REFUSED
-    assert "drives a camera" in capsys.readouterr().err
+    assert "tool_arm needs one of kind arm" in capsys.readouterr().err
     assert run(["preflight", "--tool-arm", "ur_driver"]) == INPUT_REFUSED
     assert "franka_ros2" in capsys.readouterr().err

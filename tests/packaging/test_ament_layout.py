@@ -22,6 +22,7 @@ SHARED = PYPROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["shared-data"]
 EXECUTABLES = {
     "cell",
     "sim_bridge",
+    "hardware_bridge",
     "model_updater",
     "view_planner",
     "policy",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from samrl_core.cell.calibration.recorded_poses import (
     hand_eye_pairs,
     read_recorded,
 )
+from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.common.figure_file import save_figure
@@ -111,6 +112,22 @@ def read_hand_eye(path: Path) -> HandEye:
     if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
         raise InputError(f"{path} has no covariance of 6x6 finite numbers; calibrate anew")
     return HandEye(pose_of(data, FOUND["hand_eye"], path), covariance)
+
+
+def calibrated_cell(cell: CellSpec, hand_eye: Path | None, bases: Path | None) -> CellSpec:
+    """A cell with its camera and the camera arm's base where calibrations have found them.
+
+    The tool arm's base stays: it is the world's origin in every task.
+
+    Raises:
+        InputError: a file that is no such calibration.
+    """
+    if hand_eye is not None:
+        cell = replace(cell, camera_in_flange=read_hand_eye(hand_eye).camera_in_flange)
+    if bases is not None:
+        tool_in_camera = pose_of(read_result(bases, "base_to_base"), FOUND["base_to_base"], bases)
+        cell = replace(cell, camera_base_in_world=cell.tool_base_in_world @ tool_in_camera.inverse())
+    return cell
 
 
 def read_result(path: Path, kind: Kind) -> dict[str, Any]:

@@ -170,7 +170,10 @@ def _key_figures(run: RunRecord, summary: dict[str, Any]) -> list[tuple[str, str
     if summary.get("episodes") and interval:
         good = f"{summary['successes']} of {len(summary['episodes'])}"
         note = f"95 % interval {100 * interval[0]:.0f}-{100 * interval[1]:.0f} %"
-        found.append(("success by ground truth", good, "", note))
+        judge = {"operator": "the operator", "truth": "ground truth", None: "nobody"}[
+            summary.get("judged_by", "truth")
+        ]
+        found.append((f"success by {judge}", good, "", note))
     if run.duration:
         found.append(("recorded", f"{run.duration:.1f}", "s", f"of robot time, {run.messages} messages"))
     if run.actions:

@@ -17,8 +17,10 @@ from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.topics import NAMESPACE, TOPICS, arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
+from samrl_ros.nodes.registry import BRIDGES
 from samrl_ros.nodes.standstill import ESTOP
 
+BRIDGE_NAMES = frozenset(f"{NAMESPACE}/{name}" for name in BRIDGES)
 PROGRESS_SILENCE_S = 180.0  # robot time without a new phase that means the cell is stuck
 STEP_S = 1.0  # a longer step of robot time is a restart, not time that went by
 JOINTS = arm_topic("tool_arm", "joint_states")
@@ -53,7 +55,7 @@ class Watch:
     begun: float = field(default_factory=time.monotonic)
     nodes: dict[str, NodeFigures] = field(default_factory=dict)
     last_joints: float = 0.0  # monotonic [s]
-    reports: int = 0  # of sim_bridge on /diagnostics since then
+    reports: int = 0  # of the bridge on /diagnostics since then
     robot_s: float = 0.0  # robot time that went by, of the joint states' stamps
     progress_s: float = 0.0  # of it, at the newest phase
     episode_since: float = field(default_factory=time.monotonic)
@@ -218,5 +220,5 @@ class Monitor:
             values = {v.key: v.value for v in status.values}
             self.watch.nodes[status.name] = NodeFigures(status.level[0], status.message, values, now)
             self._on_figures(status.name, values)
-            if status.name == f"{NAMESPACE}/sim_bridge":
+            if status.name in BRIDGE_NAMES:
                 self.watch.reports += 1

@@ -172,6 +172,8 @@ def _watch_run(
                 compilations.report()
                 if desk is not None:
                     desk.spin()
+                    if desk.waits:  # a person takes the time that it takes
+                        monitor.excuse_progress()
                 on_tick(group.pids())
                 trouble = _trouble(care.trouble, stop)
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"

@@ -9,6 +9,7 @@ from typing import Any
 from samrl_ros.cell.monitor import Monitor
 from samrl_ros.cell.node_group import Home
 from samrl_ros.cell.pulse import Pulse, Silence, pulse_of
+from samrl_ros.nodes.registry import BRIDGES
 
 # What answers one request from messages alone, or keeps its state on disk. Not the recorder (its bag would
 # have a gap that nobody sees), and nothing that moves an arm or knows where the episode stands.
@@ -174,7 +175,7 @@ class Supervision:
 
     def _joint_silence(self) -> str:
         watch, now = self._monitor.watch, time.monotonic()
-        home = next((home for home in self._homes() if "sim_bridge" in home.nodes), None)
+        home = next((home for home in self._homes() if set(BRIDGES) & set(home.nodes)), None)
         silence = self._silences.get(home.nodes) if home is not None else None
         if watch.last_joints != self._joints or not watch.last_joints:
             if self._told_silence:
@@ -185,6 +186,7 @@ class Supervision:
             return ""
         if now - watch.last_joints < TOLD_S:
             return ""
+        bridge = next((name for name in BRIDGES if home is not None and name in home.nodes), "")
         if home is None or silence is None:  # of a process that is not ours, the graph alone tells
             if self._monitor.has_joint_publisher():
                 return f"no joint states for {TOLD_S:.0f} s: the arm's driver is silent"
@@ -192,13 +194,14 @@ class Supervision:
         if not self._told_silence:
             self._told_silence = True
             doing = "is held by a signal" if silence.stopped_s else "lives"
-            self._monitor.note("silence", f"no joint states for {TOLD_S:.0f} s, sim_bridge {doing}: waiting")
+            self._monitor.note("silence", f"no joint states for {TOLD_S:.0f} s, {bridge} {doing}: waiting")
         if silence.asleep_s > ASLEEP_S:
-            return f"sim_bridge hangs: no joint states, and asleep for {ASLEEP_S:.0f} s"
+            return f"{bridge} hangs: no joint states, and asleep for {ASLEEP_S:.0f} s"
         if silence.used_s > IN_VAIN_S:
-            return f"sim_bridge hangs: no joint states in {IN_VAIN_S:.0f} s of processor time"
+            return f"{bridge} hangs: no joint states in {IN_VAIN_S:.0f} s of processor time"
         if watch.reports > REPORTS:
-            return f"sim_bridge hangs: it reported {REPORTS} times without any joint states"
+            cause = "it hangs" if bridge == "sim_bridge" else "the arm's driver is silent"
+            return f"{bridge} reported {REPORTS} times without any joint states: {cause}"
         return ""
 
     def _overdue(self) -> str:

@@ -251,12 +251,12 @@ class HardwareBridge(CellNode):
         return self._answer(response, lambda core: core.begin_episode(), "the episode begins; stand back")
 
     def _on_judge(self, request: Any, response: Any) -> Any:
-        def judge(core: HardwareCore) -> None:
-            refusal = core.episodes.judge(bool(request.data))
+        def record(core: HardwareCore) -> None:
+            refusal = core.episodes.record_judgement(bool(request.data))
             if refusal:
                 raise InputError(refusal)
 
-        return self._answer(response, judge, "noted")
+        return self._answer(response, record, "noted")
 
     def _on_estop(self, request: Any, response: Any) -> Any:
         text = "arms brake and hold until estop_reset"

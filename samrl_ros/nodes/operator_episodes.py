@@ -49,7 +49,7 @@ class OperatorEpisodes:
             self._to_judge = episode
             self._publish_question()
 
-    def judge(self, success: bool) -> str:
+    def record_judgement(self, success: bool) -> str:
         """The operator says how the last episode ended; returns why that is refused, empty when noted."""
         if self._to_judge < 0:
             return "no episode waits to be judged"

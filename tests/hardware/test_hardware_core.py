@@ -158,7 +158,7 @@ def test_a_scene_is_not_ready(spoil: Callable[[Rig], None], says: str) -> None:
     rig.in_an_episode()
     if says != "waits to be judged":
         rig.core.end_episode(0)
-        assert rig.core.episodes.judge(True) == ""
+        assert rig.core.episodes.record_judgement(True) == ""
         rig.core.start_episode(1)
     spoil(rig)
     rig.go_on(0.02)
@@ -170,10 +170,10 @@ def test_a_scene_is_not_ready(spoil: Callable[[Rig], None], says: str) -> None:
 def test_the_operator_judges_and_is_asked_one_thing_at_a_time() -> None:
     rig = Rig()
     rig.in_an_episode()
-    assert "no episode" in rig.core.episodes.judge(True)
+    assert "no episode" in rig.core.episodes.record_judgement(True)
     rig.core.end_episode(0)
     rig.core.start_episode(1)
-    assert rig.core.episodes.judge(False) == ""
+    assert rig.core.episodes.record_judgement(False) == ""
     asked = [json.loads(m.data)["asks"] for m in rig.on(cell_topic("operator/request"))]
     assert asked == ["scene", "nothing", "judgement", "judgement", "scene"]
     (word,) = rig.on(cell_topic("operator/judgement"))

@@ -10,6 +10,8 @@ from typing import Any
 
 import psutil
 
+from samrl_core.common.files import append_line
+
 MIDDLEWARE = "/dev/shm/fastrtps_"
 _MB = 2**20
 
@@ -43,8 +45,7 @@ class ProcessWatch:
                 continue
         self.shared |= mapped
         lines.append({"wall_s": round(now, 2), "process": "", "shared_MB": size_of(mapped) / _MB})
-        with self._file.open("a") as file:
-            file.writelines(json.dumps(line) + "\n" for line in lines)
+        append_line(self._file, "\n".join(map(json.dumps, lines)), outlives_power=False)
 
     def left_behind(self) -> list[Path]:
         """Files of shared memory that nobody uses any more; ask when all processes have ended.

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
+from samrl_core.common.figure_file import save_figure
 from samrl_core.common.files import write_whole
 from samrl_core.common.trend import common_trend
 from samrl_ros.cell.soak.bag_figures import LATENCIES, percentiles
@@ -200,7 +201,7 @@ def _plot(
     for axis in axes:
         axis.tick_params(labelsize=8)
         axis.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path)
+    save_figure(figure, path)
 
 
 def _draw_latencies(axis: Any, latencies: dict[str, Any]) -> None:

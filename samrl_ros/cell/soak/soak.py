@@ -21,7 +21,7 @@ from typing import Any
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import folder_lock, keep_to, write_whole
+from samrl_core.common.files import folder_lock, keep_to, room_for, write_whole
 from samrl_ros.cell.soak.bag_figures import figures_of
 from samrl_ros.cell.soak.options import SAMPLES, TURN, SoakOptions, read_turn, whole_turns
 from samrl_ros.cell.soak.process_watch import ProcessWatch
@@ -76,7 +76,8 @@ def _run_turn(
     folder.mkdir(parents=True)
     seed = options.seed + number * options.episodes
     begun = time.monotonic()
-    with (folder / "console.log").open("wb") as log:
+    console_log = folder / "console.log"
+    with room_for(console_log), console_log.open("wb") as log:
         cell = subprocess.Popen(
             cell_command(options, task, seed, folder / "run"),
             stdin=subprocess.DEVNULL,

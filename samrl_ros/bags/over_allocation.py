@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rosbags.typesys.store import Typestore
-
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from rosbags.typesys.store import Typestore
 
 _LENGTH = 4  # [B] of the count in front of a string or a sequence; what a payload is filled up to
 _SIZES = {"bool": 1, "byte": 1, "octet": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2}

@@ -44,8 +44,8 @@ def attack(reader: Reader, count: int, seed: int) -> int:
     done = 0
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     path = folder / reader.file
-    path.parent.mkdir(exist_ok=True)
     reader.prepare(path)
+    path.parent.mkdir(exist_ok=True)
     started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
     def too_long(_signal: int, _frame: FrameType | None) -> NoReturn:

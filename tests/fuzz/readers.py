@@ -159,6 +159,11 @@ def _ros_metadata() -> bytes:
     return _ros_bag_files("log")["metadata.yaml"]
 
 
+def _beside_database(path: Path) -> None:
+    path.parent.mkdir()
+    (path.parent / "metadata.yaml").write_bytes(_ros_metadata())
+
+
 def _topics(path: Path) -> None:
     list_topics(path, "it")
     read_table(path, CsvOptions(), "it", "/joint_states")
@@ -398,7 +403,7 @@ READERS: tuple[Reader, ...] = (
         lambda: [_ros_bag("log")],
         lambda path: _topics(path.parent),
         share=0.3,
-        prepare=lambda path: (path.parent / "metadata.yaml").write_bytes(_ros_metadata()),
+        prepare=_beside_database,
     ),
     Reader("draft of a CSV", "a.csv", lambda: [_csv(), _csv().replace(b"q", b"q_deg1")], _draft, share=0.1),
     Reader(

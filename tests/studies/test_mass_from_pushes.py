@@ -142,7 +142,7 @@ def test_a_case_whose_file_could_not_be_written_is_run_again(
     most, limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, limit))  # bytes of any file
     try:
-        with pytest.raises(OSError, match="too large"):
+        with pytest.raises(InputError, match="File too large"):
             main(arguments)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, limit))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
+from samrl_core.diagnosis.effects import EFFECTS, FAMILIES, NOT_BY_JOINTS
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.report.report_schema import schema_text
 from samrl_ros.contract.topics import SERVICES, TOPICS
@@ -84,8 +84,8 @@ def effects_page() -> str:
     lines = [
         HEAD.format(source="samrl_core/diagnosis/effects") + "# Effects\n",
         f"{len(EFFECTS)} families of effects in joint channels. `samrl effects FAMILY` prints one in the",
-        "terminal. Numbers count a catalogue of 49 families, cameras and contact included. Ranges are",
-        "plausible for an arm of the size of a Panda.\n",
+        f"terminal. Numbers count a catalogue of {len(FAMILIES)} families, cameras and contact included."
+        " Ranges are\nplausible for an arm of the size of a Panda.\n",
         "| no. | family | acts on | place | recording that shows it |",
         "|---|---|---|---|---|",
     ]

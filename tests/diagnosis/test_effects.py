@@ -47,7 +47,13 @@ def rich() -> Likelihood:
 
 
 def test_families_and_numbers_are_unique() -> None:
-    assert len({e.family for e in EFFECTS}) == len(EFFECTS) >= 24
+    assert len({e.family for e in EFFECTS}) == len(EFFECTS)
+    files = [
+        f
+        for f in Path(samrl_core.diagnosis.effects.__file__).parent.glob("*/*.py")
+        if "\nEFFECT = " in f.read_text()
+    ]
+    assert len(files) == len(EFFECTS), "a file of an effect is not listed"
     assert len({e.number for e in EFFECTS}) == len(EFFECTS)
     assert not {e.family for e in EFFECTS} & set(NOT_BY_JOINTS)
 

@@ -33,7 +33,7 @@ class ForgeSettings:
     """How many worlds of each kind."""
 
     seed: int = 0
-    single: int = 168  # 28 families, six rounds
+    single: int = 168  # the catalogue's families by turns
     none: int = 60
     outside: int = 40
     double: int = 30

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from samrl_core.blind_test import disturbances
 from samrl_core.blind_test.disturbances.disturbance import Quantity, log_quantile, quantile
 from samrl_core.blind_test.disturbances.registry import CATALOGUE, DISTURBANCES, OUTSIDE, find_disturbance
 from samrl_core.blind_test.engines.simulate import Trace
@@ -66,8 +68,10 @@ def _forms(name: str) -> tuple[str, ...]:
 ALL = [(name, form) for name in DISTURBANCES for form in _forms(name)]
 
 
-def test_there_are_at_least_28_of_the_catalogue_and_8_outside() -> None:
-    assert len(CATALOGUE) >= 28 and len(OUTSIDE) >= 8
+def test_every_effect_of_the_diagnosis_and_every_file_outside_is_listed() -> None:
+    assert set(CATALOGUE) == {effect.family for effect in EFFECTS}
+    folder = Path(disturbances.__file__).parent / "outside"
+    assert set(OUTSIDE) == {file.stem for file in folder.glob("[a-z]*.py")}
     assert {d.shows_in for d in DISTURBANCES.values()} == {"controller", "drive", "link", "encoder", "either"}
 
 

@@ -135,7 +135,13 @@ def _kind_of(path: Path) -> int:
         return 0
 
 
-def keep_to(path: Path, wanted: dict[str, Any], what: str, note: dict[str, str]) -> dict[str, str]:
+def keep_to(
+    path: Path,
+    wanted: dict[str, Any],
+    what: str,
+    note: dict[str, str],
+    before: dict[str, Any] | None = None,
+) -> dict[str, str]:
     """Write settings into a folder that has none, or hold them against those that are there.
 
     Args:
@@ -143,6 +149,7 @@ def keep_to(path: Path, wanted: dict[str, Any], what: str, note: dict[str, str])
         wanted: settings; nested ones are named with dots, so that a refusal can name the one that differs.
         what: is in the folder, e.g. "training".
         note: written beside them, and not compared.
+        before: settings that older folders do not name, by the value that they were made with.
 
     Returns:
         The note that is in the file, with empty texts for what is missing.
@@ -155,7 +162,7 @@ def keep_to(path: Path, wanted: dict[str, Any], what: str, note: dict[str, str])
         write_whole(path, json.dumps({**note, **wanted}, indent=1) + "\n")
         return note
     try:
-        found = dict(json.loads(path.read_text()))
+        found = {**(before or {}), **json.loads(path.read_text())}
     except (ValueError, TypeError) as error:
         raise InputError(f"{path} cannot be read ({error}); take another folder") from error
     noted = {name: str(found.pop(name, "")) for name in note}

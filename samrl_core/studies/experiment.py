@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.common.devices import checked_device
 from samrl_core.common.errors import InputError
 from samrl_core.common.executor import free_cores, run_calls
@@ -30,7 +31,8 @@ class Options:
     """What the command line asks for.
 
     Raises:
-        InputError: a number below its least value, a device that is not there, or weights that are no folder.
+        InputError: a number below its least value, a device or cell that is not there, or weights that are no
+            folder.
     """
 
     out: Path  # folder of this experiment alone
@@ -41,6 +43,7 @@ class Options:
     workers: int = 0  # processes; 0 takes the free cores
     weights: Path | None = None  # folder of trained networks, in place of the package's
     conditions: tuple[str, ...] = ()  # of those that it can leave out; none: all of them
+    cell: str = DEFAULT_CELL  # arms and camera, by name
 
     def __post_init__(self) -> None:
         if min(self.count, self.seed, self.workers) < 0:
@@ -48,6 +51,7 @@ class Options:
                 f"count {self.count}, seed {self.seed} and workers {self.workers} must be at least 0"
             )
         checked_device(self.device)
+        cell_named(self.cell)
         if self.weights is not None and not self.weights.is_dir():
             raise InputError(
                 f"no folder of networks at {self.weights}; `samrl train TASK --out DIR` makes one"
@@ -83,7 +87,8 @@ class Experiment:
         with folder_lock(options.out):
             free = ("out", "device", "workers", "conditions")  # may differ when it goes on
             asked = {k: v for k, v in asdict(options).items() if k not in free}
-            keep_to(options.out / CONFIG, {"experiment": self.name, **asked}, "experiment", {})
+            wanted, before = {"experiment": self.name, **asked}, {"cell": DEFAULT_CELL}
+            keep_to(options.out / CONFIG, wanted, "experiment", {}, before)
             summary = {
                 "schema": 1,
                 "experiment": self.name,

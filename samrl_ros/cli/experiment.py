@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -24,6 +24,7 @@ class ExperimentOptions:
         Path | None, typer.Option(help="Folder of this experiment; out/NAME by default. Goes on from it.")
     ] = None
     tasks: Annotated[tuple[str, ...], typer.Option("--task", help="Only this task; may be repeated.")] = ()
+    cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = Options.cell
     count: Annotated[
         int, typer.Option(help="Episodes or states per condition, or real steps; 0: the experiment's.", min=0)
     ] = Options.count
@@ -60,9 +61,9 @@ def run_experiment(options: ExperimentOptions) -> int:
     """
     if options.name is None:
         return _list_experiments()
-    given = {field.name: getattr(options, field.name) for field in fields(Options)}
-    out = options.out or Path("out") / options.name
-    asked, console = Options(**given | {"out": out}), Console()
+    given: dict[str, Any] = {field.name: getattr(options, field.name) for field in fields(Options)}
+    given["out"] = out = options.out or Path("out") / options.name
+    asked, console = Options(**given), Console()
     experiment = experiment_named(options.name)
     try:
         experiment.result(asked, lambda line: console.print(line, highlight=False, soft_wrap=True))

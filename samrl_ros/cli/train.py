@@ -29,6 +29,7 @@ class TrainOptions:
     out: Annotated[
         Path | None, typer.Option(help="Folder of this training; out/train-TASK by default. Goes on from it.")
     ] = None
+    cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULTS.cell
     seed: Annotated[int, typer.Option(help="Of everything that is random.", min=0)] = DEFAULTS.seed
     device: Annotated[str, typer.Option(help="cpu, or cuda:0.")] = DEFAULTS.device
     states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = DEFAULTS.states

@@ -13,7 +13,7 @@ import torch
 
 from samrl_core.cell.robots import cells
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
-from samrl_core.cell.robots.cells import CELLS, cell_named, robot_with_joints
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named, robot_with_joints
 from samrl_core.cell.robots.geometry import Capsules, clearance, link_shapes
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of, links_to_flange
@@ -22,8 +22,15 @@ from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.pose import look_at
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.tool_motion import ToolMotion
+from samrl_core.common.errors import InputError
+from samrl_core.learning.sim.prepare import prepare_states
+from samrl_core.learning.sim.train_settings import TrainSettings
+from samrl_core.learning.states.explore import ExploreSettings
+from samrl_core.learning.states.frames import SceneFrames
+from samrl_core.learning.states.states import StateSamples
 from samrl_core.model.model import Model
-from tests.guide.pages import added_lines, modules_of
+from samrl_core.studies.experiment import Options
+from tests.guide.pages import register
 
 NAME = "ur5_rizon"
 TASK = task_named("peg_insertion")
@@ -32,11 +39,7 @@ TASK = task_named("peg_insertion")
 @pytest.fixture(scope="module")
 def cell() -> Iterator[CellSpec]:
     with pytest.MonkeyPatch.context() as patch:
-        modules_of("add_a_robot.md", patch)
-        registry = dict(vars(cells))
-        exec("\n".join(added_lines("add_a_robot.md")), registry)
-        for name, made in registry["CELLS"].items():
-            patch.setitem(CELLS, name, made)
+        register("add_a_robot.md", patch, cells, "CELLS")
         yield cell_named(NAME)
 
 
@@ -109,6 +112,17 @@ def test_an_action_moves_the_tool_by_what_is_asked(cell: CellSpec) -> None:
         assert np.unique(world.read_camera().mask).size > 2
     finally:
         world.close()
+
+
+def test_a_training_is_of_the_cell_that_is_asked_for(cell: CellSpec, tmp_path: Path) -> None:
+    def states(name: str) -> StateSamples:
+        return prepare_states(TASK.name, 4, tmp_path, 7, 1, ExploreSettings(slots=2, longest=6), cell=name)
+
+    names = SceneFrames(Model(TASK, cell)).names
+    assert any("forearm_link" in name for name in names) and states(NAME).frames.shape[1] == len(names)
+    with pytest.raises(InputError, match="its settings"):
+        states(DEFAULT_CELL)
+    assert TrainSettings(cell=NAME).cell == Options(tmp_path, cell=NAME).cell == NAME
 
 
 @pytest.mark.ros

@@ -12,14 +12,14 @@ import torch
 
 from samrl_core.cell import tasks
 from samrl_core.cell.robots.cells import cell_named
-from samrl_core.cell.tasks import TASKS, task_named
+from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.world.evaluation import evaluate_now, true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.tool_motion import ToolMotion
 from samrl_core.model.model import Model
-from tests.guide.pages import added_lines, modules_of
+from tests.guide.pages import register
 
 NAME = "puck_pushing"
 CELL = cell_named()
@@ -28,11 +28,7 @@ CELL = cell_named()
 @pytest.fixture(scope="module")
 def task() -> Iterator[Task]:
     with pytest.MonkeyPatch.context() as patch:
-        modules_of("add_a_task.md", patch)
-        registry = dict(vars(tasks))
-        exec("\n".join(added_lines("add_a_task.md")), registry)
-        for name, made in registry["TASKS"].items():
-            patch.setitem(TASKS, name, made)
+        register("add_a_task.md", patch, tasks, "TASKS")
         yield task_named(NAME)
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+from tests.guide.pages import blocks
+
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "msgs_docs" / "guide" / "add_an_effect.md"
-BLOCK = re.compile(r"^```(python|diff) (\S+)\n(.*?)^```$", re.M | re.S)
 
 # One small world with the toy; the diagnosis may also blame what the toy is confounded with.
 DIAGNOSE = """
@@ -41,7 +40,7 @@ show_effects(EffectsOptions("fan_drag"))
 def follow(copy: Path) -> list[str]:
     """Make the page's files and insert its lines below the lines that they follow; the files touched."""
     touched = []
-    for kind, name, text in BLOCK.findall(PAGE.read_text()):
+    for kind, name, text in blocks("add_an_effect.md", "python", "diff"):
         file = copy / name
         if kind == "python":
             assert not file.exists(), f"{name} exists: the recipe must make new files"

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.common.errors import InputError
-from samrl_core.studies.experiment import CASES, Case, CaseLog, Experiment, Options, run_cases
+from samrl_core.studies.experiment import CASES, CONFIG, Case, CaseLog, Experiment, Options, run_cases
 from samrl_core.studies.registry import MODULES, experiment_named
 
 RUN: list[int] = []
@@ -52,12 +54,18 @@ def test_a_folder_of_other_options_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="count 0 .asked for: 2."):
         EXPERIMENT.result(Options(tmp_path, count=2), print)
     EXPERIMENT.result(Options(tmp_path, workers=2), print)  # where it runs may differ
+    written = json.loads((tmp_path / CONFIG).read_text())
+    assert written.pop("cell") == DEFAULT_CELL
+    (tmp_path / CONFIG).write_text(json.dumps(written))  # as folders were before cells had names
+    EXPERIMENT.result(Options(tmp_path), print)
     replace(EXPERIMENT, conditions=("a",)).result(Options(tmp_path, conditions=("a",)), print)  # and how much
 
 
 def test_what_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cuda:99"):
         Options(tmp_path, device="cuda:99")
+    with pytest.raises(InputError, match="no cell is named 'kitchen'"):
+        Options(tmp_path, cell="kitchen")
     with pytest.raises(InputError, match="no folder of networks"):
         Options(tmp_path, weights=tmp_path / "none")
     assert not list(tmp_path.iterdir())

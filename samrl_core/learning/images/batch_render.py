@@ -29,15 +29,15 @@ from samrl_core.policy.view.views import cameras_of
 
 
 @cache
-def model_of(task: str) -> Model:
-    """The task's model."""
-    return Model(task_named(task), cell_named())
+def model_of(task: str, cell: str) -> Model:
+    """The task's model in a cell, both by name."""
+    return Model(task_named(task), cell_named(cell))
 
 
 @cache
-def renderer_of(task: str, device: str) -> BatchRenderer:
-    """It renders `model_of(task)` on a device."""
-    return BatchRenderer(model_of(task), device)
+def renderer_of(task: str, cell: str, device: str) -> BatchRenderer:
+    """It renders `model_of(task, cell)` on a device."""
+    return BatchRenderer(model_of(task, cell), device)
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,6 +80,7 @@ class ActorEpisodes:
             folder,
             s.workers,
             lambda done, wanted: self._log(stage, {"labelled": done, "of": wanted}),
+            cell=s.cell,
         )
         write_arrays(path, {name: array[left] for name, array in {**chosen, "action": action}.items()})
 
@@ -137,7 +138,9 @@ class ActorEpisodes:
     ) -> EpisodeGroup:
         s = self._settings
         distribution = self._randomising.distribution if noisy else None  # evaluation takes the task as it is
-        return EpisodeGroup((s.seed, *stream), count, hold, noise, noisy, s.max_actions, distribution)
+        return EpisodeGroup(
+            (s.seed, *stream), count, hold, noise, noisy, s.max_actions, distribution, cell=s.cell
+        )
 
     def _run(
         self, actor: SimActor, groups: list[EpisodeGroup], names: tuple[str, ...], folder: Path, stage: str

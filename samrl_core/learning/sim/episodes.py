@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.executor import free_cores, run_calls
 from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
@@ -90,6 +91,7 @@ class EpisodeGroup:
     max_actions: int  # of an episode; 0 takes the task's
     distribution: ParameterDistribution | None = None
     points: np.ndarray | None = None  # (count, P) of the distribution's space; None samples them
+    cell: str = DEFAULT_CELL  # whose arm moves and whose camera looks
 
 
 def run_groups(
@@ -110,7 +112,7 @@ def run_groups(
 
 
 def _run(task: str, weights: Weights, group: EpisodeGroup, device: str) -> ActorRollouts:
-    renderer = renderer_of(task, device)
+    renderer = renderer_of(task, group.cell, device)
     model, rng = renderer.model, np.random.default_rng(group.seed)
     actor = SimActor(model.task.action_limit)
     actor.load_state_dict(weights)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.common.errors import SamrlError
 from samrl_core.common.executor import free_cores, run_calls
 from samrl_core.common.files import folder_lock
@@ -48,6 +48,7 @@ def prepare_states(
     shard_size: int = SHARD_SIZE,
     progress: Progress = lambda done, wanted: None,
     distribution: ParameterDistribution | None = None,
+    cell: str = DEFAULT_CELL,
 ) -> StateSamples:
     """All labelled states of a data set, made or resumed.
 
@@ -62,22 +63,17 @@ def prepare_states(
         shard_size: states that one process makes in one go.
         progress: called after each shard.
         distribution: of starts and, once per shard, of physical parameters; None: the task's own.
+        cell: name of the cell whose arm moves.
 
     Raises:
         InputError: the folder holds another data set, or a setting is outside its meaning.
     """
     s = settings or ExploreSettings()
-    info = DataInfo(
-        "states",
-        task,
-        cell_named().intrinsics,
-        seed,
-        count,
-        shard_size,
-        _recorded(task, s, given, distribution),
-    )
+    frames = SceneFrames(model_of(task, cell)).names
+    recorded = _recorded(frames, s, given, distribution) | _of_cell(cell)
+    info = DataInfo("states", task, cell_named(cell).intrinsics, seed, count, shard_size, recorded)
     data = ShardFolder(folder, info)
-    _fill(data, _shard, lambda k: (task, info, k, s, given, distribution), workers, progress)
+    _fill(data, _shard, lambda k: (task, cell, info, k, s, given, distribution), workers, progress)
     return load_states(folder, task)
 
 
@@ -99,6 +95,7 @@ def label_all(
     workers: int = 0,
     progress: Progress = lambda done, wanted: None,
     shard_size: int = _CHUNK,
+    cell: str = DEFAULT_CELL,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The optimiser's first action in states that something else came to, e.g. the actor; resumable.
 
@@ -110,6 +107,7 @@ def label_all(
         workers: processes; 0 takes as many as there are free cores.
         progress: called after each shard.
         shard_size: labels that one process makes in one go.
+        cell: name of the cell whose arm moves.
 
     Returns:
         Actions (N, 3) [m], and whether anything is left to do there (N,) bool.
@@ -118,13 +116,13 @@ def label_all(
         InputError: the folder holds labels of other states, or damaged ones.
     """
     digest = hashlib.sha256(np.hstack([values, tips]).astype("<f8").tobytes()).hexdigest()
-    cell = cell_named()
-    info = DataInfo("labels", task, cell.intrinsics, 0, len(values), shard_size, {"states_sha256": digest})
+    recorded = {"states_sha256": digest} | _of_cell(cell)
+    info = DataInfo("labels", task, cell_named(cell).intrinsics, 0, len(values), shard_size, recorded)
     data = ShardFolder(folder, info)
 
-    def job(shard: int) -> tuple[str, np.ndarray, np.ndarray]:
+    def job(shard: int) -> tuple[str, str, np.ndarray, np.ndarray]:
         few = slice(shard * shard_size, (shard + 1) * shard_size)
-        return task, values[few], tips[few]
+        return task, cell, values[few], tips[few]
 
     _fill(data, _labels, job, workers, progress)
     parts = list(data.read_all())
@@ -154,20 +152,27 @@ def _fill(
         write(missing[made.index], made.result)
 
 
+def _of_cell(cell: str) -> dict[str, object]:
+    """Recorded of another cell than the default one, which older folders do not name."""
+    return {} if cell == DEFAULT_CELL else {"cell": cell}
+
+
 def _recorded(
-    task: str, settings: ExploreSettings, given: Starts | None, distribution: ParameterDistribution | None
+    frames: tuple[str, ...],
+    settings: ExploreSettings,
+    given: Starts | None,
+    distribution: ParameterDistribution | None,
 ) -> dict[str, object]:
-    """What a shard depends on besides seed and task, and what its frames are."""
+    """What a shard depends on besides seed, task and cell, and what its frames are."""
     starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
-    frames = SceneFrames(model_of(task)).names
     found: dict[str, object] = {"frames": frames, "explore": asdict(settings), "given": starts}
     if distribution is not None:
         found["drawn"] = distribution.record()
     return found
 
 
-def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> dict[str, np.ndarray]:
-    model = model_of(task)
+def _labels(task: str, cell: str, values: np.ndarray, tips: np.ndarray) -> dict[str, np.ndarray]:
+    model = model_of(task, cell)
     labels = [label_of(model.dynamics, model.task, v, t) for v, t in zip(values, tips, strict=True)]
     return {
         "action": np.array([label.action for label in labels]),
@@ -177,6 +182,7 @@ def _labels(task: str, values: np.ndarray, tips: np.ndarray) -> dict[str, np.nda
 
 def _shard(
     task: str,
+    cell: str,
     info: DataInfo,
     shard: int,
     settings: ExploreSettings,
@@ -184,7 +190,7 @@ def _shard(
     distribution: ParameterDistribution | None,
 ) -> dict[str, np.ndarray]:
     return sample_states(
-        model_of(task), info.rng(shard), info.size(shard), settings, given, distribution
+        model_of(task, cell), info.rng(shard), info.size(shard), settings, given, distribution
     ).arrays()
 
 

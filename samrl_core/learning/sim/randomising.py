@@ -146,6 +146,7 @@ class Randomising:
                 max_actions=s.max_actions,
                 distribution=distribution,
                 points=question.points[few],
+                cell=s.cell,
             )
             for k, few in enumerate(rows)
         ]

@@ -27,7 +27,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.files import folder_lock, keep_to, write_whole
 from samrl_core.learning.data.fit import ACTION, Progress, RegressionSamples
@@ -97,7 +97,8 @@ class _Training:
         visited: Sequence[Path],
     ) -> None:
         self.task, self.folder, self.settings, self.log = task_named(task), folder, settings, log
-        self.given = None if given is None else load_weights(given, "sim_actor", task, cell_named())
+        cell = cell_named(settings.cell)
+        self.given = None if given is None else load_weights(given, "sim_actor", task, cell)
         parts = [load_visited(path, task) for path in visited]
         visited_states = VisitedStates.joined(parts) if parts else None
         self.starts = (
@@ -105,7 +106,7 @@ class _Training:
             if visited_states and settings.randomisation == REAL2SIM
             else None
         )
-        self.model = Model(self.task, cell_named())
+        self.model = Model(self.task, cell)
         self.randomising = Randomising(self.model, settings, folder, visited_states, log, given is not None)
         self._check_folder("" if given is None else sha256_of(given), [sha256_of(path) for path in visited])
         self.renderer = BatchRenderer(self.model, settings.device)
@@ -139,6 +140,7 @@ class _Training:
             self.starts,
             progress=lambda done, wanted: self.log("states", {"done": done, "of": wanted}),
             distribution=None if self.starts else self.randomising.distribution,
+            cell=s.cell,
         )
         known, held_out = _split(states, s.validation)
         parts = [Scenes.of_states(known)]
@@ -156,7 +158,8 @@ class _Training:
         for part in ("actor", "q"):  # where it is computed, and how precisely, may change on the way
             config[part] |= {"device": "", "bfloat16": False}
         config |= {"schema": 1, "task": self.task.name, "given_actor": given, "visited": visited}
-        kept = keep_to(self.folder / CONFIG, config, "training", {"commit": _commit()})
+        note, before = {"commit": _commit()}, {"cell": DEFAULT_CELL}
+        kept = keep_to(self.folder / CONFIG, config, "training", note, before)
         self.commit = kept["commit"]
 
     def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.fit import FitSettings
 from samrl_core.learning.images.acted_samples import ActedSettings
@@ -23,7 +24,7 @@ class TrainSettings:
     """Sizes of all stages. The defaults take about two hours on two cores, minutes on a GPU.
 
     Raises:
-        InputError: a count below its least value, or one that a later stage could not use.
+        InputError: no such cell, a count below its least value, or one that a later stage could not use.
     """
 
     states: int = 12_000  # labelled states
@@ -46,6 +47,7 @@ class TrainSettings:
     adr: AdrSettings = AdrSettings()
     simopt: SimOptSettings = SimOptSettings()
     found: FoundSettings = FoundSettings()
+    cell: str = DEFAULT_CELL  # whose arm moves and whose camera looks
     seed: int = 0
     device: str = "cpu"  # torch's name; renders and trains
     workers: int = 0  # processes that sample and label states and run episodes; 0 takes the free cores
@@ -53,6 +55,7 @@ class TrainSettings:
     levels: ClassVar[int] = 4  # of noise on the actions of Q's episodes, from none; one per group in turn
 
     def __post_init__(self) -> None:
+        cell_named(self.cell)
         if self.q_target not in Q_TARGETS:
             raise InputError(f"q_target is {self.q_target!r}, must be one of: {', '.join(Q_TARGETS)}")
         if self.q_loss not in Q_LOSSES:

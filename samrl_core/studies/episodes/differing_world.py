@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.pose import Pose
@@ -69,14 +68,12 @@ def differing_cell(cell: CellSpec, offset: Sequence[float] = (0.0, 0.0, 0.0)) ->
     return replace(cell, tool_arm=replace(cell.tool_arm, controller=soft), camera_base_in_world=moved)
 
 
-def differing_world(
-    task: Task, cell: CellSpec | None = None, offset: Sequence[float] = (0.0, 0.0, 0.0)
-) -> PyBulletWorld:
-    """The world; whoever acts in it keeps the nominal `cell`, by default that of `cell_named`.
+def differing_world(task: Task, cell: CellSpec, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> PyBulletWorld:
+    """The world; whoever acts in it keeps the nominal `cell`.
 
     `offset` (3,) is how far off the camera arm's base is in world [m].
     """
-    return PyBulletWorld(task, differing_cell(cell or cell_named(), offset), differing_settings())
+    return PyBulletWorld(task, differing_cell(cell, offset), differing_settings())
 
 
 def trained_offset(metrics: Mapping[str, float]) -> tuple[float, float, float]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.evaluation import evaluate_now
@@ -44,6 +44,7 @@ class EpisodeSite:
     policy: str  # of `samrl_core.policy.agent.policies.POLICIES`
     weights: Path | None  # folder of trained networks, None: the package's
     offset: tuple[float, float, float]  # of the camera arm's base from where calibration has it, in world [m]
+    cell: str = DEFAULT_CELL  # that the policy knows
 
     @property
     def max_actions(self) -> int:
@@ -91,7 +92,7 @@ class Stage:
 
     def __init__(self, site: EpisodeSite) -> None:
         """Builds the model and compiles what the agent needs."""
-        self._cell, self._task = cell_named(), task_named(site.task)
+        self._cell, self._task = cell_named(site.cell), task_named(site.task)
         self._offset = site.offset
         self._settings = AgentSettings(policy=site.policy, strategy=STRATEGY_OF[site.policy])
         networks: Networks | None = None

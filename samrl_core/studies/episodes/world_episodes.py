@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.evaluation import evaluate_now
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
@@ -59,6 +59,7 @@ class EpisodeJob:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the calibration, where it differs [m]
     weights: Path | None = None  # folder of actor and Q, in place of the package's
     residual: Path | None = None  # file, for conditions that have one
+    cell: str = DEFAULT_CELL  # that the agent knows
 
 
 def run_episodes(log: CaseLog, jobs: Sequence[EpisodeJob], workers: int, progress: Progress) -> list[Case]:
@@ -75,7 +76,8 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     Raises:
         InputError: weights that are missing or do not fit.
     """
-    agent = _agent(job.task, job.condition, job.weights, job.residual if job.condition.residual else None)
+    residual = job.residual if job.condition.residual else None
+    agent = _agent(job.task, job.cell, job.condition, job.weights, residual)
     task, cell = agent.model.task, agent.model.cell
     agent.restart(replace(agent.settings, seed=job.seed), agent.residual)
     world = differing_world(task, cell, job.offset) if job.differs else PyBulletWorld(task, cell)
@@ -118,15 +120,15 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
 
 
 @cache
-def _model(task: str) -> Model:
+def _model(task: str, cell: str) -> Model:
     # One thread: the cores are shared out by processes.
-    return Model(task_named(task), cell_named(), ModelSettings(threads=1))
+    return Model(task_named(task), cell_named(cell), ModelSettings(threads=1))
 
 
 @cache
-def _agent(task: str, condition: Condition, weights: Path | None, residual: Path | None) -> Agent:
+def _agent(task: str, cell: str, condition: Condition, weights: Path | None, residual: Path | None) -> Agent:
     """An agent with all its parts compiled; one model per task serves them all, an episode at a time."""
-    model = _model(task)
+    model = _model(task, cell)
     strategy = "fixed" if condition.strategy == HELD else condition.strategy
     settings = AgentSettings(policy=condition.policy, strategy=strategy, update=condition.update)
     networks = trained_networks(task, model.cell, weights) if settings.needs_networks else None

@@ -46,6 +46,7 @@ class Fig6Job:
     """One episode of one task."""
 
     task: str
+    cell: str
     seed: int
     device: str
     weights: Path | None
@@ -60,7 +61,7 @@ def keys_of(task: str, seed: int) -> list[str]:
 
 def run_job(job: Fig6Job) -> list[Case]:
     """Maps and metrics of one episode's states."""
-    bench = view_bench(job.task, job.device, job.weights)
+    bench = view_bench(job.task, job.cell, job.device, job.weights)
     model = bench.renderer.model
     grid = view_grid(model.task.view_region(), *job.size)
     cases: list[Case] = []
@@ -83,7 +84,10 @@ def run(
     """All episodes; the summary by task and phase."""
     count = options.count or COUNT
     jobs = [
-        (keys_of(task, seed), Fig6Job(task, seed, options.device, options.weights, noise_samples, size))
+        (
+            keys_of(task, seed),
+            Fig6Job(task, options.cell, seed, options.device, options.weights, noise_samples, size),
+        )
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
     ]
@@ -96,7 +100,7 @@ def run(
     }
     reached = {}
     for task in options.tasks:
-        model = model_of(task)
+        model = model_of(task, options.cell)
         reached[task] = reachable(model, view_grid(model.task.view_region(), *size))
         of_task = [case for case in cases if case["task"] == task]
         summary["tasks"][task] = _summary(of_task, reached[task], options.seed)

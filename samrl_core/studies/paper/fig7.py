@@ -35,6 +35,7 @@ class Fig7Job:
     """One episode of one task."""
 
     task: str
+    cell: str
     seed: int
     device: str
     weights: Path | None
@@ -67,7 +68,7 @@ def run(
     jobs = [
         (
             [_key(task, seed, phase) for phase in PHASES],
-            Fig7Job(task, seed, options.device, options.weights, views, s),
+            Fig7Job(task, options.cell, seed, options.device, options.weights, views, s),
         )
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
@@ -78,7 +79,7 @@ def run(
     for task in options.tasks:
         of_task = [case for case in cases if case["task"] == task]
         summary["tasks"][task] = {name: _summary(of_task, name, options.seed) for name in NETWORKS}
-        job = Fig7Job(task, options.seed, options.device, options.weights, 1, s)
+        job = Fig7Job(task, options.cell, options.seed, options.device, options.weights, 1, s)
         shown[task] = _episode(job, PHASES[SHOWN : SHOWN + 1])[0]
     write_picture(options.out / "fig7.png", shown, summary["tasks"], s)
     return summary
@@ -89,7 +90,7 @@ def _key(task: str, seed: int, phase: float) -> str:
 
 
 def _episode(job: Fig7Job, phases: tuple[float, ...]) -> list[Examined]:
-    bench = view_bench(job.task, job.device, job.weights)
+    bench = view_bench(job.task, job.cell, job.device, job.weights)
     model = bench.renderer.model
     found = []
     for number, state in enumerate(expert_states(model, job.seed, phases)):

@@ -62,7 +62,7 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
     residual = file if file.is_file() else None
     offset = (0.0, 0.0, 0.0)
     if residual is not None:
-        _, info = load_weights(residual, "residual_actor", task, cell_named())
+        _, info = load_weights(residual, "residual_actor", task, cell_named(options.cell))
         offset = trained_offset(info.figures)
     possible = {n: c for n, c in ABLATIONS.items() if residual is not None or not c.residual}
     missing = [name for name in options.conditions if name not in possible]
@@ -80,6 +80,7 @@ def episodes_of(task: str, options: Options) -> list[EpisodeJob]:
             differs=True,
             offset=offset,
             weights=options.weights,
+            cell=options.cell,
             residual=residual,
         )
         for name, condition in possible.items()

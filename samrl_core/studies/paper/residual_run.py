@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.learning.data.checkpoint import load_checkpoint, save_checkpoint
@@ -56,7 +57,9 @@ class ResidualRun:
         capacity = settings.points[-1] + settings.episodes * settings.max_actions
         self._replay = Replay.write(folder / "replay.bin", ReplayInfo(site.task, cell.intrinsics, capacity))
         described = {**asdict(settings), "learner": settings_to_json(settings.learner)}
-        about = {"place": asdict(site), "seed": seed, "settings": described}
+        default = ("cell", DEFAULT_CELL)  # left out, as runs before cells had names did
+        where = {key: value for key, value in asdict(site).items() if (key, value) != default}
+        about = {"place": where, "seed": seed, "settings": described}
         about["encoder"] = encoder_sha256(encoder)
         self._about = {name: _plain(value) for name, value in about.items()}
         self._episodes = 0

@@ -57,7 +57,7 @@ def run(options: Options, progress: Progress) -> dict[str, Any]:
     points = points_up_to(options.count or BUDGET)
     log = CaseLog(options.out)
     calibrated = [
-        EpisodeSite(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0))
+        EpisodeSite(t, policy_for(t, options.weights), options.weights, (0.0, 0.0, 0.0), options.cell)
         for t in options.tasks
     ]
     for site in calibrated:
@@ -163,7 +163,7 @@ def _train(
 ) -> None:
     """One training from where it was left; `on_saved` is called with each point whose weights are saved."""
     folder = options.out / "runs" / f"{job.site.task}-{job.seed}"
-    cell = cell_named()
+    cell = cell_named(job.site.cell)
     encoder = nominal_encoder(job.site.task, cell, job.site.weights)
     run = ResidualRun(folder, job.site, cell, encoder, job.seed, job.settings, player, options.device)
     try:
@@ -192,7 +192,8 @@ def evaluate_at(job: TrainingJob, point: int, out: Path, player: Play) -> Case:
     """
     task = job.site.task
     file = weights_at(out, task, job.seed, point)
-    found, info = evaluated_file(player, job.site, job.seed, job.settings, file, cell_named())
+    cell = cell_named(job.site.cell)
+    found, info = evaluated_file(player, job.site, job.seed, job.settings, file, cell)
     return {
         "key": job.key(point),
         "task": task,

@@ -27,18 +27,19 @@ class ViewBench:
 
 
 @cache
-def view_bench(task: str, device: str, weights: Path | None) -> ViewBench:
+def view_bench(task: str, cell: str, device: str, weights: Path | None) -> ViewBench:
     """Networks of a folder, or those of the package.
 
     Args:
         task: its name.
+        cell: its name.
         device: torch's name. Where "cuda" alone is asked for, a pool's processes share out the GPUs.
         weights: the folder; None takes the package's.
 
     Raises:
         InputError: a file is missing or does not fit.
     """
-    renderer = renderer_of(task, _own_device(device))
+    renderer = renderer_of(task, cell, _own_device(device))
     networks = trained_networks(task, renderer.model.cell, weights)
     for network in (networks.actor, networks.q):
         network.to(renderer.device)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,30 +11,21 @@ from samrl_core.learning.residual import learners
 from samrl_core.learning.residual.training import ResidualTraining, TrainingSettings
 from samrl_core.policy.networks.weights import load_weights
 from samrl_core.studies.episodes.residual_episodes import EpisodeSite
+from tests.guide.pages import blocks, module_of
 from tests.learning import toy_cell
 from tests.learning.residual.test_learners import hold_to_the_protocol
 from tests.learning.small_cell import SMALL
 from tests.studies import kinematic_peg
 
-PAGE = Path(__file__).resolve().parents[3] / "msgs_docs" / "guide" / "add_a_learner.md"
+PAGE = "add_a_learner.md"
 MODULE = "samrl_core.learning.residual.mean_of_successes"
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(), re.DOTALL)
-
-
 @pytest.fixture
-def registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def registered(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The page's Python blocks, the first two executed: the learner's file and its line."""
-    python = blocks("python")
-    file = tmp_path / "mean_of_successes.py"
-    file.write_text(python[0])
-    spec = importlib.util.spec_from_file_location(MODULE, file)
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, MODULE, module)
-    spec.loader.exec_module(module)
+    python = [text for _, _, text in blocks(PAGE, "python")]
+    module_of(MODULE, python[0], monkeypatch)
     monkeypatch.setattr(learners, "LEARNERS", dict(learners.LEARNERS))
     exec(python[1], {"LEARNERS": learners.LEARNERS})
     return python
@@ -66,7 +54,7 @@ def test_the_pages_learner_trains_and_is_evaluated_as_td3_is(registered: list[st
 
 
 def test_the_pages_learner_trains_beside_the_cell(registered: list[str], tmp_path: Path) -> None:
-    name = yaml.safe_load(blocks("yaml")[0])["/**/residual_trainer"]["ros__parameters"]["learner"]
+    name = yaml.safe_load(blocks(PAGE, "yaml")[0][2])["/**/residual_trainer"]["ros__parameters"]["learner"]
     settings = TrainingSettings(learners.create_settings(name), capacity=100, first_steps=1, publish_every=2)
     toy_cell.start(tmp_path, settings, 40).close()
     training = ResidualTraining(tmp_path, toy_cell.TASK, SMALL, toy_cell.ENCODER, settings)

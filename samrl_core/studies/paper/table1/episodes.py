@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.learning.images.appearance import AppearanceSettings
 from samrl_core.learning.images.batch_render import model_of
@@ -70,6 +70,7 @@ class Group:
     count: int
     device: str
     settings: TableSettings
+    cell: str = DEFAULT_CELL
 
     @property
     def key(self) -> str:
@@ -81,20 +82,20 @@ class Group:
         return f"{self.task}/{weights}/{noise}/{where}/{what}/{self.first}-{self.first + self.count}"
 
 
-def fixed_views(reach: ViewReach, task: str) -> list[View]:
+def fixed_views(reach: ViewReach, task: str, cell: str) -> list[View]:
     """Views of the grid that may be held: clear as an episode begins, at the nominal values."""
     plan = task_named(task)
     nominal = np.array([p.nominal for p in plan.parameters()])
-    tool = plan.start_joints(cell_named())["tool_arm"]
+    tool = plan.start_joints(cell_named(cell))["tool_arm"]
     return reach.clear_views(reach.obstacles(tool, nominal))
 
 
 def run_group(group: Group) -> list[Case]:
     """One case: success, number of actions and seconds of camera motion of each episode."""
     s = group.settings
-    bench_of_task = view_bench(group.task, group.device, group.weights)
+    bench_of_task = view_bench(group.task, group.cell, group.device, group.weights)
     bench, networks = (
-        ViewSetup(bench_of_task.renderer, _reach(group.task, s.views.reach)),
+        ViewSetup(bench_of_task.renderer, _reach(group.task, group.cell, s.views.reach)),
         bench_of_task.networks,
     )
     camera = MovingCamera(bench, group.count, *_chooser(group, bench, networks), s.views.speed_share)
@@ -139,12 +140,12 @@ def _chooser(group: Group, bench: ViewSetup, networks: Networks) -> tuple[Choose
     if group.condition == "held_random":
         return at_random(bench), ONCE
     if group.condition == "best_fixed":
-        return to_one(fixed_views(bench.reach, group.task)[group.view]), ONCE
+        return to_one(fixed_views(bench.reach, group.task, group.cell)[group.view]), ONCE
     return stays, ONCE
 
 
 @cache
-def _reach(task: str, settings: ReachSettings) -> ViewReach:
+def _reach(task: str, cell: str, settings: ReachSettings) -> ViewReach:
     """One per process: the grid is solved once."""
-    model = model_of(task)
+    model = model_of(task, cell)
     return ViewReach(model.cell, model.task, settings)

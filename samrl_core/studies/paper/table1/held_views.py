@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.geometry import Capsules
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import CellSpec
@@ -29,12 +28,11 @@ class HeldView:
     way: tuple[np.ndarray, ...]  # joint positions (J,) one after the other, the last one takes the view [rad]
 
 
-def held_views(task: Task, cell: CellSpec | None = None) -> tuple[HeldView, ...]:
+def held_views(task: Task, cell: CellSpec) -> tuple[HeldView, ...]:
     """Reachable views that stay clear of the tool arm, all along the task in its nominal state.
 
     The camera arm gets there by way of others, straight in joint space from each to the next, and clear.
     """
-    cell = cell or cell_named()
     reach = ViewReach(cell, task)
     start = task.start_joints(cell)
     nominal = np.array([p.nominal for p in task.parameters()])

@@ -60,6 +60,7 @@ class Table1Row:
             0,
             options.device,
             settings,
+            options.cell,
         )
 
 
@@ -71,7 +72,7 @@ def run_table(options: Options, progress: Progress, settings: TableSettings = SE
     """
     trainings = _trainings(options.weights)
     for task, weights in itertools.product(options.tasks, trainings):
-        trained_networks(task, cell_named(), weights)  # before anything is run
+        trained_networks(task, cell_named(options.cell), weights)  # before anything is run
     rows = [Table1Row(*which) for which in itertools.product(options.tasks, trainings, NOISES)]
     table = _Table(options, progress, settings)
     best = table.best_views(rows)
@@ -96,7 +97,11 @@ class _Table:
         self._log = CaseLog(options.out)
         self.count = options.count or settings.episodes
         self._views = {
-            task: fixed_views(ViewReach(cell_named(), task_named(task), settings.views.reach), task)
+            task: fixed_views(
+                ViewReach(cell_named(options.cell), task_named(task), settings.views.reach),
+                task,
+                options.cell,
+            )
             for task in options.tasks
         }
 

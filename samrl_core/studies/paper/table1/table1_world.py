@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, task_named
 from samrl_core.studies.episodes.success_rates import compared, rates, write_bars
 from samrl_core.studies.episodes.world_episodes import HELD, Condition, EpisodeJob, run_episodes
@@ -52,7 +53,7 @@ def run(options: Options, progress: Progress, search: SearchSettings | None = No
     """All cases, the summary, and the picture."""
     search = search or SearchSettings()
     log, count = CaseLog(options.out), options.count or COUNT
-    views = {task: held_views(task_named(task)) for task in options.tasks}
+    views = {task: held_views(task_named(task), cell_named(options.cell)) for task in options.tasks}
     plans = [_Plan(task, views[task], options, search) for task in options.tasks]
 
     def cases(jobs: Iterable[EpisodeJob]) -> list[Case]:
@@ -128,7 +129,8 @@ class _Plan:
         stops = self.views[view].way if view >= 0 else ()
         way = tuple(tuple(stop.tolist()) for stop in stops)
         key = f"{self.task}/{name}/{more}{seed}"
-        return EpisodeJob(key, self.task, name, condition, seed, view, way, weights=self._options.weights)
+        weights, cell = self._options.weights, self._options.cell
+        return EpisodeJob(key, self.task, name, condition, seed, view, way, weights=weights, cell=cell)
 
 
 def _view_words(views: tuple[HeldView, ...], best: int, cases: list[Case]) -> dict[str, Any]:

@@ -199,7 +199,7 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
         assert max_actions == 40  # of a task with 100
         return replace(SETTINGS, points=points)
 
-    monkeypatch.setattr(sample_efficiency, "cell_named", lambda: SMALL)
+    monkeypatch.setattr(sample_efficiency, "cell_named", lambda name: SMALL)
     monkeypatch.setattr(sample_efficiency, "nominal_encoder", lambda *_: toy_cell.ENCODER)
     monkeypatch.setattr(sample_efficiency, "_here", here)
     monkeypatch.setattr(sample_efficiency, "RunSettings", settings)
@@ -234,7 +234,7 @@ def test_kept_weights_are_judged_long_after_they_were_trained(
     """A point whose case is missing comes to the same, though the run has gone on since."""
     from samrl_core.studies.paper import sample_efficiency
 
-    monkeypatch.setattr(sample_efficiency, "cell_named", lambda: SMALL)
+    monkeypatch.setattr(sample_efficiency, "cell_named", lambda name: SMALL)
     play = FakeCell()
     settings = replace(SETTINGS, points=(6, 12))
     job = sample_efficiency.TrainingJob(PLACE, 3, settings)

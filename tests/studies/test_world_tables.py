@@ -51,7 +51,7 @@ def no_episodes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
     JOBS.clear()
     if not request.node.get_closest_marker("slow"):
         monkeypatch.setattr(world_episodes, "episode_cases", made_up)
-        monkeypatch.setattr(table1_world, "held_views", lambda task: VIEWS)
+        monkeypatch.setattr(table1_world, "held_views", lambda task, cell: VIEWS)
 
 
 def table(folder: Path, **more: Any) -> dict[str, Any]:

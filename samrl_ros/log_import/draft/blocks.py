@@ -135,7 +135,7 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
 def _block(
     part: str, stem: str, labels: tuple[str, ...], columns: tuple[str, ...], values: np.ndarray
 ) -> Block:
-    rows = np.isfinite(values).all(axis=1)
+    rows = np.asarray(np.isfinite(values).all(axis=1))
     return Block(part, stem, labels, columns, values[rows], rows)
 
 

@@ -265,7 +265,7 @@ def _add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
         source["time"] = {"rate_hz": 100.0}
         time = np.arange(rows) / 100.0
     if "time" in source and (np.diff(time) <= 0).any():
-        source["time"]["repeated"] = "drop"
+        source["time"] = {**source["time"], "repeated": "drop"}
         draft.note(key, f"{int((np.diff(time) <= 0).sum())} steps do not increase; such rows are left out")
     source["columns"] = {}
     return time

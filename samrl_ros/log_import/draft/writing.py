@@ -26,7 +26,7 @@ def as_yaml(draft: Draft) -> str:
             continue
         if key == "urdf" and isinstance(value, str) and value.lstrip().startswith("<"):
             lines += [*_reasons(draft, "urdf"), "urdf: |", *(f"  {line}" for line in value.splitlines())]
-        elif key in ("sources", "channels"):
+        elif isinstance(value, dict):  # sources, channels
             lines.append(f"{key}:")
             for name, entry in value.items():
                 lines.append(f"  {name}:")

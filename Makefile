@@ -34,7 +34,7 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: setup cell test check slow fuzz faults soak bench bench-model docs clean
+.PHONY: setup cell test live check slow fuzz faults soak bench bench-model docs clean
 .DELETE_ON_ERROR:
 
 setup: $(BUILT)
@@ -59,8 +59,10 @@ cell: $(BUILT)
 
 test: $(BUILT)
 	$(BIN)/python -m pytest -q -m "not slow and not live" -n $(WORKERS)
+	$(MAKE) -j2 -Oline live check
+
+live: $(BUILT)
 	$(BIN)/python -m pytest -q -m "live and not slow"
-	$(MAKE) check
 
 check: $(BUILT)
 	$(BIN)/ruff check .

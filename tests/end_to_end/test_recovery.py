@@ -18,7 +18,7 @@ from samrl_ros.contract.topics import cell_topic
 from tests.waiting import PATIENCE_S, wait_for
 
 pytest.importorskip("rclpy")
-pytestmark = [pytest.mark.ros, pytest.mark.live, pytest.mark.timeout(3600)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(3600)]
 CLI = [sys.executable, "-m", "samrl_ros.cli.main"]
 
 

@@ -158,7 +158,7 @@ def graph(tmp_path: Path) -> Any:
 
 
 @pytest.mark.ros
-@pytest.mark.live
+@pytest.mark.slow  # `make faults` tries the whole table
 def test_some_cells_of_the_table(graph: Any) -> None:
     from tests.faults.arms_faults import FAULTS, run
 

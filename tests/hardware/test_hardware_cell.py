@@ -64,7 +64,7 @@ def test_drivers_that_disagree_start_nothing(fake_cell: StartFake, tmp_path: Pat
     assert "nothing is started" in said[-1] and not (tmp_path / "run").exists()
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_observing_records_the_arms_and_ends_with_ctrl_c(fake_cell: StartFake, tmp_path: Path) -> None:
     from samrl_ros.bags.reader import open_bag
 

@@ -20,7 +20,7 @@ from samrl_core.common.files import write_whole
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
 from samrl_ros.cell.parameter_file import load_parameters
-from samrl_ros.contract.settings import JUDGES, OUTLASTS_STOPS, REAL_TIME_FACTOR
+from samrl_ros.contract.settings import IMAGES_KEPT, JUDGES, OUTLASTS_STOPS, REAL_TIME_FACTOR
 from samrl_ros.hardware.driver_file import PARTS, DriverFile, drivers_by_part
 from samrl_ros.nodes.registry import BRIDGES, EXECUTABLES, nodes_of_run
 
@@ -274,6 +274,8 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
     supervisor = merged["/cell/supervisor"]["ros__parameters"]
     supervisor.setdefault("done_confirmations", LoopSettings.done_confirmations)
     merged["/cell/model_updater"]["ros__parameters"].setdefault("repeat_answers", True)
+    for name in ("view_planner", "policy"):
+        merged[f"/cell/{name}"]["ros__parameters"].setdefault("images_kept", IMAGES_KEPT)
     supervisor.setdefault("wait_for_reset", OUTLASTS_STOPS)
     merged["/cell/manipulator"]["ros__parameters"].setdefault("heed_stops", OUTLASTS_STOPS)
     return merged

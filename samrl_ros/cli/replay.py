@@ -119,6 +119,9 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
     settings["supervisor"].setdefault("done_confirmations", 1)
     # They updated anew when an update that was done was asked for again.
     settings["model_updater"].setdefault("repeat_answers", False)
+    # They kept four images after a request.
+    for name in ("view_planner", "policy"):
+        settings[name].setdefault("images_kept", 4)
     # They ended with an emergency stop, in which the manipulator went on.
     settings["supervisor"].setdefault("wait_for_reset", False)
     settings["manipulator"].setdefault("heed_stops", False)

@@ -14,6 +14,7 @@ from typing import Any
 JUDGES = ("model", "operator")  # who says whether an episode of a real cell succeeded; the first by default
 REAL_TIME_FACTOR = 1.0  # default upper bound of simulated over wall time, 0 for none
 OUTLASTS_STOPS = True  # default: an emergency stop is waited out; false as in runs from before it was
+IMAGES_KEPT = 64  # after a request; a busy computer updates the model with a late one
 
 
 def setting(

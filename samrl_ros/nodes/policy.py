@@ -16,7 +16,7 @@ from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.policies import ACTOR_IMAGES, POLICIES
 from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_ros.contract.behaviour import Behaviour, Outbox
-from samrl_ros.contract.settings import setting
+from samrl_ros.contract.settings import IMAGES_KEPT, setting
 from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes import step_inputs
@@ -82,6 +82,9 @@ class PolicySettings:
     max_bad_frames: int = setting(
         MAX_BAD_FRAMES, "refused images in a row before the node gives up", range=(1, 1000)
     )
+    images_kept: int = setting(
+        IMAGES_KEPT, "images after a request among which the model state's own is found", range=(1, 10_000)
+    )
 
 
 class PolicyNode(Behaviour):
@@ -112,7 +115,9 @@ class PolicyNode(Behaviour):
         model = Model(self._task, self._cell)
         self._agent = Agent(model, asked, networks, lambda text: outbox.log("error", text), verbs=("act",))
         names = tuple(spec.name for spec in self._task.parameters())
-        self._inputs = StepInputs("act", names, self._cell, settings.max_bad_frames, outbox.log)
+        self._inputs = StepInputs(
+            "act", names, self._cell, settings.max_bad_frames, outbox.log, settings.images_kept
+        )
         self._residual_version = 0
         self._collected = -1  # steps in the trainer's replay when it first announced its weights
 

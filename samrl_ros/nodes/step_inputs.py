@@ -10,6 +10,7 @@ from typing import Any
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_ros.contract.settings import IMAGES_KEPT
 from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message
 from samrl_ros.conversions.model_state import from_state
@@ -20,9 +21,6 @@ STATE = cell_topic("model_updater/state")
 INPUTS = (READY, REQUEST, STATE, *assembly.INPUTS)
 QUEUES = assembly.QUEUES
 
-# Images after a request. The updater uses the first that is whole when it gets there: on a busy computer, a
-# late one.
-_KEPT = 64
 _STATES = 4  # of one step: an update that is asked for again may be answered twice
 
 
@@ -46,6 +44,7 @@ class StepInputs:
         cell: CellSpec,
         max_bad_frames: int,
         log: Callable[[str, str], None],
+        images_kept: int = IMAGES_KEPT,
     ) -> None:
         """Listen for requests of `stage`.
 
@@ -55,7 +54,9 @@ class StepInputs:
             cell: whose camera and joints the images are of.
             max_bad_frames: refused images in a row before `take` raises.
             log: takes level and text of what is refused.
+            images_kept: images after a request among which the state's own is looked for.
         """
+        self._images_kept = images_kept
         self._stage, self._parameters = stage, parameters
         self._frames = assembly.PatientAssembler(cell, max_bad_frames, log)
         self._observations: list[Observation] = []  # since the newest update was asked for
@@ -104,7 +105,7 @@ class StepInputs:
             self._update_asked_ns = asked_ns
             if asked_ns != self._wanted_since_ns:  # else asked again: the updater may have its image already
                 self._observations = []
-        self._wanted_since_ns, self._wanted_more = asked_ns, _KEPT
+        self._wanted_since_ns, self._wanted_more = asked_ns, self._images_kept
 
     def _wanted(self, stamp_ns: int) -> bool:
         return self._wanted_more > 0 and stamp_ns >= self._wanted_since_ns

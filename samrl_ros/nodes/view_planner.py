@@ -17,7 +17,7 @@ from samrl_core.policy.agent.policies import STRATEGIES
 from samrl_core.policy.agent.settings import AgentSettings, trained_networks
 from samrl_core.policy.view.view_planning import ViewChoice
 from samrl_ros.contract.behaviour import Behaviour, Outbox
-from samrl_ros.contract.settings import setting
+from samrl_ros.contract.settings import IMAGES_KEPT, setting
 from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message, to_message
 from samrl_ros.nodes import step_inputs
@@ -43,6 +43,9 @@ class ViewPlannerSettings:
     max_bad_frames: int = setting(
         MAX_BAD_FRAMES, "refused images in a row before the node gives up", range=(1, 1000)
     )
+    images_kept: int = setting(
+        IMAGES_KEPT, "images after a request among which the model state's own is found", range=(1, 10_000)
+    )
 
 
 class ViewPlannerNode(Behaviour):
@@ -63,7 +66,9 @@ class ViewPlannerNode(Behaviour):
         agent = AgentSettings(strategy=settings.strategy, seed=settings.seed)
         self._agent = Agent(Model(task, cell), agent, networks, verbs=("plan_view",))
         names = tuple(spec.name for spec in task.parameters())
-        self._inputs = StepInputs("view", names, cell, settings.max_bad_frames, outbox.log)
+        self._inputs = StepInputs(
+            "view", names, cell, settings.max_bad_frames, outbox.log, settings.images_kept
+        )
         self._moves = 0
         self._answer: tuple[tuple[int, int], ViewTarget] | None = None  # stamps of request and state [ns]
 

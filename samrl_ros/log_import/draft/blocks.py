@@ -30,7 +30,7 @@ _STAMPS = ("log_time", "header.stamp", "header.seq")  # of a bag's messages; the
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class LogBlock:
     """Columns that differ in the joint alone."""
 
     part: str  # of the log: topic, episode, group
@@ -49,7 +49,7 @@ class LogPart:
     part: str
     kind: str  # message type, or empty
     table: Table
-    blocks: tuple[Block, ...]
+    blocks: tuple[LogBlock, ...]
     times: tuple[str, ...]  # columns of numbers that may be time
     dates: tuple[str, ...]  # columns of text that may be time
 
@@ -134,9 +134,9 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
 
 def _block(
     part: str, stem: str, labels: tuple[str, ...], columns: tuple[str, ...], values: np.ndarray
-) -> Block:
+) -> LogBlock:
     rows = np.asarray(np.isfinite(values).all(axis=1))
-    return Block(part, stem, labels, columns, values[rows], rows)
+    return LogBlock(part, stem, labels, columns, values[rows], rows)
 
 
 def _is_index(stem: str) -> bool:

@@ -1,0 +1,273 @@
+"""Channels of a draft: which columns are velocity, command and effort, and of what sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from samrl_ros.log_import.draft import evidence
+from samrl_ros.log_import.draft.blocks import LogBlock, LogPart
+from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
+from samrl_ros.log_import.draft.guess import Draft, Effort
+
+# Arms with torque sensors behind the gears, by how their makers' packages name the joints.
+_LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
+_FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
+_MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken as the command, and asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A block of a log, and what its names mean."""
+
+    part: LogPart
+    block: LogBlock
+    meaning: NameMeaning
+
+
+def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
+    """Adds the part as a source; its times [s]."""
+    key, table = f"sources.{name}.time", part.table
+    source: dict[str, Any] = {"file": part.path.name}
+    if part.part:
+        source["part"] = part.part
+    draft.sources[name] = source
+    rows = len(part.blocks[0].rows)
+    if table.time is not None:
+        draft.note(key, "the header's stamps" if "header.stamp" in table.columns else "the log's own")
+        time = table.time
+    elif part.times:
+        column = part.times[0]
+        values = table.numbers(column, "the log")
+        said = meaning(column).unit if meaning(column).unit in ("s", "ms", "us", "ns") else ""
+        units = evidence.time_unit(np.diff(values))
+        unit = said or (units[0] if units else "s")
+        question = "" if said or len(units) == 1 else f"is {column!r} in {unit}?"
+        why = "its name says so" if said else f"steps of {np.median(np.diff(values)):g}"
+        draft.note(key, f"{column!r} in {unit}: {why}", question)
+        source["time"] = {"column": column, "unit": unit}
+        time = values * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[unit]
+    elif part.dates:
+        draft.note(key, f"{part.dates[0]!r} holds dates")
+        source["time"] = {"column": part.dates[0], "iso": True}
+        time = table.times(part.dates[0], "the log")
+    else:
+        draft.note(key, "no column is named as time", "what is the rate [Hz]? 100 is a placeholder")
+        source["time"] = {"rate_hz": 100.0}
+        time = np.arange(rows) / 100.0
+    if "time" in source and (np.diff(time) <= 0).any():
+        source["time"] = {**source["time"], "repeated": "drop"}
+        draft.note(key, f"{int((np.diff(time) <= 0).sum())} steps do not increase; such rows are left out")
+    source["columns"] = {}
+    return time
+
+
+def quantity_of(each: Candidate, order: list[str], unit: str, draft: Draft, source: str) -> dict[str, Any]:
+    """A quantity in the order of the joints; its columns are added to the source."""
+    block = each.block
+    columns: dict[str, str] = draft.sources[source]["columns"]
+    prefix = "_".join(word for word in words_in(block.stem) if word.isidentifier())[:24] or "x"
+    if not prefix.isidentifier():
+        prefix = f"x_{prefix}"
+    if not block.rows.all():
+        draft.sources[source]["missing"] = "drop_row"
+    if len(block.columns) == 1 and len(block.labels) > 1:
+        key = _free(columns, prefix)
+        columns[key] = block.columns[0]
+        return {"formula": [f"{key}[{block.labels.index(label)}]" for label in order], "unit": unit}
+    formulas = []
+    for number, label in enumerate(order, 1):
+        key = _free(columns, f"{prefix}_{number}")
+        columns[key] = block.columns[block.labels.index(label)]
+        formulas.append(key)
+    return {"formula": formulas, "unit": unit}
+
+
+def _free(columns: dict[str, str], name: str) -> str:
+    while name in columns or name == "time":
+        name += "_"
+    return name
+
+
+def _beside(found: list[Candidate], position: Candidate, order: list[str], quantity: str) -> list[Candidate]:
+    """Measured blocks of a quantity in the same part, with the same joints."""
+    return [
+        c
+        for c in found
+        if c.part is position.part
+        and c.meaning.quantity == quantity
+        and not c.meaning.commanded
+        and not c.meaning.computed
+        and c.meaning.measured == position.meaning.measured
+        and set(order) <= set(c.block.labels)
+    ]
+
+
+def add_velocity(
+    found: list[Candidate],
+    position: Candidate,
+    order: list[str],
+    unit: str,
+    time: np.ndarray,
+    states: dict[str, Any],
+    draft: Draft,
+) -> list[Candidate]:
+    """The measured velocity if it integrates to the position, else its derivative; the blocks used."""
+    key = "channels.states.velocity"
+    for each in _beside(found, position, order, "velocity"):
+        both = each.block.rows & position.block.rows
+        place = [each.block.labels.index(label) for label in order]
+        own = [position.block.labels.index(label) for label in order]
+        fit = evidence.fit_rate(
+            time[both],
+            position.block.values[both[position.block.rows]][:, own],
+            each.block.values[both[each.block.rows]][:, place],
+        )
+        fitting = evidence.velocity_unit(unit, fit)
+        if not fitting:
+            draft.note(
+                key,
+                f"derivative of the position: {name_of(each)} is not its rate (correlation"
+                f" {fit.correlation:.2f}, ratio {fit.ratio:.3g})",
+            )
+            break
+        draft.note(key, f"{name_of(each)}: integrates to the position (ratio {fit.ratio:.3g}), so {fitting}")
+        states["velocity"] = quantity_of(each, order, fitting, draft, "states")
+        return [each]
+    else:
+        draft.note(key, "derivative of the position: none was recorded")
+    states["velocity"] = "derivative"
+    return []
+
+
+def add_command(
+    found: list[Candidate],
+    position: Candidate,
+    order: list[str],
+    unit: str,
+    time: np.ndarray,
+    draft: Draft,
+) -> list[Candidate]:
+    """The commanded position, with velocity and acceleration of a ROS topic; the blocks used."""
+    wanted = [
+        c
+        for c in found
+        if c.meaning.commanded and not c.meaning.computed and c.meaning.quantity in ("position", "")
+        and set(order) <= set(c.block.labels)
+    ]  # fmt: skip
+    if not wanted:
+        return _add_follower(found, position, order, unit, time, draft)
+    best = max(wanted, key=lambda c: (c.meaning.quantity == "position", len(c.block.values)))
+    key = "channels.command.position"
+    same = best.part is position.part
+    source = "states" if same else "command"
+    other = time if same else add_source(best.part, source, draft)
+    own = [position.block.labels.index(label) for label in order]
+    place = [best.block.labels.index(label) for label in order]
+    near = evidence.follows(
+        time[position.block.rows],
+        position.block.values[:, own],
+        other[best.block.rows],
+        best.block.values[:, place],
+    )
+    question = (
+        "" if near >= _FOLLOWS else f"the arm hardly follows {name_of(best)}: is it the commanded position?"
+    )
+    draft.note(
+        key, f"{name_of(best)}: the name says commanded; correlation with the position {near:.2f}", question
+    )
+    channel = {"source": source, "position": quantity_of(best, order, unit, draft, source)}
+    draft.channels["command"] = channel
+    used = [best]
+    for quantity in ("velocity", "acceleration"):
+        more = [
+            c
+            for c in found
+            if c.part is best.part and c.meaning.quantity == quantity and c.meaning.commanded
+            and not c.meaning.computed and set(order) <= set(c.block.labels)
+        ]  # fmt: skip
+        if more and best.part.ros:
+            draft.note(f"channels.command.{quantity}", f"{name_of(more[0])}, in SI units (REP-103)")
+            suffix = {"velocity": "rad/s", "acceleration": "rad/s2"}[quantity]
+            channel[quantity] = quantity_of(more[0], order, suffix, draft, source)
+            used.append(more[0])
+    return used
+
+
+def _add_follower(
+    found: list[Candidate],
+    position: Candidate,
+    order: list[str],
+    unit: str,
+    time: np.ndarray,
+    draft: Draft,
+) -> list[Candidate]:
+    """A block beside the position that moves with it, under a name that says nothing."""
+    rows, own = position.block.rows, [position.block.labels.index(label) for label in order]
+    for each in found:
+        silent = not (each.meaning.quantity or each.meaning.computed or each.meaning.measured)
+        beside = each.part is position.part and each.block is not position.block
+        if not silent or not beside or len(each.block.labels) != len(order):
+            continue
+        near = evidence.follows(
+            time[rows], position.block.values[:, own], time[each.block.rows], each.block.values
+        )
+        scale = float(np.ptp(each.block.values) / max(np.ptp(position.block.values), 1e-12))
+        if near > _MOVES_WITH and 0.5 < scale < 2.0:
+            draft.note(
+                "channels.command.position",
+                f"{name_of(each)}: moves with the position (correlation {near:.4f})",
+                f"is {name_of(each)} the commanded position?",
+            )
+            labels = list(each.block.labels) if each.block.labels != position.block.labels else order
+            quantity = quantity_of(each, labels, unit, draft, "states")
+            draft.channels["command"] = {"source": "states", "position": quantity}
+            return [each]
+    draft.note("channels.command", "no commanded positions were found")
+    return []
+
+
+def add_effort(
+    found: list[Candidate], position: Candidate, order: list[str], effort: Effort, draft: Draft
+) -> list[Candidate]:
+    """Measured efforts where they belong, with a question where nothing says where; the blocks used."""
+    currents = [c for c in found if c.meaning.quantity in ("current", "voltage")]
+    for each in currents:
+        draft.unused.append(
+            f"{name_of(each)}: multiply by torque constant and gear ratio, then use it as effort"
+        )
+    measured = _beside(found, position, order, "effort")
+    if not measured or effort is Effort.none:
+        if not measured:
+            draft.note("channels.states.effort", "no efforts were found")
+        return currents
+    best = measured[0]
+    link = effort is Effort.link or (
+        effort is Effort.ask and all(name.startswith(_LINK_SENSORS) for name in draft.joints)
+    )
+    unit = "N m" if best.part.ros or not best.meaning.unit else best.meaning.unit
+    unit_question = "" if best.part.ros or best.meaning.unit else f"is {name_of(best)} in N m?"
+    quantity = quantity_of(best, order, unit, draft, "states")
+    if link:
+        reason = "as stated" if effort is Effort.link else "these arms measure torque behind the gears"
+        draft.note("channels.states.effort", f"{name_of(best)}: {reason}", unit_question)
+        draft.channels["states"]["effort"] = quantity
+        return [best, *currents]
+    question = unit_question
+    if effort is Effort.ask:
+        question = (
+            f"is {name_of(best)} the drive's torque times gear ratio (commanded_effort, as drafted), of a"
+            " sensor behind the gears (then states.effort), or a current (then multiply it)? --effort says it"
+        )
+    draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question)
+    draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
+    return [best, *currents]
+
+
+def name_of(each: Candidate) -> str:
+    """How messages name a block: topic or file, and column."""
+    place = f"{each.part.part}: " if each.part.part else ""
+    file = "" if each.part.part else f"{each.part.path.name}: "
+    return f"{file}{place}{each.block.stem}"

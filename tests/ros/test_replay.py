@@ -90,9 +90,9 @@ def test_settings_from_before_the_policy_was_a_node(tmp_path: Path) -> None:
     planner = "{policy: optimised, strategy: best, seed: 4, weights: '', exploration: 0.001, horizon: 2}"
     (tmp_path / "params.yaml").write_text(f"/cell/view_planner: {{ros__parameters: {planner}}}\n")
     found = recorded_settings(tmp_path / "bag")
-    assert found["view_planner"] == {"strategy": "best", "seed": 4, "weights": ""}
+    assert found["view_planner"] == {"strategy": "best", "seed": 4, "weights": "", "images_kept": 4}
     acting = {"policy": "optimised", "exploration": 0.001, "horizon": 2}
-    assert found["policy"] == {"seed": 4, "weights": "", **acting}
+    assert found["policy"] == {"seed": 4, "weights": "", "images_kept": 4, **acting}
 
 
 def test_another_image_gives_another_digest(three_actions: Any, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from samrl_core.cell.robots.robot import CellSpec, RobotSpec
 from samrl_core.cell.types.camera import Intrinsics
-from samrl_core.cell.types.observation import ArmCommand, ArmReading
+from samrl_core.cell.types.observation import ArmCommand, ArmReading, Frame
 from samrl_core.cell.types.pose import Pose
 
 
@@ -65,6 +65,20 @@ def image(pixels: np.ndarray, encoding: str, stamp_ns: int, frame: str) -> Image
     message.step = pixels.strides[0]
     message.data = pixels.tobytes()  # bytes: a NumPy array here costs a thousand times more
     return message
+
+
+def camera_frame(frame: Frame, intrinsics: Intrinsics, frame_id: str) -> dict[str, Image | CameraInfo]:
+    """The messages of one camera reading, by topic below the camera's, in the order to publish them."""
+    images = {
+        "color/image_raw": (frame.color, "rgb8"),
+        "depth/image_rect_raw": (frame.depth, "32FC1"),
+        "mask/image_raw": (frame.mask, "mono8"),
+    }
+    messages: dict[str, Image | CameraInfo] = {
+        topic: image(pixels, encoding, frame.stamp_ns, frame_id)
+        for topic, (pixels, encoding) in images.items()
+    }
+    return {**messages, "color/camera_info": camera_info(intrinsics, frame.stamp_ns, frame_id)}
 
 
 def camera_info(intrinsics: Intrinsics, stamp_ns: int, frame: str) -> CameraInfo:

@@ -171,18 +171,7 @@ class _NodeOutbox:
         self._node.send(topic, message)
 
     def log(self, level: str, text: str) -> None:
-        logger = self._node.get_logger()
-        # One call site per level: rclpy refuses a call site whose severity changes.
-        if level == "debug":
-            logger.debug(text)
-        elif level == "info":
-            logger.info(text)
-        elif level == "warn":
-            logger.warning(text)
-        elif level == "error":
-            logger.error(text)
-        else:
-            raise InputError(f"log level {level!r} is none of debug, info, warn, error")
+        self._node.log(level, text)
 
     def call(self, service: str, request: Any, on_response: Callable[[Any], None]) -> None:
         self._node.call(service, request, on_response)

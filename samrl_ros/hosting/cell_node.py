@@ -112,6 +112,25 @@ class CellNode(LifecycleNode):
         if not self.health.error:
             self.health.error = self._failure = text
 
+    def log(self, level: str, text: str) -> None:
+        """Log a line, as an `Outbox` does.
+
+        Raises:
+            InputError: a level that is none of debug, info, warn, error.
+        """
+        logger = self.get_logger()
+        # One call site per level: rclpy refuses a call site whose severity changes.
+        if level == "debug":
+            logger.debug(text)
+        elif level == "info":
+            logger.info(text)
+        elif level == "warn":
+            logger.warning(text)
+        elif level == "error":
+            logger.error(text)
+        else:
+            raise InputError(f"log level {level!r} is none of debug, info, warn, error")
+
     def settle(self) -> None:
         """Called by the host between callbacks: a failed node must not destroy what is just calling it."""
         if not self._failure:

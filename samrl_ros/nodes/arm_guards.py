@@ -143,7 +143,7 @@ class ArmGuards:
             return
         self._dropped_log_s[role] = robot_s
         self._outbox.log(
-            "warning",
+            "warn",
             f"{role}: commands dropped so far: {status.ignored} not newer than one already taken, "
             f"{status.late} after their time of validity",
         )

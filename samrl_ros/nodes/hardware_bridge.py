@@ -85,15 +85,6 @@ class HardwareBridge(CellNode):
         """The core's outbox."""
         self._publishers_by_topic[topic].publish(message)
 
-    def log(self, level: str, text: str) -> None:
-        """The core's outbox."""
-        if level == "error":
-            self.get_logger().error(text)
-        elif level == "warning":
-            self.get_logger().warning(text)
-        else:
-            self.get_logger().info(text)
-
     def call(self, service: str, request: Any, on_response: Any) -> None:
         """The core's outbox: a bridge calls no service."""
         raise SamrlError(f"{NAME} asked for {service}; it serves, it does not call")

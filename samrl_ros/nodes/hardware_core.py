@@ -240,12 +240,6 @@ class HardwareCore:
         frame = self._camera.take(stream, message)
         if frame is None:
             return
-        for name, pixels, encoding in (
-            ("color/image_raw", frame.color, "rgb8"),
-            ("depth/image_rect_raw", frame.depth, "32FC1"),
-            ("mask/image_raw", frame.mask, "mono8"),
-        ):
-            image = to_message.image(pixels, encoding, frame.stamp_ns, OPTICAL_FRAME)
+        messages = to_message.camera_frame(frame, self._cell.intrinsics, OPTICAL_FRAME)
+        for name, image in messages.items():
             self._outbox.publish(camera_topic(name), image)
-        info = to_message.camera_info(self._cell.intrinsics, frame.stamp_ns, OPTICAL_FRAME)
-        self._outbox.publish(camera_topic("color/camera_info"), info)

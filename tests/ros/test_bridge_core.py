@@ -151,7 +151,7 @@ def test_dropped_commands_are_logged_once_a_second() -> None:
     old = to_message.command(ArmCommand(rig.world.time_ns - 8_000_000, here, *(np.zeros((3, 7)))), names)
     for _ in range(5):
         rig.bridge.on_command("tool_arm", old)
-    warnings = [text for level, text in rig.logs if level == "warning"]
+    warnings = [text for level, text in rig.logs if level == "warn"]
     assert len(warnings) == 1 and "not newer than one already taken" in warnings[0]
     assert rig.safety()[0] == 0
 

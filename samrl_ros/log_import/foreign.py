@@ -13,6 +13,7 @@ from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.formats.rosbag import is_mcap
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping
 from samrl_ros.recordings.read import has_arms
@@ -20,7 +21,7 @@ from samrl_ros.recordings.read import has_arms
 
 def is_foreign(path: Path) -> bool:
     """Whether a log is anything but a bag with samrl's topics (or a file that only looks like a bag)."""
-    if path.suffix.lower() == ".mcap" or (is_folder(path) and any(path.glob("*.mcap"))):
+    if is_mcap(path):
         bag = open_bag(path)
         return (
             bool(bag.topics) and not has_arms(bag) and any(t.type.endswith("/JointState") for t in bag.topics)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from samrl_core.common.errors import InputError
 
+WIDEST = 1024  # numbers of one sample that are read; more is an image, no signal
 _SEPARATORS = re.compile(r"[,;\s]+")
 
 
@@ -76,6 +79,20 @@ class Table:
                 )
             rows.append(row)
         return np.array([row or [np.nan] * width for row in rows])
+
+
+def rows_as_column(rows: Sequence[Any]) -> np.ndarray | None:
+    """Numbers, or lists of numbers, one per row: (N,) or (N, K). A row of None is NaN.
+
+    None where the rows are no numbers, or lists of different length.
+    """
+    width = max((len(row) for row in rows if isinstance(row, list | np.ndarray)), default=0)
+    blank: Any = np.full(width, np.nan) if width else np.nan
+    try:
+        array = np.array([blank if row is None else row for row in rows], dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return array.reshape(len(array), -1) if array.ndim > 2 else array
 
 
 def as_column(value: np.ndarray) -> np.ndarray:

@@ -40,6 +40,10 @@ class LogBlock:
     values: np.ndarray  # (N, J), rows with NaN left out
     rows: np.ndarray  # (M,) bool, which rows of the table these are
 
+    def ordered(self, labels: Sequence[str]) -> np.ndarray:
+        """Values of these labels, in their order (N, len(labels))."""
+        return self.values[:, [self.labels.index(label) for label in labels]]
+
 
 @dataclass(frozen=True, eq=False)
 class LogPart:

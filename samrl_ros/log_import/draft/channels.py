@@ -116,14 +116,13 @@ def add_velocity(
 ) -> list[Candidate]:
     """The measured velocity if it integrates to the position, else its derivative; the blocks used."""
     key = "channels.states.velocity"
-    for each in _beside(found, position, order, "velocity"):
+    recorded = _beside(found, position, order, "velocity")[:1]
+    for each in recorded:
         both = each.block.rows & position.block.rows
-        place = [each.block.labels.index(label) for label in order]
-        own = [position.block.labels.index(label) for label in order]
         fit = evidence.fit_rate(
             time[both],
-            position.block.values[both[position.block.rows]][:, own],
-            each.block.values[both[each.block.rows]][:, place],
+            position.block.ordered(order)[both[position.block.rows]],
+            each.block.ordered(order)[both[each.block.rows]],
         )
         fitting = evidence.velocity_unit(unit, fit)
         if not fitting:
@@ -132,11 +131,11 @@ def add_velocity(
                 f"derivative of the position: {name_of(each)} is not its rate (correlation"
                 f" {fit.correlation:.2f}, ratio {fit.ratio:.3g})",
             )
-            break
+            continue
         draft.note(key, f"{name_of(each)}: integrates to the position (ratio {fit.ratio:.3g}), so {fitting}")
         states["velocity"] = quantity_of(each, order, fitting, draft, "states")
         return [each]
-    else:
+    if not recorded:
         draft.note(key, "derivative of the position: none was recorded")
     states["velocity"] = "derivative"
     return []
@@ -151,12 +150,12 @@ def add_command(
     draft: Draft,
 ) -> list[Candidate]:
     """The commanded position, with velocity and acceleration of a ROS topic; the blocks used."""
-    wanted = [
+    commanded = [
         c
         for c in found
-        if c.meaning.commanded and not c.meaning.computed and c.meaning.quantity in ("position", "")
-        and set(order) <= set(c.block.labels)
-    ]  # fmt: skip
+        if c.meaning.commanded and not c.meaning.computed and set(order) <= set(c.block.labels)
+    ]
+    wanted = [c for c in commanded if c.meaning.quantity in ("position", "")]
     if not wanted:
         return _add_follower(found, position, order, unit, time, draft)
     best = max(wanted, key=lambda c: (c.meaning.quantity == "position", len(c.block.values)))
@@ -164,13 +163,11 @@ def add_command(
     same = best.part is position.part
     source = "states" if same else "command"
     other = time if same else add_source(best.part, source, draft)
-    own = [position.block.labels.index(label) for label in order]
-    place = [best.block.labels.index(label) for label in order]
     near = evidence.follows(
         time[position.block.rows],
-        position.block.values[:, own],
+        position.block.ordered(order),
         other[best.block.rows],
-        best.block.values[:, place],
+        best.block.ordered(order),
     )
     question = (
         "" if near >= _FOLLOWS else f"the arm hardly follows {name_of(best)}: is it the commanded position?"
@@ -182,12 +179,7 @@ def add_command(
     draft.channels["command"] = channel
     used = [best]
     for quantity in ("velocity", "acceleration"):
-        more = [
-            c
-            for c in found
-            if c.part is best.part and c.meaning.quantity == quantity and c.meaning.commanded
-            and not c.meaning.computed and set(order) <= set(c.block.labels)
-        ]  # fmt: skip
+        more = [c for c in commanded if c.part is best.part and c.meaning.quantity == quantity]
         if more and best.part.ros:
             draft.note(f"channels.command.{quantity}", f"{name_of(more[0])}, in SI units (REP-103)")
             suffix = {"velocity": "rad/s", "acceleration": "rad/s2"}[quantity]
@@ -205,15 +197,13 @@ def _add_follower(
     draft: Draft,
 ) -> list[Candidate]:
     """A block beside the position that moves with it, under a name that says nothing."""
-    rows, own = position.block.rows, [position.block.labels.index(label) for label in order]
+    measured_at, measured = time[position.block.rows], position.block.ordered(order)
     for each in found:
         silent = not (each.meaning.quantity or each.meaning.computed or each.meaning.measured)
         beside = each.part is position.part and each.block is not position.block
         if not silent or not beside or len(each.block.labels) != len(order):
             continue
-        near = evidence.follows(
-            time[rows], position.block.values[:, own], time[each.block.rows], each.block.values
-        )
+        near = evidence.follows(measured_at, measured, time[each.block.rows], each.block.values)
         scale = float(np.ptp(each.block.values) / max(np.ptp(position.block.values), 1e-12))
         if near > _MOVES_WITH and 0.5 < scale < 2.0:
             draft.note(

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_ros.log_import.table import Table, as_column
-
-_WIDEST = 1024  # numbers of one sample; more is an image, no signal
+from samrl_ros.log_import.table import WIDEST, Table, as_column
 
 
 def read_hdf5_table(path: Path, group: str, where: str, matlab: bool = False) -> Table:
@@ -37,7 +35,7 @@ def read_hdf5_table(path: Path, group: str, where: str, matlab: bool = False) ->
 
     def visit(name: str, item: Any) -> None:
         numeric = isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#")
-        if numeric and (matlab or int(np.prod(item.shape[1:])) <= _WIDEST):
+        if numeric and (matlab or int(np.prod(item.shape[1:])) <= WIDEST):
             value = np.asarray(item)
             table.columns[name.replace("/", ".")] = as_column(value.T if matlab else value)
 
@@ -50,7 +48,7 @@ def read_hdf5_table(path: Path, group: str, where: str, matlab: bool = False) ->
 
 
 def groups(file: Any) -> list[str]:
-    """Groups of an open file that hold datasets, the widest first in name order."""
+    """Groups of an open file that hold datasets, by name."""
     import h5py
 
     found: dict[str, None] = {}

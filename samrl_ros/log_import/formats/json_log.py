@@ -6,11 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_json, read_text
-from samrl_ros.log_import.table import Table
+from samrl_ros.log_import.table import Table, rows_as_column
 
 
 def read_json_table(path: Path, part: str, where: str) -> Table:
@@ -56,7 +54,7 @@ def read_json_table(path: Path, part: str, where: str) -> Table:
         )
     table = Table(path)
     for name, values in columns.items():
-        array = _numbers(values)
+        array = rows_as_column(values)
         if array is not None:
             table.columns[name] = array
     return table
@@ -68,14 +66,3 @@ def _leaves(value: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
         name = f"{prefix}{key}"
         found += _leaves(each, f"{name}.") if isinstance(each, dict) else [(name, each)]
     return found
-
-
-def _numbers(values: list[Any]) -> np.ndarray | None:
-    """(N,) or (N, K); missing samples are NaN. None if they are no numbers."""
-    width = max((len(v) for v in values if isinstance(v, list)), default=0)
-    blank: Any = [np.nan] * width if width else np.nan
-    try:
-        array = np.array([blank if v is None else v for v in values], dtype=float)
-    except (TypeError, ValueError):
-        return None
-    return array.reshape(len(array), -1) if array.ndim > 2 else array

@@ -10,10 +10,9 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
 from samrl_core.common.text_files import parse_json, read_text
-from samrl_ros.log_import.table import Table
+from samrl_ros.log_import.table import WIDEST, Table, rows_as_column
 
 _INFO = Path("meta/info.json")
-_WIDEST = 1024  # numbers of one sample; more is an image, no signal
 
 
 def is_lerobot(path: Path) -> bool:
@@ -96,27 +95,16 @@ def _table(path: Path, arrow: Any, names: dict[str, list[str]]) -> Table:
     for name, column in zip(arrow.column_names, arrow.columns, strict=True):
         kind = column.type
         if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
-            values = _lists(column)
+            values = rows_as_column(column.to_pylist())
+            if values is None or values.ndim != 2 or values.shape[1] > WIDEST:
+                table.notes.append(f"{name} holds lists of different length; left out")
+                continue
         elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
             values = np.asarray(column.to_numpy(), dtype=float)
         else:
             continue  # text, images
-        if values is None:
-            table.notes.append(f"{name} holds lists of different length; left out")
-            continue
         table.columns[name] = values
         labels = names.get(name, [])
         if values.ndim == 2 and values.shape[1] == len(labels) == len(set(labels)):
             table.columns |= {f"{name}.{label}": values[:, k] for k, label in enumerate(labels)}
     return table
-
-
-def _lists(column: Any) -> np.ndarray | None:
-    rows = [np.nan if row is None else row for row in column.to_pylist()]
-    width = max((len(row) for row in rows if isinstance(row, list)), default=0)
-    if not 0 < width <= _WIDEST or any(isinstance(r, list) and len(r) != width for r in rows):
-        return None
-    try:
-        return np.array([row if isinstance(row, list) else [np.nan] * width for row in rows], dtype=float)
-    except (TypeError, ValueError):  # lists of lists, or of text
-        return None

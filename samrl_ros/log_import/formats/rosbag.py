@@ -16,7 +16,7 @@ from samrl_core.common.files import is_file, is_folder
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.formats.control_msgs import RELEASES
 from samrl_ros.log_import.formats.message_fields import flatten
-from samrl_ros.log_import.table import Table
+from samrl_ros.log_import.table import Table, rows_as_column
 
 SUFFIXES = (".mcap", ".db3", ".bag")
 
@@ -39,7 +39,7 @@ def is_bag(path: Path) -> bool:
 
 def list_topics(path: Path, where: str) -> tuple[LoggedTopic, ...]:
     """Topics that hold messages, by name. Raises `InputError` if the bag cannot be opened."""
-    if _is_mcap(path):
+    if is_mcap(path):
         return tuple(LoggedTopic(t.name, t.type, t.count) for t in open_bag(path).topics if t.count)
     with _opened(path, where) as reader:
         found = [
@@ -74,7 +74,12 @@ def read_topic_table(path: Path, topic: str, where: str) -> Table:
         present = ", ".join(t.name for t in list_topics(path, where)) or "none"
         raise InputError(f"{where}: {path.name} has no messages of {topic!r}; topics are {present}")
     table = Table(
-        path, {name: column for name in _order(rows) if (column := _column(rows, name)) is not None}
+        path,
+        {
+            name: column
+            for name in _order(rows)
+            if (column := rows_as_column([row.get(name) for row in rows])) is not None
+        },
     )
     log_time = np.array(logged, dtype=np.int64) * 1e-9
     table.columns["log_time"] = log_time
@@ -91,25 +96,14 @@ def _order(rows: list[dict[str, Any]]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
-def _column(rows: list[dict[str, Any]], name: str) -> np.ndarray | None:
-    """(N,) or (N, K); None where the width of a list changes."""
-    values = [row.get(name) for row in rows]
-    widths = {len(value) for value in values if isinstance(value, np.ndarray)}
-    if len(widths) > 1:
-        return None
-    if widths:
-        blank = np.full(widths.pop(), np.nan)
-        return np.array([blank if value is None else value for value in values], dtype=float)
-    return np.array([np.nan if value is None else value for value in values], dtype=float)
-
-
-def _is_mcap(path: Path) -> bool:
+def is_mcap(path: Path) -> bool:
+    """Whether a path is an MCAP file or a folder with some."""
     return path.suffix.lower() == ".mcap" or (is_folder(path) and any(path.glob("*.mcap")))
 
 
 def _messages(path: Path, topic: str, where: str) -> Iterator[tuple[int, Any]]:
     """Log time [ns] and decoded message, in log order."""
-    if _is_mcap(path):
+    if is_mcap(path):
         for raw, message in open_bag(path).decoded([topic]):
             yield raw.log_time_ns, message
         return

@@ -129,6 +129,19 @@ def wrist_shafts(trial: Trial) -> tuple[Shaft, ...]:
     )
 
 
+def are_possible(
+    place: Place, amplitudes: np.ndarray, beyond_nominal: Callable[[int], float], stated: np.ndarray
+) -> bool:
+    """Whether sizes (J,) on top of what the model states (J,) leave friction, or one in all is left out."""
+    least = stated[list(place.joints)]
+    if len(place.joints) == 1:
+        return bool(amplitudes[0] > -least[0])
+    if are_positive(place, amplitudes, beyond_nominal):
+        return True
+    own = amplitudes[: len(least)]
+    return bool(np.all(own > -least) and are_positive(place, -amplitudes, beyond_nominal))
+
+
 def are_positive(place: Place, amplitudes: np.ndarray, beyond_nominal: Callable[[int], float]) -> bool:
     """Whether sizes (J,) of one amplitude per joint are positive and, at an arm's joints, common.
 

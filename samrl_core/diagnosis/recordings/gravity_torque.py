@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.recordings.motion_check import derivative
@@ -47,8 +48,7 @@ def gravity_notes(where: str, recording: ArmRecording) -> list[str]:
         return []
     acceleration = derivative(time, velocity)
     moving = rigid.inverse_dynamics(q[slow], velocity[slow], acceleration[slow]) - gravity
-    if recording.arm.controller is not None and recording.arm.controller.armature is not None:
-        moving = moving + recording.arm.controller.armature * acceleration[slow]
+    moving = moving + joint_dynamics(recording.arm).armature * acceleration[slow]
     if np.sqrt((moving**2).mean()) > _MOST_INERTIAL * size:
         return []  # where an arm that swings is slow, it turns back: its accelerations hide gravity
     product = float((measured * gravity).sum())

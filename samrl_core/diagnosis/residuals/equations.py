@@ -1,7 +1,7 @@
 """Where torque or motion gets lost between the nominal model and the recording, stage by stage.
 
     controller  described law at the measured state  -  commanded effort
-    drive       commanded effort  -  nominal rotor inertia * acceleration  -  link-side effort
+    drive       commanded effort  -  nominal rotor inertia and friction  -  link-side effort
     link        link-side effort  -  inverse dynamics of URDF and tool
     dynamics    drive + link, where only one effort was recorded
     tracking    command  -  position, where no effort or no model exists
@@ -16,7 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
@@ -30,6 +32,7 @@ REST_SHARE = 0.01  # of the effort limit: how far friction at rest may be from a
 TIMING_RATE_HZ = 20.0  # below it moves are not followed, only what stays when they are over
 SETTLED = 1e-6  # [rad] travel of a command that rests
 SETTLING_S = 1.0  # ASSUMPTION: until a small servo has settled
+NOMINAL_SIGN = 0.005  # [rad/s] width of the sign in stated friction, as in closed-loop simulation
 MAX_LAG = 2  # [samples] by which states may lead or trail the commanded effort they caused
 
 Columns = dict[tuple[str, int], np.ndarray]  # (channel, joint) -> (p, N): a few regressors, sparse
@@ -54,10 +57,13 @@ class Equations:
 
 def armature(arm: ArmDescription) -> np.ndarray:
     """Nominal rotor inertia (J,) [kg m2]."""
-    controller = arm.controller
-    if controller is None or controller.armature is None:
-        return np.zeros(len(arm.joints))
-    return controller.armature
+    return joint_dynamics(arm).armature
+
+
+def nominal_friction(arm: ArmDescription, velocity: np.ndarray) -> np.ndarray:
+    """Friction (F, J) that the model itself states, at joint velocities (F, J) [N m]."""
+    stated = joint_dynamics(arm)
+    return stated.friction * smooth_sign(velocity, NOMINAL_SIGN) + stated.damping * velocity
 
 
 def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: RecordedMotion) -> np.ndarray:
@@ -93,7 +99,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     assert rigid is not None
     scale = scale_limits(arm, rigid, motion)
     share = np.sqrt(motion.band_share)
-    rotor = armature(arm) * motion.ddq
+    rotor = armature(arm) * motion.ddq + motion.reduce(nominal_friction(arm, motion.full_velocity))
     model = rigid.inverse_dynamics(motion.q, motion.dq, motion.ddq)
     link_noise = _acceleration_noise(motion, rigid)
     noise = motion.noise

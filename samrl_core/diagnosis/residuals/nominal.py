@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
-from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
@@ -37,6 +38,7 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
     coulomb = _per_joint(tolerances.coulomb_friction, trial) * trial.scale
     speed = np.where(np.isfinite(rigid.velocity_limits()), rigid.velocity_limits(), 1.0)
     viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / speed
+    stated = joint_dynamics(trial.recording.arm)
     for j in joints:
         out.append((trial.drive(j, ones), offset[j]))
         out.append((trial.sensor(j, flat), offset[j]))
@@ -44,6 +46,10 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
         # Nobody states how sharply the remaining friction turns; several widths span what it may be.
         out += [(trial.drive(j, smooth_sign(velocity, w)[None]), 0.6 * coulomb[j]) for w in FLOOR_WIDTHS]
         out.append((trial.drive(j, velocity[None]), viscous[j]))
+        if stated.friction[j] > 0:  # nor is it stated of the friction that the model has
+            shapes = [smooth_sign(velocity, w) for w in FLOOR_WIDTHS[:-1]]
+            turn = smooth_sign(velocity, NOMINAL_SIGN)
+            out += [(trial.drive(j, (x - turn)[None]), 0.6 * float(stated.friction[j])) for x in shapes]
         if trial.rotor[j] > 0:
             rotor = motion.full_acceleration[:, j][None]
             out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j]))

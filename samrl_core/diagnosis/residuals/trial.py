@@ -14,6 +14,7 @@ from samrl_core.diagnosis.residuals.equations import (
     Equations,
     armature,
     form_equations,
+    nominal_friction,
     scale_limits,
     settled,
 )
@@ -134,7 +135,7 @@ class Trial:
 
     @cached_property
     def rotor_share(self) -> np.ndarray:
-        """Nominal rotor torque (F, J) at full rate, of accelerations that are more than noise.
+        """Nominal torque (F, J) of rotor and friction at full rate; of accelerations more than noise.
 
         The noise of measured accelerations is in the link residual too: twisted through a spring it comes
         back with the sign of a resonance, and a rigid joint would seem to give. Only where a joint swings
@@ -147,7 +148,8 @@ class Trial:
         calm = np.asarray(signal.sosfiltfilt(slow, acceleration, axis=0))
         fast = np.var(motion.reduce(acceleration - calm), axis=0)
         swings = fast > SWINGS * motion.acceleration_noise(low, motion.band)
-        return self.rotor * np.where(swings, acceleration, calm)
+        friction = nominal_friction(self.recording.arm, motion.full_velocity)
+        return self.rotor * np.where(swings, acceleration, calm) + friction
 
     @cached_property
     def transmitted_finely(self) -> np.ndarray | None:

@@ -19,6 +19,7 @@ from samrl_core.cell.robots.cells import robot_with_joints
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import SamrlError
+from samrl_core.diagnosis.residuals.equations import nominal_friction
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import NextExperiment
@@ -106,7 +107,8 @@ def _virtual(trial: Trial, run: Run, spec: RobotSpec) -> Trial:
         noisy(torque, noise.effort) if "link" in trial.channels else None,
     )
     rotor = trial.rotor * command.acceleration
-    sent = JointSignal(command.time, effort=torque + rotor)
+    friction = nominal_friction(trial.recording.arm, command.velocity)
+    sent = JointSignal(command.time, effort=torque + rotor + friction)
     arm = replace(trial.recording.arm, controller=run.controller)
     return Trial(ArmRecording("next", "", "", arm, states, command, sent), rigid)
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError
@@ -55,7 +56,8 @@ class LoopModel:
         self.effort_limit = _per_joint("effort limit", limits, joints)
         self.stiffness = _per_joint("stiffness", control.stiffness, joints)
         self.damping = _per_joint("damping", control.damping, joints)
-        self.armature = _per_joint("armature", 0.0 if control.armature is None else control.armature, joints)
+        self.joint_dynamics = joint_dynamics(arm)
+        self.armature = _per_joint("armature", self.joint_dynamics.armature, joints)
         self.gravity = np.asarray(control.gravity, dtype=float)
         limits = np.where(np.isfinite(self.effort_limit), self.effort_limit, FREE_EFFORT)
         self.teeth = TEETH_PER_EFFORT * limits

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from samrl_core.cell.robots.joint_dynamics import JointDynamics
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters, joint_fields
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
@@ -39,7 +40,7 @@ def pack(
     plants: Sequence[PlantParameters],
     rigid: RigidArm,
     order: np.ndarray,
-    armature: np.ndarray,
+    nominal: JointDynamics,
     damping: np.ndarray,
     teeth: np.ndarray,
     nominal_gravity: np.ndarray,
@@ -53,7 +54,7 @@ def pack(
         plants: all of them with a mount, or none.
         rigid: the nominal arm.
         order: (J,) index in the description's order of each joint of the tree.
-        armature: (J,) nominal rotor inertia, description's order.
+        nominal: friction, damping and rotor inertia that the plants' own are added to.
         damping: (J,) of the controller, description's order.
         teeth: (J,) stiffness behind a backlash, description's order.
         nominal_gravity: (3,), for plants that state none.
@@ -70,11 +71,13 @@ def pack(
     flags = np.zeros((len(plants), n), dtype=np.int32)
     inertia = np.zeros((len(plants), n, 10))
     gravity = np.zeros((len(plants), 3))
-    nominal = rigid.inertial_parameters
+    bodies = rigid.inertial_parameters
     to_joint = ten_to_frame(rigid.flange_in_joint.rotation, rigid.flange_in_joint.translation)
     for b, plant in enumerate(plants):
         values = {name: plant.joint_values(name, joints) for name in joint_fields()}
-        values["rotor_inertia"] = values["rotor_inertia"] + armature
+        values["rotor_inertia"] = values["rotor_inertia"] + nominal.armature
+        values["coulomb"] = values["coulomb"] + nominal.friction
+        values["viscous"] = values["viscous"] + nominal.damping
         if (low := values["rotor_inertia"]).min() < 0:
             raise InputError(f"rotor inertia {low} kg m2, nominal armature included, must not be negative")
         slack = values["backlash"] > 0
@@ -100,7 +103,7 @@ def pack(
             params[b, :mount, P.JOINT_STIFFNESS] = plant.mount_stiffness
             params[b, :mount, P.JOINT_DAMPING] = plant.mount_damping
             params[b, :mount, P.ROTOR_INERTIA] = plant.mount_inertia
-        ten = nominal.copy()
+        ten = bodies.copy()
         if plant.inertial_delta is not None:
             delta = np.asarray(plant.inertial_delta, dtype=float)
             if delta.shape != (joints, 10):

@@ -64,9 +64,11 @@ class PlantParameters:
     harmonic_phase: Value = _joint(0.0, "rad", "phase of harmonic_amplitude")
     rotor_inertia: Value = _joint(0.0, "kg m2", "added to the nominal armature")
     # friction, upstream of the torque sensor
-    coulomb: Value = _joint(0.0, "N m", "level L = coulomb + ...; friction = L tanh(dq / coulomb_velocity)")
+    coulomb: Value = _joint(
+        0.0, "N m", "L = nominal + coulomb + ...; friction = L tanh(dq / coulomb_velocity)"
+    )
     coulomb_velocity: Value = _joint(0.005, "rad/s", "smoothing of the sign", 0.0, True)
-    viscous: Value = _joint(0.0, "N m s/rad", "friction += viscous dq")
+    viscous: Value = _joint(0.0, "N m s/rad", "friction += (nominal + viscous) dq")
     stribeck_drop: Value = _joint(0.0, "N m", "L += drop exp(-(dq / stribeck_velocity)^2)")
     stribeck_velocity: Value = _joint(0.1, "rad/s", "where stribeck_drop fades", 0.0, True)
     load_friction: Value = _joint(0.0, "1", "L += load_friction |tau|")

@@ -46,7 +46,7 @@ class Simulation:
             plants,
             loop.rigid,
             order,
-            loop.armature,
+            loop.joint_dynamics,
             loop.damping,
             loop.teeth,
             loop.gravity,

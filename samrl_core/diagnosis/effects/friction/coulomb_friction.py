@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.diagnosis.effects.drive_torque import (
     BEYOND,
     DriveEffect,
     DriveForm,
     ShaftForm,
     are_positive,
+    are_possible,
     name_sizes,
     track_joints,
     widest_turn,
@@ -92,7 +94,8 @@ class SmoothSign(ShaftForm):
         return 0.1 * trial.scale[joint]
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return are_positive(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j))
+        stated = joint_dynamics(trial.recording.arm).friction
+        return are_possible(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j), stated)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return name_sizes(trial, self.place, "Fc", amplitudes, self.shaft)

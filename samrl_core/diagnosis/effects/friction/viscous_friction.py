@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import BEYOND, DriveEffect, ShaftForm, are_positive, name_sizes
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
+from samrl_core.diagnosis.effects.drive_torque import BEYOND, DriveEffect, ShaftForm, are_possible, name_sizes
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -45,7 +46,8 @@ class ProportionalToSpeed(ShaftForm):
         return 0.1 * trial.scale[joint] / max(speed, 0.05)
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return are_positive(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j))
+        stated = joint_dynamics(trial.recording.arm).damping
+        return are_possible(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j), stated)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return name_sizes(trial, self.place, "Fv", amplitudes, self.shaft)

@@ -1,8 +1,9 @@
 # One command each; every target sets up .venv first when it is missing or its inputs changed.
 #   make cell    one recorded episode of the cell      make test   fast tests, then check
 #   make slow    the slow tests                        make check  ruff, pyright
-#   make fuzz    100,000 damaged inputs to every reader (FUZZ: their number, SEED)
-#   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts)
+#   make fuzz    100,000 damaged inputs over all readers (FUZZ: their number, SEED; JOBS: readers at once)
+#   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts,
+#                and for JOBS whole cells at once, of three cores each)
 #   make bench   the cell's benchmark                  make docs   documents generated from code
 #   make soak    episodes of all tasks in turn (HOURS) in SOAK; again, an interrupted soak goes on
 #   make bench-model   the model beside its peers, which it installs (Mitsuba needs Debian's libllvm19)
@@ -15,6 +16,7 @@ SEED     ?= 0
 EPISODES ?= 1
 FUZZ     ?= 100000
 ONLY     ?=
+JOBS     ?= 1
 HOURS    ?= 2
 SOAK     ?= out/soak
 WORKERS  ?= $(shell n=$$(nproc); echo $$((n < 8 ? n : 8)))
@@ -72,10 +74,10 @@ slow: $(BUILT)
 	$(BIN)/python -m pytest -q -m slow
 
 fuzz: $(BUILT)
-	$(BIN)/python -m tests.fuzz.attack --count $(FUZZ) --seed $(SEED)
+	$(BIN)/python -m tests.fuzz.attack --count $(FUZZ) --seed $(SEED) --jobs $(JOBS)
 
 faults: $(BUILT)
-	$(BIN)/python -m tests.faults.bench --only "$(ONLY)"
+	$(BIN)/python -m tests.faults.bench --only "$(ONLY)" --jobs $(JOBS)
 
 soak: $(BUILT)
 	$(BIN)/samrl bench soak --out $(SOAK) --hours $(HOURS)

@@ -1,9 +1,10 @@
 """`make faults`: faults x moments over the live graph; each cell of the table a promise, measured.
 
-python -m tests.faults.bench [--out DIR] [--only TEXT] [--moment TEXT] [--setting TEXT] [--again] [--list]
+python -m tests.faults.bench [--out DIR] [--only TEXT] [--moment TEXT] [--setting TEXT] [--jobs N]
+                             [--again] [--list]
 Results are files in DIR/cells; what has one is left alone, so that a bench can be stopped and resumed. As
-root it works in a network and shared memory of its own, and tries two hosts and a full disk; else it leaves
-those out.
+root it works in a network and shared memory of its own, tries two hosts and a full disk, and several whole
+cells at once (--jobs, 3 cores each); else it leaves those out.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from tests.faults.arms_faults import FAULTS
@@ -68,6 +70,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="faults whose name holds this")
     parser.add_argument("--moment", default="", help="before, motion, contact or stopping")
     parser.add_argument("--setting", default="", help="plain, relayed, hosts or cell")
+    parser.add_argument("--jobs", type=int, default=1, help="whole cells at once (root)")
     parser.add_argument("--again", action="store_true", help="also those that have a result")
     parser.add_argument("--list", action="store_true", help="only list the cells")
     options = parser.parse_args()
@@ -79,20 +82,26 @@ def main() -> int:
     if options.again:
         for _, fault, moment in cells:
             (results / f"{fault}@{moment}.json").unlink(missing_ok=True)
-    tried: dict[str, int] = {}
-    for setting in dict.fromkeys(setting for setting, _, _ in cells):
-        mine = [f"{fault}@{moment}" for s, fault, moment in cells if s == setting]
-        while missing := [name for name in mine if not (results / f"{name}.json").exists()]:
-            if setting == "cell":
-                missing = missing[:1]
-            first = missing[0]
-            tried[first] = tried.get(first, 0) + 1
-            run_session(options.out, missing)
-            if tried[first] > 1 and not (results / f"{first}.json").exists():
-                _note_no_result(first, results)
+    if options.jobs > 1 and os.geteuid() != 0:
+        parser.error("--jobs above 1 needs root: whole cells side by side need networks of their own")
+    with ThreadPoolExecutor(max(1, options.jobs)) as pool:
+        for setting in dict.fromkeys(setting for setting, _, _ in cells):
+            mine = [f"{fault}@{moment}" for s, fault, moment in cells if s == setting]
+            groups = [[name] for name in mine] if setting == "cell" else [mine]
+            list(pool.map(lambda names: _finish(options.out, names), groups))
     draw(results, options.out / "faults.png")
     print(write_page(results, options.out / "faults.md"))
     return 0 if all('"passed": true' in path.read_text() for path in results.glob("*.json")) else 1
+
+
+def _finish(out: Path, names: Sequence[str]) -> None:
+    """Sessions until each cell has a result; one that ends two of them without any has failed."""
+    results, tried = out / "cells", dict.fromkeys(names, 0)
+    while missing := [name for name in names if not (results / f"{name}.json").exists()]:
+        tried[missing[0]] += 1
+        run_session(out, missing)
+        if tried[missing[0]] > 1 and not (results / f"{missing[0]}.json").exists():
+            _note_no_result(missing[0], results)
 
 
 def _note_no_result(name: str, results: Path) -> None:

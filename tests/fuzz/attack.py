@@ -1,6 +1,6 @@
 """`make fuzz`: damaged inputs to every reader; each gives a value or a `SamrlError`, soon.
 
-python -m tests.fuzz.attack [--count N] [--seed S] [--only NAME]
+python -m tests.fuzz.attack [--count N] [--seed S] [--only NAME] [--jobs N]
 Every reader runs in a process of its own, so that a crash of a library counts as a fault, too.
 """
 
@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -92,6 +93,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=TOTAL, help="inputs over all readers")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="readers whose name holds this")
+    parser.add_argument("--jobs", type=int, default=1, help="readers attacked at once")
     parser.add_argument("--reader", default="", help="run this one here, not in a process of its own")
     options = parser.parse_args()
     if options.reader:
@@ -102,21 +104,28 @@ def main() -> int:
         return 0
     chosen = [r for r in READERS if options.only in r.name]
     shares = sum(r.share for r in READERS)
-    total, broken = 0, []
-    for reader in chosen:
-        began = time.monotonic()
-        command = [sys.executable, "-m", "tests.fuzz.attack", "--reader", reader.name]
-        command += ["--count", str(math.ceil(options.count * reader.share / shares))]
-        run = subprocess.run([*command, "--seed", str(options.seed)], capture_output=True, text=True)
-        lines = run.stdout.split()
-        if run.returncode or not lines:
-            broken.append(reader.name)
-            print(f"{reader.name}: GAVE WAY (exit {run.returncode})\n{_shown(run.stderr)}", flush=True)
-            continue
-        total += int(lines[-1])
-        print(f"{reader.name:24} {int(lines[-1]):7} inputs {time.monotonic() - began:7.1f} s", flush=True)
+    with ThreadPoolExecutor(max(1, options.jobs)) as pool:
+        done = list(
+            pool.map(lambda r: _apart(r, math.ceil(options.count * r.share / shares), options.seed), chosen)
+        )
+    broken = [reader.name for reader, inputs in zip(chosen, done, strict=True) if inputs is None]
+    total = sum(inputs or 0 for inputs in done)
     print(f"{total} inputs, seed {options.seed}; readers that gave way: {', '.join(broken) or 'none'}")
     return 1 if broken else 0
+
+
+def _apart(reader: Reader, count: int, seed: int) -> int | None:
+    """Attack a reader in a process of its own, and say how it went; none if it gave way."""
+    began = time.monotonic()
+    command = [sys.executable, "-m", "tests.fuzz.attack", "--reader", reader.name]
+    command += ["--count", str(count), "--seed", str(seed)]
+    run = subprocess.run(command, capture_output=True, text=True)
+    lines = run.stdout.split()
+    if run.returncode or not lines:
+        print(f"{reader.name}: GAVE WAY (exit {run.returncode})\n{_shown(run.stderr)}", flush=True)
+        return None
+    print(f"{reader.name:24} {int(lines[-1]):7} inputs {time.monotonic() - began:7.1f} s", flush=True)
+    return int(lines[-1])
 
 
 def _shown(said: str) -> str:

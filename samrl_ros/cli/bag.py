@@ -16,7 +16,6 @@ from rich.progress import Progress
 
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_core.common.files import is_there, write_whole
-from samrl_core.common.text_files import read_text
 from samrl_ros.bags.info import describe, render
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import default_destination, repair
@@ -101,21 +100,31 @@ def draft_command(
     logs: Annotated[
         list[Path], typer.Argument(metavar="LOG...", help="Files of one recording, a bag, or a folder.")
     ],
-    urdf: Annotated[Path | None, typer.Option("--urdf", metavar="FILE", help="Robot description.")] = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option("--urdf", "--model", metavar="FILE", help="Robot description: URDF, xacro or MJCF."),
+    ] = None,
+    xacro_arg: Annotated[
+        list[str] | None, typer.Option("--xacro-arg", metavar="NAME:=VALUE", help="Of a xacro description.")
+    ] = None,
     effort: Annotated[Effort, typer.Option("--effort", help=EFFORT_HELP)] = Effort.ask,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Mapping to write [default: print it].")
     ] = None,
 ) -> None:
     """Draft a mapping for `samrl bag import`: entries with reasons, questions where nothing proves them."""
+    from samrl_core.diagnosis.nominal_model.nominal_model import read_model
     from samrl_ros.log_import.draft.draft import draft_mapping
     from samrl_ros.log_import.draft.writing import as_yaml
+    from samrl_ros.recordings.described import xacro_values
 
     with _refusals():
         if out is not None and is_there(out):
             raise InputError(f"{out} exists already; choose another --out or move it away")
-        text = read_text(urdf, "the URDF") if urdf is not None else None
+        given = xacro_values(xacro_arg or ())
+        text = read_model(urdf, given).urdf if urdf is not None else None
         drafted = draft_mapping(logs, text, None if urdf is None else str(urdf.resolve()), effort)
+        drafted.xacro_args = dict(given)
         if out is not None:
             write_whole(out, as_yaml(drafted))
     if out is None:

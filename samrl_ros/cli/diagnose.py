@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +22,7 @@ from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
+XACRO_HELP = "Value of an argument of a xacro model, NAME:=VALUE."
 NAMED = ("effect", "ambiguous", "none_of_mine")
 
 
@@ -38,7 +39,13 @@ class DiagnoseOptions:
     ] = ()
     out: Annotated[Path, typer.Option(help="Folder of report.json and report.html.")] = Path("out/diagnosis")
     arm: Annotated[str | None, typer.Option(help="tool_arm or camera_arm; else the one that moves.")] = None
-    urdf: Annotated[Path | None, typer.Option(help="Nominal model, in place of the bags' own.")] = None
+    urdf: Annotated[
+        Path | None,
+        typer.Option(
+            "--urdf", "--model", help="Nominal model, in place of the bags' own: URDF, xacro or MJCF."
+        ),
+    ] = None
+    xacro_arg: Annotated[tuple[str, ...], typer.Option(help=XACRO_HELP)] = ()
     tolerances: Annotated[Path | None, typer.Option(help="Tolerances of the nominal model (YAML).")] = None
     library: Annotated[Path | None, typer.Option(help="Families that may be named (YAML list).")] = None
     seed: Annotated[int, typer.Option(help="Of bootstrap and sampling.", min=0)] = 0
@@ -94,9 +101,11 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
     """
     from samrl_ros.log_import.foreign import is_foreign, read_foreign
     from samrl_ros.recordings import load_recordings, read_tolerances
+    from samrl_ros.recordings.described import described_by, model_of
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
-    urdf = read_text(options.urdf, "the URDF") if options.urdf else None
+    model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
+    urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []
     groups: list[list[tuple[ArmRecording, ...]]] = []
@@ -122,6 +131,10 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
                 roles = [r.arm.role for r in recordings]
                 raise InputError(f"{recordings[0].source} has {roles}, not {role}; choose with --arm")
             one.append(found[0])
+        if model is not None:
+            described = [described_by(r.arm, model) for r in one]
+            one = [replace(r, arm=arm) for r, (arm, _) in zip(one, described, strict=True)]
+            notes += [note for _, more in described for note in more if note not in notes]
         chosen.append(one)
     fit, held_out = chosen
     for group in (fit, held_out):

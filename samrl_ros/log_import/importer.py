@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_there, write_whole
-from samrl_core.common.text_files import read_text
+from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel, read_model
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.mapping import Mapping
@@ -24,6 +24,7 @@ from samrl_ros.log_import.resampling import even, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import QuantitySpec, RecordingSpec
 from samrl_ros.log_import.units import DEFAULT_UNIT, SI, factor
+from samrl_ros.recordings.described import described_by
 from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
 from samrl_ros.recordings.read import RAW, moving_joints
 from samrl_ros.recordings.write import write_recording
@@ -217,7 +218,8 @@ def _describe(
 def _arm(
     spec: RecordingSpec, constants: dict[str, Any], mapping: Path, data: Path, notes: list[str]
 ) -> ArmDescription:
-    urdf = None if spec.urdf is None else _urdf(spec, mapping, data)
+    model = None if spec.urdf is None else _model(spec, mapping, data)
+    urdf = None if model is None else model.urdf
     if urdf is not None and (missing := [j for j in spec.joints if j not in moving_joints(urdf)]):
         raise InputError(
             f"{spec.path}.urdf moves {list(moving_joints(urdf))}, it lacks {missing} of joints"
@@ -243,7 +245,11 @@ def _arm(
     if spec.tool is not None:
         tool, more = parse_tool(json.dumps(spec.tool), f"{spec.path}.tool")
         notes.extend(more)
-    return ArmDescription(spec.arm, tuple(spec.joints), urdf, controller, tool, tolerances)
+    arm = ArmDescription(spec.arm, tuple(spec.joints), urdf, controller, tool, tolerances)
+    if model is not None:
+        arm, more = described_by(arm, model)
+        notes.extend(more)
+    return arm
 
 
 def _numbers(value: Any, constants: dict[str, Any], where: str) -> Any:
@@ -253,16 +259,22 @@ def _numbers(value: Any, constants: dict[str, Any], where: str) -> Any:
     return np.asarray(evaluate(value, constants, where), dtype=float).tolist()
 
 
-def _urdf(spec: RecordingSpec, mapping: Path, data: Path) -> str:
+def _model(spec: RecordingSpec, mapping: Path, data: Path) -> NominalModel:
+    """The model that a mapping names, without what dynamics do not need."""
     text = spec.urdf or ""
-    if not text.lstrip().startswith("<"):
+    if text.lstrip().startswith("<"):
+        model = NominalModel("urdf", None, text, text)
+    else:
         candidates = [folder / text for folder in (data, mapping.parent)]
         found = next((candidate for candidate in candidates if is_file(candidate)), None)
         if found is None:
             raise InputError(f"{spec.path}.urdf: no file {' or '.join(map(str, candidates))}")
-        text = read_text(found, f"{spec.path}.urdf")
-    root = parse_urdf(text, f"{spec.path}.urdf")
+        try:
+            model = read_model(found, spec.xacro_args)
+        except InputError as error:
+            raise InputError(f"{spec.path}.urdf: {error}") from error
+    root = parse_urdf(model.urdf, f"{spec.path}.urdf")
     for link in root.findall("link"):
         for part in [child for child in link if child.tag in spec.strip]:
             link.remove(part)
-    return ElementTree.tostring(root, encoding="unicode")
+    return replace(model, urdf=ElementTree.tostring(root, encoding="unicode"))

@@ -191,7 +191,8 @@ class RecordingSpec(Checked):
     role: Literal["fit", "held_out"] = "fit"
     arm: Literal["tool_arm", "camera_arm"] = "tool_arm"
     joints: Annotated[list[str], AfterValidator(_joints)]
-    urdf: str | None = None  # path, or XML text
+    urdf: str | None = None  # path of a URDF, xacro or MJCF, or the URDF's text
+    xacro_args: dict[str, str] = Field({})
     strip: list[str] = Field(["visual", "collision"])
     controller: dict[str, Any] | None = None
     tool: dict[str, Any] | None = None

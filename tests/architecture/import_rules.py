@@ -27,7 +27,9 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "samrl_core/blind_test/engines/",  # second engine of sealed worlds
         "samrl_core/blind_test/baselines/",
         "samrl_core/studies/speed/peers/",
+        "samrl_core/diagnosis/nominal_model/",  # it compiles MJCF
     ),
+    "xacro": ("samrl_core/diagnosis/nominal_model/",),
     "gymnasium": ("samrl_core/studies/baselines/",),
     "mitsuba": ("samrl_core/studies/speed/peers/",),
     "newton": ("samrl_core/studies/speed/peers/",),

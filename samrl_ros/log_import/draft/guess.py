@@ -42,6 +42,7 @@ class Draft:
     about: str
     joints: list[str] = field(default_factory=list)
     urdf: str | None = None  # path or text
+    xacro_args: dict[str, str] = field(default_factory=dict)
     sources: dict[str, dict[str, Any]] = field(default_factory=dict)
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
     recordings: list[dict[str, Any]] = field(default_factory=list)
@@ -68,6 +69,8 @@ class Draft:
             content = {"questions": self.questions, **content}
         if self.urdf is not None:
             content["urdf"] = self.urdf
+        if self.xacro_args:
+            content["xacro_args"] = self.xacro_args
         return content | {
             "sources": self.sources,
             "channels": self.channels,

@@ -1,0 +1,96 @@
+"""xacro to URDF, by the xacro package of ROS itself.
+
+`$(find PACKAGE)` is asked of ROS where there is one; otherwise a folder of that name with a package.xml is
+looked for beside the file and above it, where a checkout has it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from xml.parsers.expat import ExpatError
+
+import xacro
+from xacro import substitution_args
+
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file, is_folder
+
+_UPWARDS = 6  # folders above the file in which packages are looked for
+# What macros, properties and their expressions raise besides xacro's own.
+_UNREADABLE = (
+    xacro.XacroException,
+    substitution_args.SubstitutionException,
+    substitution_args.ArgException,
+    ExpatError,
+    ArithmeticError,
+    AttributeError,
+    ImportError,
+    LookupError,
+    NameError,
+    OSError,
+    RuntimeError,  # RecursionError is one
+    SyntaxError,
+    TypeError,
+    ValueError,
+)
+
+
+def expand(path: Path, arguments: Mapping[str, str]) -> str:
+    """The URDF that a xacro file makes with these arguments.
+
+    Raises:
+        InputError: naming the file in which expansion stopped, what it was about, and what to do.
+    """
+    try:
+        with _packages_beside(path):
+            document = xacro.process_file(str(path), mappings=dict(arguments))
+    except _UNREADABLE as error:
+        raise InputError(_explained(path, error)) from error
+    return document.toprettyxml(indent="  ")
+
+
+def _explained(path: Path, error: BaseException) -> str:
+    stack = [str(file) for file in xacro.filestack or () if file]
+    where = stack[-1] if stack else str(path)
+    about = str(error) or type(error).__name__
+    macros = [str(m.body.getAttribute("name")) for m in xacro.macrostack or ()]
+    inside = f" in macro {macros[-1]}" if macros else ""
+    remedy = "mend the file, or expand it with the `xacro` command and give the URDF"
+    if isinstance(error, substitution_args.ArgException) or "Undefined substitution argument" in about:
+        remedy = "give its value by --xacro-arg NAME:=VALUE"
+    elif "package" in about or isinstance(error, LookupError | ImportError):
+        remedy = "put the package's folder beside the file's own, source ROS, or give the expanded URDF"
+    return f"{where}{inside}: xacro cannot be expanded: {about}; {remedy}"
+
+
+@contextmanager
+def _packages_beside(path: Path) -> Iterator[None]:
+    """Packages are found without ROS, too; xacro has no argument for that, only this function."""
+    asked = substitution_args._eval_find
+
+    def find(package: str) -> str:
+        for folder in list(path.resolve().parents)[:_UPWARDS]:
+            for place in (folder, folder / package):
+                if place.name == package and is_folder(place) and _names(place / "package.xml", package):
+                    return str(place)
+        try:
+            return str(asked(package))
+        except (ImportError, LookupError) as error:
+            raise LookupError(f"package {package!r} is not found") from error
+
+    substitution_args._eval_find = find
+    try:
+        yield
+    finally:
+        substitution_args._eval_find = asked
+
+
+def _names(file: Path, package: str) -> bool:
+    if not is_file(file):
+        return False
+    return (
+        re.search(rf"<name>\s*{re.escape(package)}\s*</name>", file.read_text(errors="replace")) is not None
+    )

@@ -49,12 +49,12 @@ def from_mjcf(path: Path, text: str) -> NominalModel:
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, OSError) as error:
-        raise InputError(f"{path}: {_said(error)}; {REMEDY}") from error
+        raise InputError(f"{path}: {_message_of(error)}; {REMEDY}") from error
     notes = _without_missing_files(mujoco, spec, path)
     try:
         model = spec.compile()
     except (ValueError, OSError) as error:
-        raise InputError(f"{path}: {_said(error)}; {REMEDY}") from error
+        raise InputError(f"{path}: {_message_of(error)}; {REMEDY}") from error
     tree = _Tree(mujoco, model, notes)
     urdf = tree.urdf(str(spec.modelname or "model"))
     gravity = tuple(float(x) for x in model.opt.gravity)
@@ -67,7 +67,7 @@ def from_mjcf(path: Path, text: str) -> NominalModel:
     )  # fmt: skip
 
 
-def _said(error: Exception) -> str:
+def _message_of(error: Exception) -> str:
     return " ".join(str(error).removeprefix("XML Error: ").removeprefix("Error: ").split())
 
 

@@ -113,7 +113,7 @@ def draft_command(
     ] = None,
 ) -> None:
     """Draft a mapping for `samrl bag import`: entries with reasons, questions where nothing proves them."""
-    from samrl_core.diagnosis.nominal_model.nominal_model import read_model
+    from samrl_core.diagnosis.nominal_model.read_model import read_model
     from samrl_ros.log_import.draft.draft import draft_mapping
     from samrl_ros.log_import.draft.writing import as_yaml
     from samrl_ros.recordings.described import xacro_values

@@ -16,7 +16,8 @@ from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_there, write_whole
-from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel, read_model
+from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
+from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.mapping import Mapping

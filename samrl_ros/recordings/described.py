@@ -8,7 +8,8 @@ from pathlib import Path
 
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel, read_model
+from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
+from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_ros.recordings.nominal_texts import parse_controller
 
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from xml.parsers.expat import ExpatError
 
 import xacro
@@ -46,7 +47,7 @@ def expand(path: Path, arguments: Mapping[str, str]) -> str:
     """
     try:
         with _packages_beside(path):
-            document = xacro.process_file(str(path), mappings=dict(arguments))
+            document: Any = xacro.process_file(str(path), mappings=dict(arguments))
     except _UNREADABLE as error:
         raise InputError(_explained(path, error)) from error
     return document.toprettyxml(indent="  ")

@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.nominal_model.nominal_model import read_model
+from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
+mujoco: Any = pytest.importorskip("mujoco")
 JOINTS = ("shoulder", "elbow", "roll", "slide")
 MODEL = """<mujoco model="odd">
   <compiler angle="radian" autolimits="true"/>

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.nominal_model.nominal_model import read_model
+from samrl_core.diagnosis.nominal_model.read_model import read_model
 
 FILE = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="prefix" default="left"/>

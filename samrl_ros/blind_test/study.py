@@ -55,13 +55,23 @@ def usual_counts(families: int, outside: int, usual: dict[str, Any]) -> dict[str
     }
 
 
-def by_mujoco(study: Study, counts: dict[str, int], usual: dict[str, Any]) -> int:
-    """Worlds by MuJoCo if nobody says how many: the usual share, or what an unfinished study began with."""
+def by_engine(
+    study: Study, counts: dict[str, int], usual: dict[str, Any], asked: dict[str, int | None]
+) -> dict[str, int]:
+    """Worlds by each engine beside PyBullet, where nobody says how many.
+
+    The usual shares of what is there, or what an unfinished study began with; never more than are left.
+    """
+    before: dict[str, Any] = {}
     if study.plan.exists():
-        before = json.loads(study.plan.read_text())["settings"]
-        if all(before[kind] == counts[kind] for kind in KINDS):
-            return before["mujoco"]
-    return round(usual["mujoco"] * sum(counts.values()) / sum(usual[kind] for kind in KINDS))
+        begun = json.loads(study.plan.read_text())["settings"]
+        before = begun if all(begun[kind] == counts[kind] for kind in KINDS) else {}
+    total, made = sum(counts.values()), {name: n for name, n in asked.items() if n is not None}
+    for name in asked:
+        if name not in made:
+            share = round(usual[name] * total / sum(usual[kind] for kind in KINDS))
+            made[name] = before.get(name, max(0, min(share, total - sum(made.values()))))
+    return {name: made[name] for name in asked}
 
 
 def shares(worlds: int, usual: dict[str, Any]) -> dict[str, int]:

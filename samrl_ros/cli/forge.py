@@ -26,7 +26,7 @@ from samrl_core.common import executor
 from samrl_ros.blind_test.study import (
     KINDS,
     LEFT_OUT_FILE,
-    by_mujoco,
+    by_engine,
     commit_before,
     commit_or_none,
     head,
@@ -72,6 +72,16 @@ def forge(
     mujoco: Annotated[
         int | None, typer.Option(help="Of all, by MuJoCo instead of PyBullet; else the usual share.", min=0)
     ] = None,
+    pinocchio: Annotated[
+        int | None, typer.Option(help="Of all, by Pinocchio; else the usual share.", min=0)
+    ] = None,
+    second_set: Annotated[
+        bool,
+        typer.Option(
+            "--second-set/--no-second-set",
+            help="Half of the effects by the set of disturbances that was written anew.",
+        ),
+    ] = True,
     family: Annotated[
         list[str] | None,
         typer.Option("--family", "--effect", help="Only this family of effects; may be repeated."),
@@ -92,8 +102,16 @@ def forge(
     study = Study(out.resolve())
     chosen = None if seed is not None else (commit or commit_before(study) or head())
     every = ForgeSettings()
-    drawn = ForgeSettings(single=0, outside=0, double=0, mujoco=0, families=tuple(family or ()))
-    usual = {kind: getattr(every, kind) for kind in (*KINDS, "mujoco")}
+    drawn = ForgeSettings(
+        single=0,
+        outside=0,
+        double=0,
+        mujoco=0,
+        pinocchio=0,
+        second_set=second_set,
+        families=tuple(family or ()),
+    )
+    usual = {kind: getattr(every, kind) for kind in (*KINDS, "mujoco", "pinocchio")}
     counts = {kind: usual[kind] for kind in KINDS}
     if family:
         counts = usual_counts(len(drawn.library), len(drawn.outside_library), usual)
@@ -103,16 +121,18 @@ def forge(
     counts |= {kind: count for kind, count in asked.items() if count is not None}
     settings = ForgeSettings(
         seed=seed if seed is not None else seed_from_commit(chosen or ""),
-        mujoco=by_mujoco(study, counts, usual) if mujoco is None else mujoco,
+        second_set=second_set,
         duration_s=every.duration_s if duration is None else duration,
         families=drawn.families,
+        **by_engine(study, counts, usual, {"mujoco": mujoco, "pinocchio": pinocchio}),
         **counts,
     )
     same_as_before(study, {"settings": settings.as_dict(), "commit": chosen})
     plan = plan_worlds(settings)
     console = make_console()
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
-    console.print(f"{len(plan)} worlds: {listed}; {settings.mujoco} of all by MuJoCo", soft_wrap=True)
+    engines = f"{settings.mujoco} of all by MuJoCo, {settings.pinocchio} by Pinocchio"
+    console.print(f"{len(plan)} worlds: {listed}; {engines}", soft_wrap=True)
     by_trajectory = sorted(
         plan, key=lambda item: (item.arm, item.programme, item.engine)
     )  # what a worker keeps

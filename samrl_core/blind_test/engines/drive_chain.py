@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy.linalg.lapack import dposv  # pyright: ignore[reportAttributeAccessIssue]
 
-from samrl_core.blind_test.engines.engines import Engine
+from samrl_core.blind_test.engines.engine import Engine
 from samrl_core.blind_test.engines.hooks import Hooks
 
 

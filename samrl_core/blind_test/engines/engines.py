@@ -1,9 +1,8 @@
-"""Two physics engines behind one small class: torque at the link side in, true state out."""
+"""Physics engines by name: PyBullet and MuJoCo here, Pinocchio in a file of its own."""
 
 from __future__ import annotations
 
 import tempfile
-from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
@@ -12,51 +11,13 @@ import numpy as np
 import pybullet
 
 from samrl_core.blind_test.engines.arm_body import ArmBody
+from samrl_core.blind_test.engines.engine import Engine
 from samrl_core.blind_test.engines.engine_files import mjcf_text, urdf_text
+from samrl_core.blind_test.engines.pinocchio_engine import PinocchioEngine
 from samrl_core.common.errors import InputError
 
-ENGINES = ("pybullet", "mujoco")
+ENGINES = ("pybullet", "mujoco", "pinocchio")
 _MUJOCO: Any = mujoco  # a compiled module without type stubs
-
-
-class Engine(ABC):
-    """Rigid-body dynamics of n = mount + arm joints: M a + h = effort, semi-implicit in velocity."""
-
-    timestep: float  # [s]
-    position: list[float]  # (n,) [rad or m]; a new list after every step
-    velocity: list[float]  # (n,) [rad/s or m/s]
-
-    @abstractmethod
-    def place(self, position: np.ndarray) -> None:
-        """Put all joints at `position` (n,), at rest."""
-
-    @abstractmethod
-    def gravity(self, vector: np.ndarray) -> None:
-        """Gravity (3,) in the base frame from now on [m/s2]."""
-
-    @abstractmethod
-    def dynamics(self) -> tuple[np.ndarray, list[float]]:
-        """Mass matrix (n, n) without rotors, and bias effort (n,) with gravity, at the present state.
-
-        The matrix is the caller's own, in rows.
-        """
-
-    @abstractmethod
-    def step(self, effort: list[float], rotor: list[float], acceleration: list[float]) -> list[float]:
-        """Advance one time step.
-
-        Args:
-            effort: drive effort less friction (n,) [N m].
-            rotor: inertia of rotors that turn rigidly with their joints (n,) [kg m2].
-            acceleration: the step's expected acceleration (n,); engines with rotors of their own need it not.
-
-        Returns:
-            effort that passed from the rotors to the links, (n,).
-        """
-
-    @abstractmethod
-    def close(self) -> None:
-        """Free the engine."""
 
 
 class BulletEngine(Engine):
@@ -206,4 +167,6 @@ def make_engine(
         return BulletEngine(body, timestep)
     if name == "mujoco":
         return MujocoEngine(body, timestep, coulomb, viscous)
+    if name == "pinocchio":
+        return PinocchioEngine(body, timestep)
     raise InputError(f"unknown engine '{name}'; known are {ENGINES}")

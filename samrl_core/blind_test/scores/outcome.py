@@ -53,6 +53,13 @@ class SealedTruth:
         """T0 (same functional form), T1 (another), T2 (outside); empty without an effect."""
         return str(self.effects[0]["form"]) if self.effects else ""
 
+    @property
+    def series(self) -> str:
+        """Which set of disturbances made the effects; empty without one."""
+        return (
+            {1: "first set", 2: "second set"}[int(self.effects[0].get("series", 1))] if self.effects else ""
+        )
+
 
 @dataclass(frozen=True)
 class Shrinks:

@@ -125,10 +125,11 @@ def severity_curve(single: list[Outcome]) -> list[dict[str, Any]]:
 
 
 def apart(single: list[Outcome], none: list[Outcome]) -> dict[str, Any]:
-    """The main scores by engine, by form of the effect, by arm and by background."""
+    """The main scores by engine, by form and set of the effect, by arm and by background."""
     keys: dict[str, Callable[[Outcome], str]] = {
         "engine": lambda o: o.truth.engine,
         "form": lambda o: o.truth.form,
+        "set": lambda o: o.truth.series,
         "arm": lambda o: o.truth.arm,
         "background": lambda o: "within tolerance" if o.truth.background_scale <= 1 else "beyond tolerance",
     }

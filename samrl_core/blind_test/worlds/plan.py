@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import asdict, dataclass
+from itertools import chain, zip_longest
 
 import numpy as np
 
-from samrl_core.blind_test.disturbances.registry import CATALOGUE, OUTSIDE, find_disturbance
+from samrl_core.blind_test.disturbances.registry import CATALOGUE, OUTSIDE
 from samrl_core.blind_test.engines.engines import ENGINES
+from samrl_core.blind_test.second_set.registry import SECOND_OUTSIDE, SECOND_SET, find_in, form_of
 from samrl_core.blind_test.worlds.nominal import REVERSING, TRAJECTORY_SETS, nominal_arm
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
@@ -30,16 +32,18 @@ CONFOUNDED = (
 
 @dataclass(frozen=True)
 class ForgeSettings:
-    """How many worlds of each kind."""
+    """How many worlds of each kind; half of the effects are of the second set, unless it is left out."""
 
     seed: int = 0
     single: int = 168  # the catalogue's families by turns
     none: int = 60
-    outside: int = 40
+    outside: int = 42
     double: int = 30
-    mujoco: int = 40  # of all, spread evenly over the kinds
+    mujoco: int = 100  # of all, spread evenly over the kinds
+    pinocchio: int = 100  # as many; the rest by PyBullet
     duration_s: float = 12.0  # of each recording
     wide_share: float = 1 / 3  # of worlds whose background leaves the tolerances, up to twice
+    second_set: bool = True  # else all are of the first
     families: tuple[str, ...] = ()  # effects to sample from, of the library's and those outside; none: all
 
     def __post_init__(self) -> None:
@@ -47,17 +51,19 @@ class ForgeSettings:
         counts = (self.single, self.none, self.outside, self.double)
         if min(counts) < 0 or sum(counts) == 0:
             raise InputError(f"numbers of worlds {counts} must not be negative, and not all zero")
-        if not 0 <= self.mujoco <= sum(counts):
+        if min(self.mujoco, self.pinocchio) < 0 or self.mujoco + self.pinocchio > sum(counts):
             raise InputError(
-                f"{self.mujoco} worlds by MuJoCo of {sum(counts)}; give at most all, or leave --mujoco out"
+                f"{self.mujoco} worlds by MuJoCo and {self.pinocchio} by Pinocchio of {sum(counts)}; give at"
+                " most all, or leave --mujoco and --pinocchio out"
             )
         if not 5.0 <= self.duration_s <= 35.0:
             raise InputError(f"recordings of {self.duration_s} s; give 5..35 s")
 
     def _check_families(self) -> None:
+        outside = (*OUTSIDE, *SECOND_OUTSIDE) if self.second_set else OUTSIDE
         for name in self.families:
-            if name not in (*CATALOGUE, *OUTSIDE):
-                known = ", ".join((*CATALOGUE, *OUTSIDE))
+            if name not in (*CATALOGUE, *outside):
+                known = ", ".join((*CATALOGUE, *outside))
                 raise InputError(f"no family {name!r} can be made; there are {known}")
         for kind, count, there, least in (
             ("single", self.single, self.library, 1),
@@ -77,8 +83,10 @@ class ForgeSettings:
 
     @property
     def outside_library(self) -> tuple[str, ...]:
-        """Families outside of it that are sampled."""
-        return tuple(name for name in OUTSIDE if not self.families or name in self.families)
+        """Families outside of it that are sampled, of both sets by turns."""
+        pairs = zip_longest(OUTSIDE, SECOND_OUTSIDE if self.second_set else ())
+        every = (name for name in chain.from_iterable(pairs) if name is not None)
+        return tuple(name for name in every if not self.families or name in self.families)
 
     def as_dict(self) -> dict:
         """For JSON; without the families where all are drawn from, as older studies state it."""
@@ -94,6 +102,7 @@ class PlannedEffect:
     form: str  # T0, T1, T2
     severity: float
     onset: float | None  # [s]
+    series: int = 1  # set of disturbances: 1 the first, 2 the one written anew
 
 
 @dataclass(frozen=True)
@@ -140,21 +149,24 @@ def plan_worlds(settings: ForgeSettings) -> list[PlanItem]:
     for i in range(settings.single):
         number, turn = i % len(library), i // len(library)
         form = "T1" if (number + turn) % 2 else "T0"
-        severity = SEVERITIES[turn % len(SEVERITIES)]
-        kinds.append(("single", (_effect(library[number], form, severity, arm(), settings, rng),)))
+        severity, series = SEVERITIES[turn % len(SEVERITIES)], _series(number, turn, settings)
+        kinds.append(("single", (_effect(library[number], form, severity, arm(), settings, rng, series),)))
     for _ in range(settings.none):
         kinds.append(("none", ()))
     for i in range(settings.outside):
         severity, name = _STRONG[(i // len(outside)) % 3], outside[i % len(outside)]
-        kinds.append(("outside", (_effect(name, "T2", severity, arm(), settings, rng),)))
+        series = 2 if name in SECOND_OUTSIDE else 1
+        kinds.append(("outside", (_effect(name, "T2", severity, arm(), settings, rng, series),)))
     for i in range(settings.double):
         kinds.append(("double", _pair(i, 3 * i < settings.double, arm(), settings, rng)))
 
     total = len(kinds)
-    by_mujoco = np.zeros(total, dtype=bool)
-    if settings.mujoco:
-        offset = float(rng.uniform(0, total / settings.mujoco))
-        by_mujoco[(offset + np.arange(settings.mujoco) * total / settings.mujoco).astype(int)] = True
+    engine = np.zeros(total, dtype=int)
+    for index, count in ((1, settings.mujoco), (2, settings.pinocchio)):
+        free = np.flatnonzero(engine == 0)
+        if count:
+            offset = float(rng.uniform(0, len(free) / count))
+            engine[free[(offset + np.arange(count) * len(free) / count).astype(int)]] = index
     wide = np.zeros(total, dtype=bool)
     wide[rng.permutation(total)[: round(settings.wide_share * total)]] = True
     order = rng.permutation(total)
@@ -165,7 +177,7 @@ def plan_worlds(settings: ForgeSettings) -> list[PlanItem]:
             PlanItem(
                 id=f"w{place:03d}",
                 set=kind,
-                engine=ENGINES[int(by_mujoco[k])],
+                engine=ENGINES[int(engine[k])],
                 arm=arms[k],
                 programme=int(rng.integers(TRAJECTORY_SETS)),
                 effects=effects,
@@ -181,9 +193,14 @@ def _total(settings: ForgeSettings) -> int:
     return settings.single + settings.none + settings.outside + settings.double
 
 
-def place_of(name: str, arm: str, joint: int) -> str:
+def _series(number: int, turn: int, settings: ForgeSettings) -> int:
+    """Each family's rounds are shared between the sets, three of six each, over all severities."""
+    return 1 + int(settings.second_set and (turn % 6 in (0, 3, 4)) == bool(number % 2))
+
+
+def place_of(name: str, arm: str, joint: int, series: int = 1) -> str:
     """Contract's name of the place of a family's effect."""
-    kind = find_disturbance(name).place
+    kind = find_in(series, name).place
     if kind == "arm":
         return f"arm:{arm}"
     body = nominal_arm(arm).bare
@@ -191,19 +208,25 @@ def place_of(name: str, arm: str, joint: int) -> str:
 
 
 def _effect(
-    name: str, form: str, severity: float, arm: str, settings: ForgeSettings, rng: np.random.Generator
+    name: str,
+    form: str,
+    severity: float,
+    arm: str,
+    settings: ForgeSettings,
+    rng: np.random.Generator,
+    series: int = 1,
 ) -> PlannedEffect:
-    known = find_disturbance(name)
+    known = find_in(series, name)
     joint = int(rng.integers(known.first_joint, len(nominal_arm(arm).bare.links)))
     if known.needs_reversal:
         joint = int(rng.choice(REVERSING[arm]))
-    place = place_of(name, arm, joint)
+    place = place_of(name, arm, joint, series)
     if known.also_arm and rng.random() < 0.4:
         place = f"arm:{arm}"
     onset = None
     if known.onset and rng.random() < 0.3:
         onset = round(float(rng.uniform(0.3, 0.6)) * settings.duration_s, 3)
-    return PlannedEffect(name, place, form, severity, onset)
+    return PlannedEffect(name, place, form_of(name) if series == 2 else form, severity, onset, series)
 
 
 def _pair(
@@ -217,10 +240,13 @@ def _pair(
         else:
             first, second = rng.choice(len(library), size=2, replace=False)
             names = (library[first], library[second])
-        pair = tuple(
-            _effect(n, "T1" if rng.random() < 0.5 else "T0", float(rng.choice(_STRONG)), arm, settings, rng)
-            for n in names
-        )
-        twisting = [e.place for e in pair if find_disturbance(e.family).twists]
+        pair = tuple(_of_a_pair(n, arm, settings, rng) for n in names)
+        twisting = [e.place for e in pair if find_in(e.series, e.family).twists]
         if len(set(twisting)) == len(twisting):
             return pair
+
+
+def _of_a_pair(name: str, arm: str, settings: ForgeSettings, rng: np.random.Generator) -> PlannedEffect:
+    form, severity = "T1" if rng.random() < 0.5 else "T0", float(rng.choice(_STRONG))
+    series = 1 + int(settings.second_set and name in SECOND_SET and rng.random() < 0.5)
+    return _effect(name, form, severity, arm, settings, rng, series)

@@ -11,10 +11,11 @@ from functools import lru_cache
 import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Injection, Site
-from samrl_core.blind_test.disturbances.registry import attach, find_disturbance
+from samrl_core.blind_test.disturbances.registry import attach
 from samrl_core.blind_test.engines import simulate as simulation
 from samrl_core.blind_test.engines.hooks import Hooks
 from samrl_core.blind_test.engines.simulate import Reality, Trace, simulate
+from samrl_core.blind_test.second_set.registry import find_in
 from samrl_core.blind_test.worlds.background import Background, sample_background
 from samrl_core.blind_test.worlds.nominal import (
     ARMATURE,
@@ -115,7 +116,7 @@ def _inject(planned: PlannedEffect, item: PlanItem, arm: NominalArm, rng: np.ran
         highest=asked.highest,
         rng=rng,
     )
-    return find_disturbance(planned.family).make(site, planned.form, planned.severity)
+    return find_in(planned.series, planned.family).make(site, planned.form, planned.severity)
 
 
 def _run(

@@ -140,11 +140,11 @@ def test_a_folder_belongs_to_one_forge(tmp_path: Path) -> None:
         forge_study.same_as_before(Study(tmp_path / "full"), {})
 
 
-@pytest.mark.parametrize("worlds", [1, 3, 4, 10, 37, 298, 1000])
+@pytest.mark.parametrize("worlds", [1, 3, 4, 10, 37, 300, 1000])
 def test_shares_sum_up(worlds: int) -> None:
     counts = forge_study.shares(worlds, asdict(ForgeSettings()))
     assert sum(counts[k] for k in ("single", "none", "outside", "double")) == worlds
-    if worlds == 298:
+    if worlds == 300:
         usual = ForgeSettings()
         assert (counts["single"], counts["none"]) == (usual.single, usual.none)
 
@@ -171,26 +171,28 @@ def planned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Fo
 
 
 @pytest.mark.parametrize(
-    ("options", "single", "none", "outside", "double", "mujoco"),
+    ("options", "single", "none", "outside", "double", "mujoco", "pinocchio"),
     [
-        ("", 168, 60, 40, 30, 40),
-        ("--worlds 298", 168, 60, 40, 30, 40),
-        ("--worlds 30", 17, 6, 4, 3, 4),
-        ("--single 29 --none 0 --outside 0 --double 0", 29, 0, 0, 0, 4),
-        ("--single 1 --none 0 --outside 0 --double 0", 1, 0, 0, 0, 0),
-        ("--single 29 --none 0 --outside 0 --double 0 --mujoco 29", 29, 0, 0, 0, 29),
-        ("--family payload", 6, 2, 0, 0, 1),
-        ("--effect payload --effect backlash", 12, 4, 0, 2, 2),
-        ("--family soft_stop", 0, 1, 4, 0, 1),
-        ("--family payload --worlds 10", 8, 2, 0, 0, 1),
-        ("--family payload --single 3 --none 0", 3, 0, 0, 0, 0),
+        ("", 168, 60, 42, 30, 100, 100),
+        ("--worlds 300", 168, 60, 42, 30, 100, 100),
+        ("--worlds 30", 17, 6, 4, 3, 10, 10),
+        ("--single 29 --none 0 --outside 0 --double 0", 29, 0, 0, 0, 10, 10),
+        ("--single 1 --none 0 --outside 0 --double 0", 1, 0, 0, 0, 0, 0),
+        ("--single 29 --none 0 --outside 0 --double 0 --mujoco 29", 29, 0, 0, 0, 29, 0),
+        ("--family payload", 6, 2, 0, 0, 3, 3),
+        ("--effect payload --effect backlash", 12, 4, 0, 2, 6, 6),
+        ("--family soft_stop", 0, 1, 4, 0, 2, 2),
+        ("--family magnet", 0, 1, 4, 0, 2, 2),
+        ("--family payload --worlds 10", 8, 2, 0, 0, 3, 3),
+        ("--family payload --single 3 --none 0 --pinocchio 0", 3, 0, 0, 0, 1, 0),
     ],
 )
 def test_counts_that_are_not_given_follow(
-    planned: Any, options: str, single: int, none: int, outside: int, double: int, mujoco: int
+    planned: Any, options: str, single: int, none: int, outside: int, double: int, mujoco: int, pinocchio: int
 ) -> None:
     s = planned(*options.split())
-    assert (s.single, s.none, s.outside, s.double, s.mujoco) == (single, none, outside, double, mujoco)
+    assert (s.single, s.none, s.outside, s.double) == (single, none, outside, double)
+    assert (s.mujoco, s.pinocchio) == (mujoco, pinocchio)
 
 
 def test_an_unfinished_study_goes_on_as_it_began(planned: Callable[..., ForgeSettings]) -> None:
@@ -201,7 +203,7 @@ def test_an_unfinished_study_goes_on_as_it_began(planned: Callable[..., ForgeSet
 
 def test_a_study_of_some_families_holds_no_others() -> None:
     names = ("payload", "backlash", "soft_stop")
-    settings = ForgeSettings(1, single=12, none=1, outside=3, double=6, mujoco=0, families=names)
+    settings = ForgeSettings(1, single=12, none=1, outside=3, double=6, mujoco=0, pinocchio=0, families=names)
     made = plan.plan_worlds(settings)
     assert {e.family for item in made for e in item.effects} == set(names)
     assert {e.family for item in made if item.set == "outside" for e in item.effects} == {"soft_stop"}
@@ -214,7 +216,11 @@ def test_a_study_of_some_families_holds_no_others() -> None:
         ("--family payloat", "no family 'payloat' can be made; there are"),
         ("--family payload --double 2", "2 double worlds need 2 families"),
         ("--family payload --outside 1", "1 outside worlds need 1 family"),
-        ("--single 3 --none 0 --outside 0 --double 0 --mujoco 4", "4 worlds by MuJoCo of 3"),
+        (
+            "--single 3 --none 0 --outside 0 --double 0 --mujoco 4",
+            "4 worlds by MuJoCo and 0 by Pinocchio of 3",
+        ),
+        ("--family magnet --no-second-set", "no family 'magnet' can be made; there are"),
     ],
 )
 def test_counts_that_cannot_be_are_refused(

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from samrl_core.blind_test.disturbances.registry import CATALOGUE, DISTURBANCES, OUTSIDE
+from samrl_core.blind_test.engines.engines import ENGINES
 from samrl_core.blind_test.engines.simulate import DivergedError
+from samrl_core.blind_test.second_set.registry import SECOND_OUTSIDE, form_of
 from samrl_core.blind_test.worlds.plan import (
     ForgeSettings,
     PlanItem,
@@ -29,15 +31,19 @@ ITEM = PlanItem("w000", "single", "pybullet", "tool_arm", 1, (EFFECT,), 1.0, 11,
 def test_default_plan_has_the_numbers_asked_for() -> None:
     plan = plan_worlds(ForgeSettings(seed=3))
     kinds = [item.set for item in plan]
-    assert [kinds.count(k) for k in ("single", "none", "outside", "double")] == [168, 60, 40, 30]
-    assert sum(item.engine == "mujoco" for item in plan) == 40
-    assert all(any(i.engine == "mujoco" for i in plan if i.set == k) for k in set(kinds))
+    assert [kinds.count(k) for k in ("single", "none", "outside", "double")] == [168, 60, 42, 30]
+    for engine in ENGINES:
+        assert sum(item.engine == engine for item in plan) == 100
+        assert all(any(i.engine == engine for i in plan if i.set == k) for k in set(kinds))
     single = [i.effects[0] for i in plan if i.set == "single"]
     assert {e.family for e in single} == set(CATALOGUE)
-    assert sum(e.form == "T1" for e in single) == 84
+    assert all(sum(e.series == 2 for e in single if e.family == f) == 3 for f in CATALOGUE)
+    assert all({"T0", "T1"} == {e.form for e in single if e.family == f and e.series == 1} for f in CATALOGUE)
+    assert all(e.form == form_of(e.family) for i in plan for e in i.effects if e.series == 2)
+    assert {e.severity for e in single if e.series == 2} == {e.severity for e in single if e.series == 1}
     assert {e.severity for e in single} == {0.1, 0.25, 0.5, 0.75, 0.95}
-    assert {i.effects[0].family for i in plan if i.set == "outside"} == set(OUTSIDE)
-    assert sum(i.scale > 1 for i in plan) == 99 and max(i.scale for i in plan) <= 2.0
+    assert {i.effects[0].family for i in plan if i.set == "outside"} == {*OUTSIDE, *SECOND_OUTSIDE}
+    assert sum(i.scale > 1 for i in plan) == 100 and max(i.scale for i in plan) <= 2.0
     assert {i.programme for i in plan} == set(range(6))
     assert any(e.onset for i in plan for e in i.effects)
     assert sum(a == b for a, b in zip(kinds, kinds[1:], strict=False)) < 250  # shuffled
@@ -53,7 +59,7 @@ def test_plan_follows_its_seed_alone() -> None:
     with pytest.raises(InputError, match="hexadecimal"):
         seed_from_commit("main")
     with pytest.raises(InputError, match="MuJoCo"):
-        ForgeSettings(single=3, none=0, outside=0, double=0, mujoco=4)
+        ForgeSettings(single=3, none=0, outside=0, double=0, mujoco=4, pinocchio=0)
 
 
 def test_a_world_repeats_itself() -> None:
@@ -91,7 +97,7 @@ def test_background_is_within_its_scale_and_never_absent() -> None:
             assert np.abs(label[name]).min() > 0
 
 
-@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_oracle_is_the_held_out_recording_without_background(engine: str) -> None:
     recordings, label, oracle = make_world(replace(ITEM, engine=engine))
     measured, j = recordings["C"], 3

@@ -237,10 +237,13 @@ def _files_of(folder: Path, about: dict[str, Any] | None) -> tuple[Path, ...]:
         try:
             files = tuple(sorted(folder.glob("*.mcap"), key=scan.natural_key))
             other = sorted(p.name for p in folder.iterdir() if p.suffix in (".db3", ".zstd", ".bag"))
+            inside = sorted({str(p.parent) for p in folder.glob("*/*.mcap")})
         except OSError as error:
             raise InputError(f"cannot read {folder}: {error.strerror}; check its permissions") from error
         if not files:
             hint = f" (it has {', '.join(other)}: convert it with `ros2 bag convert`)" if other else ""
+            if inside:
+                hint += f"; inside it are {', '.join(inside[:5])}: name one of them"
             raise InputError(f"{folder} is no bag: it holds no .mcap file{hint}")
         return files
     storage = about.get("storage_identifier", "mcap")

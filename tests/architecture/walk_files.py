@@ -44,7 +44,7 @@ class Walk:
     def files(self) -> Counter[str]:
         """Functions that ran, by path relative to the project."""
         found: Counter[str] = Counter()
-        for code in self._seen:
+        for code in tuple(self._seen):  # threads of the walk may still run
             path = Path(code.co_filename)
             function = code.co_flags & inspect.CO_OPTIMIZED  # bodies of modules and classes are not
             if function and path.is_relative_to(ROOT) and not path.is_relative_to(ROOT / "tests"):

@@ -7,15 +7,12 @@ import pytest
 import torch
 
 from samrl_core.cell.robots.arm_model import ArmModel
-from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
-from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.observation import ArmReading, Frame, Observation
 from samrl_core.cell.types.pose import Pose
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import initial_estimate
-from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
 
 class ModelPlant:
@@ -59,11 +56,6 @@ class ModelPlant:
         flange = self._tool.flange_in_base(self.joints["tool_arm"])
         moved = Pose(flange.position + displacement, flange.quat_xyzw)
         self.joints["tool_arm"] = solve_ik(self._tool, moved, self.joints["tool_arm"])
-
-
-@pytest.fixture(scope="session")
-def model() -> Model:
-    return Model(task_named("peg_insertion"), cell_named())
 
 
 @pytest.fixture

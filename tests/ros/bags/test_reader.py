@@ -88,6 +88,12 @@ def test_any_cut_yields_a_prefix(tmp_path: Path, string_cdr, variant: str) -> No
     assert max(kept) == 60 or variant == "one chunk"
 
 
+def test_a_folder_of_bags_names_them(small_bag) -> None:  # type: ignore[no-untyped-def]
+    folder = small_bag()
+    with pytest.raises(InputError, match=f"no .mcap file; inside it are .*{folder.name}.*: name one"):
+        open_bag(folder.parent)
+
+
 @pytest.mark.parametrize("compression", ["zstd", "none"])
 def test_any_cut_of_our_own_bag(small_bag, compression: str) -> None:  # type: ignore[no-untyped-def]
     folder = small_bag(compression=compression)

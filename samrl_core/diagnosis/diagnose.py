@@ -27,6 +27,7 @@ from samrl_core.diagnosis.selection.confidence import (
 from samrl_core.diagnosis.selection.curves import curve_of
 from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, on_bound
+from samrl_core.diagnosis.selection.joint_units import with_joint_units
 from samrl_core.diagnosis.selection.next_experiment import next_experiment
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.selection.signature import couplings, signatures
@@ -211,7 +212,7 @@ def _conclude(
         signatures=signs,
         couplings=couplings(likelihood, rest),
         heatmap=grid,
-        timelines=timelines(likelihood, z, onsets),
+        timelines=timelines(likelihood, z, k, onsets, does),
         curves=_curves(evidence, chosen),
         overlays=far.overlays,
         timings=timings,
@@ -225,7 +226,7 @@ def _conclude(
         },
     )
     done("report")
-    return diagnosis, far
+    return with_joint_units(diagnosis, likelihood.trials[0].recording.arm), far
 
 
 def _halves(recording: ArmRecording) -> tuple[ArmRecording, ArmRecording]:

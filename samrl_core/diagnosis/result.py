@@ -63,12 +63,12 @@ class Heatmap:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """Whitened residual energy of one recording in windows."""
+    """The heatmap's measure for one recording, in windows."""
 
     recording: str
     time: np.ndarray  # (W,) window centres [s]
-    energy: dict[str, np.ndarray]  # place -> (W,) root mean square over channels
-    threshold: float
+    energy: dict[str, np.ndarray]  # place -> (W,) root mean square, of the channel that stands out most
+    threshold: float  # above it a window is significant by itself
     onset: float | None = None  # [s]
 
 

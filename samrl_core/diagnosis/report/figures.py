@@ -5,17 +5,18 @@ from __future__ import annotations
 import html
 import json
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import plotly.graph_objects as go
 
 from samrl_core.diagnosis.report import words
-from samrl_core.diagnosis.result import Curve, Overlay, Timeline
+from samrl_core.diagnosis.result import Curve, Heatmap, Overlay, Timeline
 
 # Colours of Okabe and Ito (2008), told apart with every kind of colour blindness; lines differ in dash too.
 INK, GRID = "#1f2933", "#d9dee3"
 MEASURED, NOMINAL, NAMED, RUNNER_UP = "#1f2933", "#d55e00", "#0072b2", "#aa4499"
-ROW_COLORS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#8a6d00", "#56b4e9", "#555555")
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Liberation Sans', sans-serif"
 
 # ColorBrewer's YlOrRd without its darkest tones, so that dark figures stay readable on the first four.
@@ -24,49 +25,63 @@ TEXT_LIGHT_FROM = 5
 LEAST_THRESHOLD = 1e-3  # standard deviations; where all quiet cells are exactly zero
 
 CURVE_POINTS = 3000
+STRIP_WINDOWS = 600  # of a timeline, at most: half the pixels of a wide screen
 OVERLAY_BYTES = 2_000_000  # for all overlays together, before base64 adds a third
 OVERLAY_POINTS = 2400  # at most, for one signal: twice the pixels of a wide screen
 OVERLAY_COUNT = 120  # at most; those with the largest error are kept
 
 
-def cell_tone(value: float, threshold: float) -> int:
-    """Which colour a cell gets: below the threshold pale, then one step for every factor of 1.6."""
+def cell_tone(value: float, threshold: float, largest: float = 0.0) -> int:
+    """Which colour a value gets: below the threshold pale, then one step for every factor.
+
+    The factor is 1.6, or so much more that the `largest` value of the picture just gets the last colour.
+    """
     threshold = max(threshold, LEAST_THRESHOLD)
     if value < threshold:
         return 1 if value > 0.75 * threshold else 0
-    return min(2 + int(math.log(value / threshold, 1.6)), len(SCALE) - 1)
+    steps = len(SCALE) - 2
+    factor = max(1.6, (largest / threshold) ** (1 / steps))
+    return min(2 + int(math.log(value / threshold, factor)), len(SCALE) - 1)
 
 
-def timeline_figure(t: Timeline, highlighted: set[str]) -> go.Figure:
-    """Whitened residual energy of one recording; named places thick, others thin."""
-    fig = go.Figure(layout=plot_layout(250))
-    for i, (name, energy) in enumerate(t.energy.items()):
-        strong = name in highlighted
-        color = ROW_COLORS[i % len(ROW_COLORS)]
-        fig.add_scatter(
-            x=_small(t.time),
-            y=_small(energy),
-            name=_text(name.partition(":")[2] or name),
-            line={"color": color, "width": 2.6 if strong else 1.1, "dash": "solid" if strong else "dot"},
-            hovertemplate="%{y:.2f}",
-        )
-    if math.isfinite(t.threshold):
-        fig.add_hline(
-            y=t.threshold,
-            line={"color": INK, "width": 1, "dash": "dash"},
-            annotation={
-                "text": "significant above",
-                "xanchor": "right",
-                "font": {"size": 11},
-                "bgcolor": "rgba(255,255,255,.8)",
-            },
-        )
+def heat_tone(h: Heatmap) -> Callable[[float], int]:
+    """The tones of a heatmap, for its own cells and for others beside it."""
+    values = np.asarray(h.values, dtype=float)
+    largest = float(np.max(values, where=np.isfinite(values), initial=0.0))
+    return partial(cell_tone, threshold=h.threshold, largest=largest)
+
+
+def timeline_figure(t: Timeline, highlighted: set[str], tone: Callable[[float], int]) -> go.Figure:
+    """The heatmap over time: a row for each joint, in the heatmap's tones."""
+    values = np.array([_widest(energy) for energy in t.energy.values()])
+    time = t.time[:: len(t.time) // STRIP_WINDOWS + 1]
+    tones = [[tone(v) if math.isfinite(v) else None for v in row] for row in values]
+    names = [_text(place.partition(":")[2] or place) for place in t.energy]
+    shown = [f"<b>{n}</b>" if p in highlighted else n for n, p in zip(names, t.energy, strict=True)]
+    steps = [(k, color) for i, color in enumerate(SCALE) for k in (i / len(SCALE), (i + 1) / len(SCALE))]
+    fig = go.Figure(layout=plot_layout(74 + 26 * len(shown)))
+    fig.add_heatmap(
+        x=_small(time),
+        y=shown,
+        z=tones,
+        zmin=-0.5,
+        zmax=len(SCALE) - 0.5,
+        colorscale=steps,
+        showscale=False,
+        ygap=2,
+        customdata=_small(values),
+        hovertemplate="%{y}, %{x:.2f} s: %{customdata:.2f}<extra></extra>",
+    )
     if t.onset is not None:
         note = {"text": f"onset {t.onset:.2f} s", "font": {"size": 12}, "bgcolor": "#ffffff"}
         fig.add_vline(x=t.onset, line={"color": INK, "width": 2}, annotation=note)
     fig.update_xaxes(title="time [s]", zeroline=False, **AXIS)
-    fig.update_yaxes(title="standard deviations", rangemode="tozero", **AXIS)
-    return fig.update_layout(hovermode="x unified")
+    return fig.update_yaxes(autorange="reversed", showgrid=False, **AXIS)
+
+
+def _widest(energy: np.ndarray) -> np.ndarray:
+    """The largest of neighbouring windows, so that no more than `STRIP_WINDOWS` are drawn."""
+    return np.maximum.reduceat(energy, np.arange(0, len(energy), len(energy) // STRIP_WINDOWS + 1))
 
 
 def curve_figure(c: Curve) -> go.Figure:

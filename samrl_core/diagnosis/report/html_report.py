@@ -9,8 +9,9 @@ import base64
 import gzip
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from samrl_core.diagnosis.report.figures import (
     cell_tone,
     curve_figure,
     figure_json,
+    heat_tone,
     overlay_figure,
     overlay_points,
     rms,
@@ -39,6 +41,7 @@ from samrl_core.diagnosis.report.figures import (
 from samrl_core.diagnosis.result import Curve, Diagnosis, Heatmap, Overlay, Signature, Timeline
 
 TEMPLATES = Path(__file__).parent / "templates"
+DISAGREE = 0.2  # of the size: measures further apart than this are remarked on
 TIMELINES = 6  # at most; further recordings are left to report.json
 
 PLAIN_VERDICT = {
@@ -90,6 +93,7 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
     causes = [FAMILIES[e.family] for e in d.effects[:2] if d.verdict == "effect" and e.family in FAMILIES]
     experiment = d.next_experiment
     named = {e.place for e in d.effects} | {w.place for w in d.where[:1]}
+    left = _size_left(d)
     return (
         _environment()
         .get_template("page.html.j2")
@@ -103,8 +107,10 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
             fits={e.name: e for e in (*d.effects, *d.runner_ups)},
             next_yaml=_yaml(experiment.programme) if experiment is not None else "",
             heat=_heat(d.heatmap) if d.heatmap is not None else None,
-            timeline_json=lambda timeline: _timeline(timeline, named),
+            timeline_json=lambda timeline: _timeline(timeline, named, d.heatmap),
             untested=_by_reason(d),
+            fraction_left=left,
+            reading=_two_measures(d.gap.shrink, left) if d.gap is not None and left is not None else "",
             settings=json.dumps(d.settings, indent=1, ensure_ascii=False, default=str),
             library=packed_plotly(),
             **_overlays(d),
@@ -150,8 +156,9 @@ def _curve(curve: Curve) -> str:
     return figure_json(curve_figure(curve))
 
 
-def _timeline(timeline: Timeline, named: set[str]) -> str:
-    return figure_json(timeline_figure(timeline, named))
+def _timeline(timeline: Timeline, named: set[str], heat: Heatmap | None) -> str:
+    tone = heat_tone(heat) if heat is not None else partial(cell_tone, threshold=timeline.threshold)
+    return figure_json(timeline_figure(timeline, named, tone))
 
 
 def _yaml(value: Any) -> str:
@@ -164,6 +171,29 @@ def _by_reason(d: Diagnosis) -> dict[str, list[str]]:
     for name, reason in d.not_testable.items():
         found.setdefault(reason, []).append(FAMILIES[name].title if name in FAMILIES else name)
     return found
+
+
+def _size_left(d: Diagnosis) -> float | None:
+    """Fraction of the residual's size that the effects leave; the diagnosis counts its square."""
+    return math.sqrt(d.unexplained_fraction) if d.unexplained_fraction >= 0 else None
+
+
+def _two_measures(shrink: float | None, left: float) -> str:
+    """What it means that both measures agree, or do not."""
+    if shrink is None:
+        return ""
+    kept = 1 - shrink
+    if kept > left + DISAGREE:
+        return (
+            "The effect explains the residual better than it mends the simulation: what is left is small at "
+            "every instant but adds up in motion, or the held-out recordings hold something further."
+        )
+    if left > kept + DISAGREE:
+        return (
+            "The effect mends the simulation better than it explains the residual: what is left is fast or "
+            "changes its sign, so that the motion hardly shows it."
+        )
+    return "Both agree: what the effect leaves in the residual is what the simulation still misses."
 
 
 def _key_figure(title: str, value: str, note: str = "") -> KeyFigure:
@@ -179,7 +209,7 @@ def _key_figures(d: Diagnosis) -> list[KeyFigure]:
     if d.effects and d.verdict == "effect":
         if gap is not None and gap.shrink is not None:
             interval = words.percent_interval(gap.ci95)
-            note = f"95 % interval {interval}" if interval else "on held-out recordings"
+            note = "of the error re-simulated" + (f", 95 % interval {interval}" if interval else "")
             items.append(_key_figure("held-out gap shrinks by", words.percent(gap.shrink), note))
         first = d.effects[0]
         for e in d.effects[:2]:
@@ -203,9 +233,8 @@ def _key_figures(d: Diagnosis) -> list[KeyFigure]:
                 _key_figure("next recording decides", words.percent(d.next_experiment.separates), note)
             )
     if math.isfinite(d.unexplained_fraction):
-        note = "of the excess energy, after " + {"effect": "the named effects"}.get(
-            d.verdict, "the best effect"
-        )
+        after = {"effect": "the named effects"}.get(d.verdict, "the best effect")
+        note = f"of the fitted residual's energy, after {after}"
         items.append(_key_figure("unexplained", words.percent(d.unexplained_fraction), note))
     if d.heatmap is not None and d.verdict == "no_gap":
         items.append(
@@ -224,10 +253,11 @@ def _heat(h: Heatmap) -> dict[str, Any]:
     finite = values[np.isfinite(values)]
     hottest = finite.max() if len(finite) else math.inf
     names = [name.partition(":")[2] or name for name in h.places]
+    tone_of = heat_tone(h)
     rows = []
     for place, name, row in zip(h.places, names, values, strict=True):
         cells = (
-            _cell(value, h.threshold, place, column, value == hottest)
+            _cell(value, h.threshold, tone_of, place, column, value == hottest)
             for value, column in zip(row, h.columns, strict=True)
         )
         rows.append((name, list(cells)))
@@ -239,11 +269,16 @@ def _heat(h: Heatmap) -> dict[str, Any]:
 
 
 def _cell(
-    value: float, threshold: float, place: str, column: tuple[str, str], hottest: bool
+    value: float,
+    threshold: float,
+    tone_of: Callable[[float], int],
+    place: str,
+    column: tuple[str, str],
+    hottest: bool,
 ) -> HeatCell | None:
     if not math.isfinite(value):
         return None
-    tone, hot = cell_tone(value, threshold), value >= threshold
+    tone, hot = tone_of(value), value >= threshold
     return HeatCell(
         shown=f"{value:.1f}" if value < 99.5 else f"{value:.0f}" if value < 1e4 else f"{value:.0e}",
         title=f"{words.place(place)}, {' at '.join(column)}: {value:.2f}{', significant' if hot else ''}",

@@ -20,8 +20,8 @@ from samrl_core.diagnosis.report.figures import (
     NOMINAL,
     SCALE,
     TEXT_LIGHT_FROM,
-    cell_tone,
     decimated,
+    heat_tone,
     rms,
 )
 from samrl_core.diagnosis.result import Diagnosis, Heatmap, Overlay
@@ -83,7 +83,8 @@ def _headline(ax: Axes, d: Diagnosis, title: str) -> None:
 
 def _heatmap(ax: Axes, h: Heatmap) -> None:
     values = np.asarray(h.values, dtype=float)
-    tones = np.array([[cell_tone(v, h.threshold) if math.isfinite(v) else 0 for v in row] for row in values])
+    tone = heat_tone(h)
+    tones = np.array([[tone(v) if math.isfinite(v) else 0 for v in row] for row in values])
     ax.pcolormesh(
         tones, cmap=ListedColormap(SCALE), vmin=-0.5, vmax=len(SCALE) - 0.5, edgecolors="white", linewidth=2
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterable
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, find_family
@@ -138,6 +140,19 @@ def count(n: int, noun: str) -> str:
 def quantity(name: str) -> str:
     """The name of a recorded quantity as it is spoken."""
     return QUANTITY.get(name, name)
+
+
+def grouped(sentences: Iterable[str]) -> list[tuple[str, list[str]]]:
+    """Sentences that say the same of different things together: the first of each kind, and all the others.
+
+    Two are of a kind when they differ in numbers, in effects and in what stands before a colon only.
+    """
+    kinds: dict[str, list[str]] = {}
+    for sentence in sentences:
+        subject, colon, rest = sentence.partition(": ")
+        kind = re.sub(r"\w+@\S+|[-+]?\d[\w.,+-]*", "*", rest if colon else subject)
+        kinds.setdefault(kind, []).append(sentence)
+    return [(alike[0], alike[1:]) for alike in kinds.values()]
 
 
 def _decimals(value: float, significant: int) -> int:

@@ -44,8 +44,7 @@ def heatmap(
     `effects` (N,) is what named effects do: a gap with the shape of a tolerance is cheap sample by sample,
     and shows where it lies only by its own prediction.
     """
-    if effects is not None:
-        z = np.sign(z) * np.hypot(z, effects)
+    z = _standing_out(z, effects)
     trials = likelihood.trials
     joints = trials[0].recording.arm.joints
     channels = [c for c in CHANNELS if c in trials[0].channels]
@@ -91,22 +90,38 @@ def heatmap(
     return Heatmap(tuple(f"joint:{j}" for j in joints), tuple(columns), values, threshold), tuple(items)
 
 
-def timelines(likelihood: Likelihood, z: np.ndarray, onsets: Sequence[float | None]) -> tuple[Timeline, ...]:
-    """Root-mean-square whitened residual per joint in windows, for each recording."""
+def timelines(
+    likelihood: Likelihood,
+    z: np.ndarray,
+    correlation: float,
+    onsets: Sequence[float | None],
+    effects: np.ndarray | None = None,
+) -> tuple[Timeline, ...]:
+    """The heatmap's measure in windows: each joint by the channel that stands out most, for each recording.
+
+    Above a line's threshold a window is significant by itself (Bonferroni over windows and joints).
+    """
+    z = _standing_out(z, effects)
     out = []
     for r, trial in enumerate(likelihood.trials):
         size = max(1, round(WINDOW_S / trial.motion.dt))
         windows = len(trial) // size
         if windows < 1:
             continue
+        joints = trial.recording.arm.joints
+
+        def per_window(samples: np.ndarray, size: int = size, windows: int = windows) -> np.ndarray:
+            return samples[: windows * size].reshape(windows, size).mean(axis=1)
+
         energy = {}
-        for j, name in enumerate(trial.recording.arm.joints):
-            squares = [z[part] ** 2 for (rr, _, jj), part in likelihood.blocks.items() if (rr, jj) == (r, j)]
-            mean = np.mean(squares, axis=0)[: windows * size].reshape(windows, size).mean(axis=1)
-            energy[f"joint:{name}"] = np.sqrt(mean)
-        centers = trial.motion.t[: windows * size].reshape(windows, size).mean(axis=1)
-        start = float(trial.motion.time[0])
-        out.append(Timeline(trial.recording.name, centers - start, energy, 2.0, onsets[r]))
+        for j, name in enumerate(joints):
+            parts = [part for (rr, _, jj), part in likelihood.blocks.items() if (rr, jj) == (r, j)]
+            energy[f"joint:{name}"] = np.sqrt(np.max([per_window(z[part] ** 2) for part in parts], axis=0))
+        freedom = max(size / correlation, 1.0)
+        chance = FALSE_DISCOVERY / (windows * len(joints))
+        threshold = float(np.sqrt(stats.chi2.isf(chance, freedom) / freedom))
+        time = per_window(trial.motion.t) - float(trial.motion.time[0])
+        out.append(Timeline(trial.recording.name, time, energy, threshold, onsets[r]))
     return tuple(out)
 
 
@@ -135,6 +150,11 @@ def onset(likelihood: Likelihood, prediction: np.ndarray, recording: int, correl
     if abs(before_n[k] / before_p[k]) > 0.3 or after_n[k] / after_p[k] < 0.5:
         return None
     return float(trial.motion.t[k] - trial.motion.time[0])
+
+
+def _standing_out(z: np.ndarray, effects: np.ndarray | None) -> np.ndarray:
+    """Whitened residuals (N,) with what named effects do beside them."""
+    return z if effects is None else np.sign(z) * np.hypot(z, effects)
 
 
 def _span(

@@ -7,12 +7,14 @@ import html
 import numpy as np
 import plotly.graph_objects as go
 
-from samrl_core.diagnosis.report.figures import AXIS, INK, NAMED, NOMINAL, ROW_COLORS, plot_layout
+from samrl_core.diagnosis.report.figures import AXIS, INK, NAMED, NOMINAL, plot_layout
 from samrl_ros.cell.report.run_record import RunRecord
 from samrl_ros.cell.report.tracking import Tracking
 
 STAGES = ("update", "view", "look", "act", "move")  # of Algorithm 1, in their order; others follow
 POINTS = 1500  # of a joint's curve: twice the pixels of a phone, about those of a wide screen
+# Okabe and Ito (2008), told apart with every kind of colour blindness.
+ROW_COLORS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#8a6d00", "#56b4e9", "#555555")
 EVENT_COLORS = {"ok": "#009e73", "warning": "#c77700", "stale": "#c77700"}
 EVENT_COLOR = "#b3261e"
 

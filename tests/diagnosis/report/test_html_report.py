@@ -6,21 +6,34 @@ import base64
 import gzip
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.report.figures import OVERLAY_COUNT, OVERLAY_POINTS, cell_tone, decimated, rms
+from samrl_core.diagnosis.report.figures import (
+    OVERLAY_COUNT,
+    OVERLAY_POINTS,
+    SCALE,
+    STRIP_WINDOWS,
+    cell_tone,
+    decimated,
+    heat_tone,
+    rms,
+    timeline_figure,
+)
 from samrl_core.diagnosis.report.html_report import to_html
 from samrl_core.diagnosis.report.json_report import read_report
 from samrl_core.diagnosis.report.summary_picture import to_png
+from samrl_core.diagnosis.report.words import grouped
 from samrl_core.diagnosis.report.write_report import write_report
-from samrl_core.diagnosis.result import VERDICTS, Diagnosis
+from samrl_core.diagnosis.result import VERDICTS, Diagnosis, Heatmap, Timeline
 from tests.diagnosis.report import samples
 
 EVIL = "<script>alert(1)</script>\"'&$"
@@ -200,6 +213,60 @@ def test_signals_with_gaps_are_drawn_and_measured() -> None:
 def test_tones_begin_at_the_threshold() -> None:
     tones = [cell_tone(v, 2.0) for v in (0.1, 1.6, 1.999, 2.0, 4.0, 40.0, 1e9)]
     assert tones == sorted(tones) and tones[2] < 2 <= tones[3]
+
+
+def test_tones_reach_as_far_as_the_picture_does() -> None:
+    tones = [cell_tone(v, 1.0, 1000.0) for v in (1.0, 10.0, 100.0, 999.9, 1000.0)]
+    assert tones == sorted(tones) and len(set(tones)) >= 4 and tones[-1] == len(SCALE) - 1
+
+
+def drawn_strip(line: Timeline, named: set[str], tone: Callable[[float], int]) -> Any:
+    """The heatmap trace of a timeline."""
+    return timeline_figure(line, named, tone).data[0]
+
+
+def test_over_time_has_the_tones_of_the_table() -> None:
+    table = Heatmap(("joint:a",), (("link", "slow"),), np.array([[40.0]]), 2.0)
+    line = Timeline("r", np.arange(3.0), {"joint:a": np.array([0.1, 2.0, 40.0])}, 5.0)
+    drawn = drawn_strip(line, {"joint:a"}, heat_tone(table))
+    assert list(drawn.z[0]) == [0, 2, len(SCALE) - 1]
+    assert list(drawn.y) == ["<b>a</b>"] and list(drawn.customdata[0]) == pytest.approx([0.1, 2.0, 40.0])
+
+
+def test_a_long_recording_keeps_its_highest_windows() -> None:
+    energy = np.ones(5000)
+    energy[4321] = 9.0
+    line = Timeline("r", 0.25 * np.arange(5000), {"joint:a": energy}, 2.0)
+    drawn = drawn_strip(line, set(), lambda v: int(v > 2))
+    row = drawn.z[0]
+    assert len(drawn.x) == len(row) <= STRIP_WINDOWS and sum(row) == 1
+    at = float(drawn.x[int(np.argmax(row))])
+    assert at <= 0.25 * 4321 < at + 0.25 * (5000 // STRIP_WINDOWS + 1)
+
+
+def test_sentences_of_one_kind_share_a_bullet() -> None:
+    alike = [f"viscous_friction@joint:j{i}: Fv ended on the bound of its search" for i in range(40)]
+    gains = ["backlash@joint:j1 gains 12.5 of evidence", "cable@arm:tool_arm gains 1e+03 of evidence"]
+    found = grouped([*alike, *gains, "something else"])
+    assert [(first, len(more)) for first, more in found] == [
+        (alike[0], 39),
+        (gains[0], 1),
+        ("something else", 0),
+    ]
+    page = to_html(replace(samples.diagnosis("none_of_mine"), reasons=tuple(alike)))
+    assert "and 39 more of this kind" in page and page.count("Fv ended on the bound") == 40
+
+
+@pytest.mark.parametrize(
+    ("shrink", "unexplained", "says"),
+    [(0.8, 0.04, "Both agree"), (0.2, 0.01, "adds up in motion"), (0.95, 0.6, "hardly shows it")],
+)
+def test_shrink_and_unexplained_are_read_together(shrink: float, unexplained: float, says: str) -> None:
+    d = samples.diagnosis("effect")
+    assert d.gap is not None
+    page = to_html(replace(d, gap=replace(d.gap, shrink=shrink), unexplained_fraction=unexplained))
+    assert says in page and "Two measures of what is left" in page
+    assert "Two measures" not in to_html(replace(d, unexplained_fraction=float("nan")))
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

@@ -1,0 +1,68 @@
+"""Units of a result where joints slide: effects are written for joints that turn."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import replace
+
+from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.diagnosis.recordings.units import joint_kinds
+from samrl_core.diagnosis.result import Curve, Diagnosis, NamedEffect
+
+_UNIT = re.compile(r"(?<=\[)[^\]]*(?=\]$)")  # at the end of an axis' label
+
+
+def with_joint_units(diagnosis: Diagnosis, arm: ArmDescription) -> Diagnosis:
+    """The same result with m for rad and N for N m at the joints that the URDF calls prismatic."""
+    kinds = {} if arm.urdf is None else joint_kinds(arm.urdf)
+    sliding = {name for name in arm.joints if name in kinds and kinds[name].prismatic}
+    if not sliding:
+        return diagnosis
+    d, gap = diagnosis, diagnosis.gap
+    if gap is not None:
+        all_slide = sliding == set(arm.joints)
+        channels = tuple(
+            (quantity, sliding_unit(unit) if all_slide else _either(unit), *values)
+            for quantity, unit, *values in gap.channels
+        )
+        gap = replace(gap, channels=channels)
+    return replace(
+        d,
+        effects=tuple(_effect(e, sliding) for e in d.effects),
+        runner_ups=tuple(_effect(e, sliding) for e in d.runner_ups),
+        nearest=None if d.nearest is None else _effect(d.nearest, sliding),
+        gap=gap,
+        curves=tuple(_curve(c, sliding) for c in d.curves),
+        overlays=tuple(
+            replace(o, unit=sliding_unit(o.unit)) if o.joint in sliding else o for o in d.overlays
+        ),
+    )
+
+
+def sliding_unit(unit: str) -> str:
+    """The unit for a sliding joint: `N m s/rad` becomes `N s/m`."""
+    return unit.replace("kg m2", "kg").replace("N m", "N").replace("rad", "m")
+
+
+def _either(unit: str) -> str:
+    other = sliding_unit(unit)
+    return unit if other == unit else f"{unit} or {other}"
+
+
+def _effect(effect: NamedEffect, sliding: Collection[str]) -> NamedEffect:
+    at = effect.place.removeprefix("joint:")
+    parameters = {}
+    for name, estimate in effect.parameters.items():
+        joint = name.partition("[")[2].rstrip("]") or at  # an arm's effect names the joint of each value
+        slides = joint in sliding
+        parameters[name] = replace(estimate, unit=sliding_unit(estimate.unit)) if slides else estimate
+    return replace(effect, parameters=parameters)
+
+
+def _curve(curve: Curve, sliding: Collection[str]) -> Curve:
+    joint = curve.y_label.partition(" [")[0].rpartition(" ")[2]  # "... residual of JOINT [unit]"
+    if joint not in sliding:
+        return curve
+    x, y = (_UNIT.sub(lambda m: sliding_unit(m.group()), label) for label in (curve.x_label, curve.y_label))
+    return replace(curve, x_label=x, y_label=y)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import yaml
 
+from samrl_core.cell.instance.cell_instance import GROUPS
+from samrl_core.cell.instance.difference import CUT, differences_of
 from samrl_core.diagnosis.effects import EFFECTS, FAMILIES, NOT_BY_JOINTS
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.report.report_schema import schema_text
@@ -104,6 +106,30 @@ def effects_page() -> str:
     return "\n".join(lines) + "\n"
 
 
+def instances_page() -> str:
+    """Every difference of a cell instance, with its ranges and their sources."""
+    count = sum(len(differences_of(group)) for group in GROUPS.values())
+    lines = [
+        HEAD.format(source="samrl_core/cell/instance") + "# Ranges of cell instances\n",
+        f"{count} differences in {len(GROUPS)} groups; each number of a vector is drawn by itself.",
+        f"A *normal* one has the size as standard deviation and is cut at {CUT:g} of them; a *uniform* one",
+        "lies within plus and minus it, a *share* between half the size and all of it. `nominal` has none.",
+        "[What instances are for](../guide/cell_instances.md).\n",
+    ]
+    for name, group in GROUPS.items():
+        lines += [f"## `{name}`\n", str(group.__doc__).strip() + "\n"]
+        lines += [
+            "| difference | numbers | law | typical | careless | unit | source |",
+            "|---|---|---|---|---|---|---|",
+        ]
+        for field, one in differences_of(group).items():
+            shape = " x ".join(f"joints of {n}" if isinstance(n, str) else str(n) for n in one.shape) or "1"
+            row = (f"`{field}`: {one.meaning}", shape, one.law, f"{one.typical:g}", f"{one.careless:g}")
+            lines.append(f"| {' | '.join(map(_cell, (*row, one.unit, one.source)))} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
 def _range(parameter: Parameter) -> str:
     return f"{parameter.low:g} to {parameter.high:g}" if parameter.bounded else "any"
 
@@ -130,6 +156,7 @@ def pages(folder: Path) -> dict[Path, str]:
         folder / "reference" / "parameters.md": parameters_page(),
         folder / "reference" / "interfaces.md": interfaces_page(folder),
         folder / "reference" / "effects.md": effects_page(),
+        folder / "reference" / "cell_instances.md": instances_page(),
         folder / "reference" / "report.schema.json": schema_text(),
         folder.parent / "samrl_ros" / "config" / "cell.yaml": default_parameters(),
     }

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from samrl_core.cell.instance.cell_instance import NOMINAL, instance_named
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
@@ -54,6 +55,7 @@ class LocalGraph:
     truth_file: Path | None = None
     world_kind: str = DEFAULT_WORLD
     cell: str = DEFAULT_CELL
+    instance: str = NOMINAL  # of the world
     listener: Callable[[str, Any], None] = lambda topic, message: None
     queue: deque[tuple[str, Any]] = field(default_factory=deque)
     calls: deque[tuple[str, Any, Callable[[Any], None]]] = field(default_factory=deque)
@@ -61,7 +63,7 @@ class LocalGraph:
 
     def __post_init__(self) -> None:
         task, cell = task_named(self.task), cell_named(self.cell)
-        self.world = make_world(self.world_kind, task, cell)
+        self.world = make_world(self.world_kind, task, cell, instance=instance_named(self.instance, cell))
         log = TruthLog(self.truth_file, self.world) if self.truth_file else None
         self.bridge = BridgeCore(
             LocalOutbox(self, "sim_bridge"),

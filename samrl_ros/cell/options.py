@@ -12,6 +12,7 @@ import typer
 import yaml
 
 from samrl_core.cell.calibration.calibrate import calibrated_cell
+from samrl_core.cell.instance.cell_instance import NOMINAL, InstanceName
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.world import DEFAULT_WORLD, WORLDS
@@ -64,6 +65,15 @@ class CellOptions:
     max_actions: Annotated[int, typer.Option(help="Actions per episode, 0 for the task's limit.", min=0)] = 0
     world: Annotated[str, typer.Option(help="pybullet, or mock for piping tests.")] = DEFAULT_WORLD
     cell: Annotated[str, typer.Option(help="Arms and camera, by name.")] = DEFAULT_CELL
+    instance: Annotated[
+        str,
+        typer.Option(
+            help="The true cell: nominal, typical:SEED or careless:SEED; test:SEED for final tables."
+        ),
+    ] = NOMINAL
+    scale: Annotated[
+        tuple[str, ...], typer.Option(help="With --instance: GROUP=FACTOR scales one group of differences.")
+    ] = ()
     estop_wait: Annotated[
         float, typer.Option(help="Longest wait for an emergency stop's reset [s], 0 for ever.", min=0.0)
     ] = 0.0
@@ -134,6 +144,10 @@ def prepare(options: CellOptions) -> Path:
         raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")
     if options.world not in WORLDS:
         raise InputError(f"--world is {options.world!r}, must be one of {', '.join(WORLDS)}")
+    instance = InstanceName.parse(options.instance, options.scale)
+    if instance.level != NOMINAL and (options.hardware or options.world == "mock"):
+        where = "a real cell" if options.hardware else "world 'mock'"
+        raise InputError(f"--instance {instance} is for the simulated cell, not for {where}; leave it out")
     if options.hardware:
         require_hardware(options)
     elif given := [n for n in ("observe", "hand_eye", "bases", "sim_time") if getattr(options, n)]:
@@ -221,6 +235,7 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         "sim_bridge": {
             "task": ("--task", options.task),
             "world": ("--world", options.world),
+            "instance": ("--instance", str(InstanceName.parse(options.instance, options.scale))),
             "real_time_factor": ("--real-time-factor", options.real_time_factor),
             "evaluation_file": ("--out", str(out / "evaluation" / "truth.jsonl")),
         },

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.instance.cell_instance import FILE, read_instance_file
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.world.evaluation import ending_of, read_truth
@@ -77,6 +78,8 @@ def summarise(
         error, messages, timing = f"{error}; no figures: {unreadable}", {}, _timing_of([], [], [])
     truth_file = folder / "evaluation" / "truth.jsonl"
     truth = read_truth(truth_file) if truth_file.is_file() else {}
+    sealed = truth_file.with_name(FILE)
+    cell_instance = read_instance_file(sealed)["name"] if sealed.is_file() else None
     episodes: list[dict[str, Any]] = [
         _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
         | {"marks": [[round(s, 4), what] for s, what in marks.get(number, [])]}
@@ -90,6 +93,7 @@ def summarise(
         "task": task.name,
         "version": samrl_version(),
         "settings": settings,
+        "cell_instance": cell_instance,
         "error": error,
         "given_up": sum(is_given_up(e["reason"]) for e in episodes),
         "incidents": [asdict(one) for one in incidents],

@@ -6,6 +6,7 @@ the world, as it would sit in a hardware driver.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,7 @@ from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.types.observation import Frame
 from samrl_core.cell.world.evaluation import TruthLog
 from samrl_core.cell.world.world import SimulatedWorld
 from samrl_core.common.errors import InputError
@@ -69,6 +71,7 @@ class BridgeCore:
         self.guards = ArmGuards(outbox, cell, command_timeout_s, steady_s)
         self._arms = {r: ArmModel(cell.arm(r), cell.base_in_world(r), None) for r in ROLES}
         self._ticks_done = 0
+        self._frames: deque[tuple[int, Frame]] = deque()  # taken, and due to be handed out at [ns]
         self._episode = -1
         self._seed = 0
 
@@ -135,6 +138,7 @@ class BridgeCore:
             self._track_commands()
             self._world.advance()
         self._ticks_done = 0
+        self._frames.clear()
         self._episode, self._seed = episode, seed
         if self._truth_log is not None:
             self._truth_log.record(episode, seed, "start")
@@ -185,10 +189,12 @@ class BridgeCore:
             transforms = dynamic_transforms(self._arms, positions, self._world.time_ns)
             self._outbox.publish("/tf", TFMessage(transforms=transforms))
         if n % self._every["camera"] == 0:
-            self._publish_camera()
+            due_ns = self._world.time_ns + self._world.camera_latency_ns
+            self._frames.append((due_ns, self._world.read_camera()))
+        while self._frames and self._frames[0][0] <= self._world.time_ns:
+            self._publish_frame(self._frames.popleft()[1])
 
-    def _publish_camera(self) -> None:
-        frame = self._world.read_camera()
+    def _publish_frame(self, frame: Frame) -> None:
         messages = to_message.camera_frame(frame, self._cell.intrinsics, OPTICAL_FRAME)
         for name, message in messages.items():
             self._outbox.publish(camera_topic(name), message)

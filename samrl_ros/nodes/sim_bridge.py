@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, final
 
+from samrl_core.cell.instance.cell_instance import FILE, NOMINAL, instance_named, seal_instance
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
@@ -39,6 +40,9 @@ class SimBridgeSettings:
     task: str = setting(DEFAULT_TASK, "task whose scene is laid out")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     world: str = setting(DEFAULT_WORLD, "simulator behind the border", choices=WORLDS)
+    instance: str = setting(
+        NOMINAL, "true cell: nominal, LEVEL:SEED or LEVEL:test:SEED, then GROUP=FACTOR to scale a group"
+    )
     real_time_factor: float = setting(
         REAL_TIME_FACTOR, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0)
     )
@@ -87,8 +91,13 @@ class SimBridge(CellNode):
     def set_up(self, settings: SimBridgeSettings) -> None:
         """See `CellNode`."""
         task, cell = task_named(settings.task), cell_named(settings.cell)
-        self._world = make_world(settings.world, task, cell)
-        log = TruthLog(Path(settings.evaluation_file), self._world) if settings.evaluation_file else None
+        instance = instance_named(settings.instance, cell)
+        self._world = make_world(settings.world, task, cell, instance=instance)
+        log = None
+        if settings.evaluation_file:
+            file = Path(settings.evaluation_file)
+            log = TruthLog(file, self._world)
+            seal_instance(file.with_name(FILE), instance)
         for topic in TOPICS.values():
             if topic.publisher == "sim_bridge":
                 self._publishers_by_topic[topic.name] = self.create_publisher(

@@ -46,6 +46,33 @@ MAY_JUDGE = {
     },
     "shaped_reward": {"samrl_core/cell/world/evaluation.py"},
 }
+# Who may import cell instances: worlds, whoever builds one or says which, and the tasks' border for parts.
+MAY_KNOW_INSTANCES = {
+    "samrl_core/cell/instance/": "",
+    "samrl_core/cell/world/": "",
+    "samrl_core/cell/tasks/": "parts.Parts",  # the type alone
+    "samrl_core/studies/episodes/world_episodes.py": "",
+    "samrl_ros/nodes/sim_bridge.py": "",
+    "samrl_ros/cell/options.py": "",
+    "samrl_ros/cell/local_graph.py": "",
+    "samrl_ros/cell/summary.py": "",
+    "samrl_ros/docs.py": "",
+}
+# Who may draw one, build from one, or open what was sealed.
+MAY_DRAW = {
+    "draw_instance": {
+        "samrl_core/cell/instance/cell_instance.py",
+        "samrl_core/cell/world/pybullet/world.py",
+    },
+    "instance_named": {
+        "samrl_ros/nodes/sim_bridge.py",
+        "samrl_ros/cell/local_graph.py",
+        "samrl_core/studies/episodes/world_episodes.py",
+    },
+    "as_made": {"samrl_core/cell/world/true_cell.py"},
+    "seal_instance": {"samrl_ros/nodes/sim_bridge.py"},
+    "read_instance_file": {"samrl_ros/cell/summary.py"},
+}
 
 
 def called_attributes(source: str) -> set[str]:
@@ -98,7 +125,47 @@ def test_the_search_catches_a_breach() -> None:
     assert "truth" in called_attributes("def peek(world):\n    return world.truth().body_position")
 
 
+def knows_instances(file: str, module: str) -> bool:
+    """Whether a file may import a module of the cell instances."""
+    place = "samrl_core.cell.instance"
+    return any(
+        file.startswith(start) and (not alone or module == f"{place}.{alone}")
+        for start, alone in MAY_KNOW_INSTANCES.items()
+    )
+
+
+def imports_of_instances() -> set[tuple[str, str]]:
+    """Files of the package and what they import of the cell instances, lazily or not."""
+    found = set()
+    for package in ("samrl_core", "samrl_ros"):
+        for path in (ROOT / package).rglob("*.py"):
+            file = path.relative_to(ROOT).as_posix()
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.ImportFrom) and not node.level:
+                    found |= {(file, f"{node.module}.{alias.name}") for alias in node.names}
+                elif isinstance(node, ast.Import):
+                    found |= {(file, alias.name) for alias in node.names}
+    return {(file, module) for file, module in found if module.startswith("samrl_core.cell.instance")}
+
+
+def test_model_learner_and_diagnosis_know_no_instance() -> None:
+    found = imports_of_instances()
+    assert "samrl_ros/nodes/sim_bridge.py" in {file for file, _ in found}, "the search must find the worlds"
+    assert not sorted(one for one in found if not knows_instances(*one))
+
+
+def test_the_search_for_instances_catches_a_breach() -> None:
+    assert not knows_instances("samrl_core/model/model.py", "samrl_core.cell.instance.parts.Parts")
+    assert not knows_instances("samrl_core/cell/tasks/task.py", "samrl_core.cell.instance.grip.Grip")
+    assert knows_instances("samrl_core/cell/tasks/task.py", "samrl_core.cell.instance.parts.Parts")
+
+
+@pytest.mark.parametrize("name", sorted(MAY_DRAW))
+def test_only_worlds_draw_instances_and_evaluation_opens_them(name: str) -> None:
+    assert callers(name) == MAY_DRAW[name]
+
+
 def test_no_topic_carries_truth() -> None:
     from samrl_ros.contract.topics import TOPICS
 
-    assert not [name for name in TOPICS if "truth" in name or "seed" in name]
+    assert not [name for name in TOPICS if "truth" in name or "seed" in name or "instance" in name]

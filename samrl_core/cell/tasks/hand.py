@@ -23,7 +23,10 @@ HAND_INERTIA = np.diag([0.001, 0.0025, 0.0017])  # about the centre of mass, han
 PALM_SIZE = (0.060, 0.200, 0.066)  # [m]
 FINGER_SIZE = (0.020, 0.015, 0.054)  # [m]
 FINGER_MIDDLE_Z = 0.085  # [m]
+FINGER_MESH_Z = 0.0584  # origin of a finger's mesh (franka_description, finger_joint1) [m]
 HAND_COLOR: Rgb = (0.75, 0.75, 0.75)
+HAND_PARTS = 3  # palm and two fingers
+GRIP_IN_FLANGE = Pose(np.array([0.0, 0.0, HAND_TCP_Z]), np.array([0.0, 0.0, 0.0, 1.0]))
 
 _UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 
@@ -50,6 +53,20 @@ def hand_parts(opening: float) -> tuple[Box, ...]:
         box(PALM_SIZE, (0.0, 0.0, 0.5 * PALM_SIZE[2])),
         box(FINGER_SIZE, (0.0, finger_y, FINGER_MIDDLE_Z)),
         box(FINGER_SIZE, (0.0, -finger_y, FINGER_MIDDLE_Z)),
+    )
+
+
+def hand_meshes(opening: float) -> tuple[tuple[str, Pose], ...]:
+    """What palm and fingers look like, as PyBullet's wheel carries them (Apache-2.0); in the flange frame."""
+    hand_in_flange = Pose.from_rpy(np.zeros(3), (0.0, 0.0, HAND_YAW))
+    folder = "package://franka_panda/meshes/visual/"
+    fingers = (
+        Pose.from_rpy(np.array([0.0, side * opening, FINGER_MESH_Z]), (0.0, 0.0, yaw))
+        for side, yaw in ((1.0, 0.0), (-1.0, math.pi))
+    )
+    return (
+        (folder + "hand.obj", hand_in_flange),
+        *((folder + "finger.obj", hand_in_flange @ finger) for finger in fingers),
     )
 
 

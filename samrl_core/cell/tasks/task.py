@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Scene
@@ -87,6 +88,13 @@ class Task(ABC):
     @abstractmethod
     def scene(self, cell: CellSpec) -> Scene:
         """Bodies at their nominal poses, and the tool."""
+
+    def as_made(self, parts: Parts) -> Task:
+        """This task with parts that differ from the drawing: what a world is built from, and no model.
+
+        A task without a method of its own has parts exactly as drawn.
+        """
+        return self
 
     @abstractmethod
     def parameters(self) -> tuple[ParameterSpec, ...]:

@@ -104,6 +104,9 @@ class Tool:
     tip_in_flange: Pose  # the tool frame, whose origin an Action displaces
     friction: float  # [-]
     chain: tuple[ChainLink, ...] = ()
+    hand: int = 0  # so many of the last parts are the gripper's own; a grip leaves them where they are
+    grip_in_flange: Pose = field(default_factory=Pose.identity)  # where the gripper holds the rest
+    meshes: tuple[tuple[str, Pose], ...] = ()  # `package://NAME/path` of the gripper's, poses in the flange
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from samrl_core.cell.instance.cell_instance import CellInstance
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.scene import Scene
@@ -19,6 +20,7 @@ def make_world(
     cell: CellSpec,
     settings: WorldSettings | None = None,
     scene: Scene | None = None,
+    instance: CellInstance | None = None,
 ) -> SimulatedWorld:
     """A world with the cell and the task in it.
 
@@ -28,13 +30,16 @@ def make_world(
         cell: the two arms and the camera.
         settings: of the physics and the noise; the mock has neither.
         scene: in place of the task's own, as with a heavier tool.
+        instance: in what the cell really differs from `cell`; None for nothing.
 
     Raises:
-        InputError: no such kind, or PyBullet is not installed.
+        InputError: no such kind, PyBullet is not installed, or a mock of a cell that differs.
     """
     if kind == "mock":
         from samrl_core.cell.world.mock_world import MockWorld
 
+        if instance is not None and not instance.is_nominal:
+            raise InputError(f"world 'mock' has no instance {instance.name}; use world 'pybullet'")
         return MockWorld(task, cell, scene)
     if kind == "pybullet":
         try:
@@ -46,5 +51,5 @@ def make_world(
             ) from error
         from samrl_core.cell.world.pybullet.world import PyBulletWorld
 
-        return PyBulletWorld(task, cell, settings, scene)
+        return PyBulletWorld(task, cell, settings, scene, instance)
     raise InputError(f"no world is of kind {kind!r}; there are: {', '.join(WORLDS)}")

@@ -61,6 +61,11 @@ class SimulatedWorld(World):
     def time_ns(self) -> int:
         """Simulated time [ns]; never goes back, not even on reset."""
 
+    @property
+    def camera_latency_ns(self) -> int:
+        """From a reading of the camera until its driver hands it out [ns]."""
+        return 0
+
     @abstractmethod
     def reset(self, seed: int) -> None:
         """Lay the scene anew, arms at home and at rest, sampled from `seed`."""

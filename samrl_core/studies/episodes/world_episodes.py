@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from samrl_core.cell.instance.cell_instance import NOMINAL, instance_named
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.evaluation import evaluate_now
@@ -60,6 +61,7 @@ class EpisodeJob:
     weights: Path | None = None  # folder of actor and Q, in place of the package's
     residual: Path | None = None  # file, for conditions that have one
     cell: str = DEFAULT_CELL  # that the agent knows
+    instance: str = NOMINAL  # what the world's cell is, where it does not differ otherwise
 
 
 def run_episodes(log: CaseLog, jobs: Sequence[EpisodeJob], workers: int, progress: Progress) -> list[Case]:
@@ -80,7 +82,10 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     agent = _agent(job.task, job.cell, job.condition, job.weights, residual)
     task, cell = agent.model.task, agent.model.cell
     agent.restart(replace(agent.settings, seed=job.seed), agent.residual)
-    world = differing_world(task, cell, job.offset) if job.differs else PyBulletWorld(task, cell)
+    if job.differs:
+        world = differing_world(task, cell, job.offset)
+    else:
+        world = PyBulletWorld(task, cell, instance=instance_named(job.instance, cell))
     plant, watch = WorldPlant(world, task, cell), Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:

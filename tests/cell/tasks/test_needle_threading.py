@@ -27,7 +27,9 @@ def gripped(end_above_eye: float, x: float = 0.0) -> np.ndarray:
 
 def ended(points: np.ndarray) -> Ending:
     """The episode ended with the thread there."""
-    return Ending({NEEDLE: Pose.identity()}, {NEEDLE: 0.0}, {NEEDLE: 0.0}, points[0], points)
+    return Ending(
+        {NEEDLE: Pose(TASK.eye, Pose.identity().quat_xyzw)}, {NEEDLE: 0.0}, {NEEDLE: 0.0}, points[0], points
+    )
 
 
 def test_thread_hangs_from_the_tip() -> None:

@@ -6,10 +6,11 @@ The eye stands where it is known to stand; what is unknown is how the thread han
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.chain import link_frames
 from samrl_core.cell.tasks.needle_threading.eye import needle_body
@@ -119,6 +120,20 @@ class NeedleThreading(Task):
         )
         return Scene((needle, *bodies_of(self.screens)), self._tool())
 
+    def as_made(self, parts: Parts) -> NeedleThreading:
+        """Another thread, longer, thicker and stiffer or not, and another eye."""
+        radius = self.thread_radius + parts.held_size
+        return replace(
+            self,
+            link_length=self.link_length * (1.0 + parts.size[1]),
+            thread_radius=radius,
+            link_mass=self.link_mass * (1.0 + parts.mass),
+            stiffness=self.stiffness * math.exp(parts.stiffness),
+            thread_friction=self.thread_friction * math.exp(parts.friction[0]),
+            eye_radius=radius + (self.eye_radius - self.thread_radius) * (1.0 + parts.clearance),
+            eye_friction=self.eye_friction * math.exp(parts.friction[2]),
+        )
+
     def parameters(self) -> tuple[ParameterSpec, ...]:
         """Angles of all joints about x and y, from the gripper down; uniform at the start."""
         scale = self.half_range / math.sqrt(3.0)
@@ -222,7 +237,7 @@ class NeedleThreading(Task):
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""
         points = self.thread_points(values, tip_position)
-        return self._threaded(points, self.success_depth + self.done_margin)
+        return self._threaded(points, self.success_depth + self.done_margin, self.eye)
 
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """All joints uniform within their range."""
@@ -236,20 +251,22 @@ class NeedleThreading(Task):
 
     def succeeded(self, ending: Ending) -> bool:
         """The thread's centre line crosses the eye's plane inside the eye, and its end is deep enough."""
-        return self._threaded(ending.chain_points, self.success_depth)
+        eye = ending.body_in_world[NEEDLE].position
+        return self._threaded(ending.chain_points, self.success_depth, eye)
 
     def final_error(self, ending: Ending) -> float:
         """Distance of the thread from hanging in the eye at the depth of success [m]."""
-        missing = max(0.0, float(ending.chain_points[-1, 2]) - (self.eye_z - self.success_depth))
-        return math.hypot(crossing_distance(ending.chain_points, self.eye), missing)
+        eye = ending.body_in_world[NEEDLE].position
+        missing = max(0.0, float(ending.chain_points[-1, 2]) - (float(eye[2]) - self.success_depth))
+        return math.hypot(crossing_distance(ending.chain_points, eye), missing)
 
     def shaped_reward(self, ending: Ending) -> float:
         """Less the distance between the thread and where it hangs in the eye [m]."""
         return -self.final_error(ending)
 
-    def _threaded(self, points: np.ndarray, depth: float) -> bool:
-        deep = points[-1, 2] <= self.eye_z - depth
-        return bool(deep and crossing_distance(points, self.eye) < self.eye_radius)
+    def _threaded(self, points: np.ndarray, depth: float, eye: np.ndarray) -> bool:
+        deep = points[-1, 2] <= eye[2] - depth
+        return bool(deep and crossing_distance(points, eye) < self.eye_radius)
 
     def _goal_length(self, points: np.ndarray) -> float:
         """Length of thread below the eye at which its end hangs deep enough, by its present shape [m]."""

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.cell.tasks.hand import HAND_COLOR, HAND_TCP_Z, hand_lump, hand_parts
+from samrl_core.cell.tasks.hand import (
+    GRIP_IN_FLANGE,
+    HAND_COLOR,
+    HAND_PARTS,
+    HAND_TCP_Z,
+    hand_lump,
+    hand_meshes,
+    hand_parts,
+)
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Capsule, ChainLink, Rgb, Tool
 
@@ -65,4 +73,7 @@ def hand_with_thread(chain: tuple[ChainLink, ...], radius: float, friction: floa
         tip,
         friction,
         chain,
+        hand=HAND_PARTS,
+        grip_in_flange=GRIP_IN_FLANGE,
+        meshes=hand_meshes(radius),
     )

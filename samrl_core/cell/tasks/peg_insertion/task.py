@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.peg_insertion.board import board_body
 from samrl_core.cell.tasks.peg_insertion.tool import hand_with_peg
@@ -99,6 +100,15 @@ class PegInsertion(Task):
             hand_with_peg(self.peg_radius, self.peg_length, self.friction, self.tool_label),
         )
 
+    def as_made(self, parts: Parts) -> PegInsertion:
+        """Another peg, another fit, other friction."""
+        return replace(
+            self,
+            peg_radius=self.peg_radius + parts.held_size,
+            clearance=self.clearance * (1.0 + parts.clearance),
+            friction=self.friction * math.exp(parts.friction[0]),
+        )
+
     def parameters(self) -> tuple[ParameterSpec, ...]:
         """Position of the hole's axis, uniform over the range (its standard deviation is the scale)."""
         scale = self.half_range / np.sqrt(3.0)
@@ -185,15 +195,14 @@ class PegInsertion(Task):
 
     def succeeded(self, ending: Ending) -> bool:
         """Deep enough, and within the clearance and a smaller slack of the true axis."""
-        x, y, _ = ending.body_in_world[BODY].position
-        return self._inserted(checked_tip(ending.tip_position), x, y, self.success_depth, self.success_slack)
+        tip = ending.body_in_world[BODY].inverse().apply(checked_tip(ending.tip_position))
+        return self._inserted(tip, 0.0, 0.0, self.success_depth, self.success_slack)
 
     def final_error(self, ending: Ending) -> float:
         """Distance of the tip from the part of the true axis at or below the success depth [m]."""
-        tip = checked_tip(ending.tip_position)
-        x, y, _ = ending.body_in_world[BODY].position
+        tip = ending.body_in_world[BODY].inverse().apply(checked_tip(ending.tip_position))
         missing = max(0.0, tip[2] - (self.height - self.success_depth))
-        return float(np.linalg.norm([tip[0] - x, tip[1] - y, missing]))
+        return float(np.linalg.norm([tip[0], tip[1], missing]))
 
     def shaped_reward(self, ending: Ending) -> float:
         """Less the distance between the peg's end and its place in the hole [m]."""

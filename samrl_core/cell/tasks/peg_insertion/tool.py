@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.cell.tasks.hand import HAND_TCP_Z, Lump, hand_lump, hand_parts, joined
+from samrl_core.cell.tasks.hand import (
+    GRIP_IN_FLANGE,
+    HAND_PARTS,
+    HAND_TCP_Z,
+    Lump,
+    hand_lump,
+    hand_meshes,
+    hand_parts,
+    joined,
+)
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Cylinder, Rgb, Tool
 
@@ -32,4 +41,7 @@ def hand_with_peg(peg_radius: float, peg_length: float, friction: float, label: 
         all_in_all.inertia,
         tip,
         friction,
+        hand=HAND_PARTS,
+        grip_in_flange=GRIP_IN_FLANGE,
+        meshes=hand_meshes(peg_radius),
     )

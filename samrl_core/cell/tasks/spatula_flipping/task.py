@@ -8,10 +8,11 @@ falls over.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.spatula_flipping.pancake import lip_body, pancake_body
@@ -132,6 +133,19 @@ class SpatulaFlipping(Task):
         lip_in_world = Pose(place, np.array([0.0, 0.0, 0.0, 1.0]))
         lip = lip_body(LIP, self.lip_size, lip_in_world, self.lip_label, self.lip_friction)
         return Scene((pancake, lip, *bodies_of(self.screens)), self._tool())
+
+    def as_made(self, parts: Parts) -> SpatulaFlipping:
+        """Another pancake, and other friction of pancake, blade and lip."""
+        across, thick = parts.size
+        return replace(
+            self,
+            pancake_radius=self.pancake_radius * (1.0 + across),
+            pancake_thickness=self.pancake_thickness * (1.0 + thick),
+            pancake_mass=self.pancake_mass * (1.0 + parts.mass),
+            pancake_friction=self.pancake_friction * math.exp(parts.friction[0]),
+            blade_friction=self.blade_friction * math.exp(parts.friction[1]),
+            lip_friction=self.lip_friction * math.exp(parts.friction[2]),
+        )
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
         """Pose of the pancake but for the spin about its own axis, which does not show: its centre, and the

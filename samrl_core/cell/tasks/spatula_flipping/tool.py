@@ -6,7 +6,16 @@ import math
 
 import numpy as np
 
-from samrl_core.cell.tasks.hand import HAND_TCP_Z, Lump, hand_lump, hand_parts, joined
+from samrl_core.cell.tasks.hand import (
+    GRIP_IN_FLANGE,
+    HAND_PARTS,
+    HAND_TCP_Z,
+    Lump,
+    hand_lump,
+    hand_meshes,
+    hand_parts,
+    joined,
+)
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Box, Cylinder, Rgb, Tool
 
@@ -71,4 +80,7 @@ def hand_with_spatula(
         load.inertia,
         Pose(edge, np.array([0.0, 0.0, 0.0, 1.0])),
         friction,
+        hand=HAND_PARTS,
+        grip_in_flange=GRIP_IN_FLANGE,
+        meshes=hand_meshes(HANDLE_RADIUS),
     )

@@ -31,11 +31,11 @@ class PyBulletArm:
         folder: Path,
         chain: tuple[ChainLink, ...] = (),
         tip_in_flange: Pose | None = None,
-        friction: float = 0.0,
+        friction: float | np.ndarray = 0.0,
     ) -> None:
         """Load the arm with its payload; a chain hangs at `tip_in_flange`, by default the flange.
 
-        `friction` is Coulomb's, a share of each joint's effort limit.
+        `friction` is Coulomb's, of all joints alike or of each (J,) [N m].
         """
         self._client = client
         self.body: int = pybullet.loadURDF(
@@ -82,7 +82,7 @@ class PyBulletArm:
             self.body,
             self._joints,
             pybullet.VELOCITY_CONTROL,
-            forces=(friction * spec.limits.effort).tolist(),
+            forces=np.broadcast_to(friction, len(self._joints)).tolist(),
             physicsClientId=client,
         )
 

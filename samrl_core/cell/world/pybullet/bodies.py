@@ -12,6 +12,8 @@ from samrl_core.cell.types.scene import Body
 from samrl_core.cell.world.pybullet.body_files import write_body_urdf
 from samrl_core.cell.world.settings import WorldSettings
 
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+
 
 class PyBulletBodies:
     """Bodies by name, and how high the movable ones have been.
@@ -59,6 +61,18 @@ class PyBulletBodies:
             pybullet.resetBaseVelocity(self.index[name], [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
         self._placed = dict(poses)
         self._peak = {name: float(pose.position[2]) for name, pose in poses.items()}
+
+    def forget_contacts(self) -> None:
+        """Drop what the solver remembers of contacts: the next episode would start a little differently."""
+        away = {name: Pose(np.array([0.0, 0.0, 10.0 + k]), _UPRIGHT) for k, name in enumerate(self._movable)}
+        for name, pose in away.items():
+            pybullet.resetBasePositionAndOrientation(
+                self.index[name],
+                pose.position.tolist(),
+                pose.quat_xyzw.tolist(),
+                physicsClientId=self._client,
+            )
+        pybullet.performCollisionDetection(physicsClientId=self._client)
 
     def watch(self) -> None:
         """Note how high the movable bodies are now."""

@@ -5,13 +5,16 @@ Nothing here reads the time of day, so a seed and a sequence of calls give the s
 
 from __future__ import annotations
 
+import math
 import tempfile
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pybullet
 
+from samrl_core.cell.instance.cell_instance import CellInstance, InstanceName, draw_instance
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks.task import Task
@@ -19,15 +22,19 @@ from samrl_core.cell.types.observation import ArmCommand, ArmReading, Frame
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Box, Scene
 from samrl_core.cell.world.command_check import checked_command, checked_role, holding
+from samrl_core.cell.world.drive import Drive
+from samrl_core.cell.world.image_errors import noise_of
 from samrl_core.cell.world.pybullet.arm import PyBulletArm
 from samrl_core.cell.world.pybullet.bodies import PyBulletBodies, soften
 from samrl_core.cell.world.pybullet.body_files import Mounted
-from samrl_core.cell.world.pybullet.camera import TinyCamera
+from samrl_core.cell.world.pybullet.camera import Picture, TinyCamera
 from samrl_core.cell.world.pybullet.chain import PyBulletChain
 from samrl_core.cell.world.pybullet.impedance import impedance_effort
+from samrl_core.cell.world.pybullet.real_camera import RealCamera
 from samrl_core.cell.world.sensor_noise import RgbdSensor
 from samrl_core.cell.world.settings import WorldSettings
 from samrl_core.cell.world.table import TABLE_FRICTION, build_table
+from samrl_core.cell.world.true_cell import TrueScene, true_cell, true_load, true_pose, true_scene
 from samrl_core.cell.world.world import SimulatedWorld, Truth
 from samrl_core.common.errors import InputError
 
@@ -45,20 +52,31 @@ class PyBulletWorld(SimulatedWorld):
 
     Args:
         task: whose bodies and tool are built.
-        cell: the arms, as calibrated; the world is built exactly to it.
+        cell: the arms, as calibrated: what the controllers believe.
         settings: physics and noise.
         scene: in place of the task's own, as with a heavier tool.
+        instance: in what the true cell differs from `cell` and the task's scene; None for nothing.
 
     Raises:
         InputError: the cell, the task or the settings cannot be built.
     """
 
     def __init__(
-        self, task: Task, cell: CellSpec, settings: WorldSettings | None = None, scene: Scene | None = None
+        self,
+        task: Task,
+        cell: CellSpec,
+        settings: WorldSettings | None = None,
+        scene: Scene | None = None,
+        instance: CellInstance | None = None,
     ) -> None:
         """Build the cell and lay the scene of seed 0."""
-        self._task, self._cell = task, cell
+        self._cell = cell
         self._settings = settings or WorldSettings()
+        self._instance = instance or draw_instance(InstanceName(), cell)
+        if scene is not None and not self._instance.is_nominal:
+            raise InputError(f"a scene of its own and cell instance {self._instance.name} exclude each other")
+        pliant = math.exp(self._instance.parts.stiffness)
+        self._settings = replace(self._settings, contact_stiffness=pliant * self._settings.contact_stiffness)
         for role in ROLES:
             period = cell.arm(role).controller.period_s
             if period != cell.arm(ROLES[0]).controller.period_s:
@@ -70,7 +88,12 @@ class PyBulletWorld(SimulatedWorld):
                 )
         self._period_s = cell.tool_arm.controller.period_s
         self._period_ns = round(self._period_s * 1e9)
-        self._scene = scene or task.scene(cell)
+        self._nominal = scene or task.scene(cell)
+        self._true_cell = true_cell(cell, self._instance)
+        made = true_scene(task, cell, self._instance)
+        self._made = made if scene is None else TrueScene(task, scene, made.target)
+        self._scene = self._made.scene
+        self._drives = {role: Drive(cell.arm(role), role, self._instance, self._period_ns) for role in ROLES}
         self._start = task.start_joints(cell)
         self._time_ns = 0
         self._folder = tempfile.TemporaryDirectory(prefix="samrl_world_")
@@ -94,14 +117,8 @@ class PyBulletWorld(SimulatedWorld):
                 np.array(self._settings.gravity),
             )
             self._tool_links = frozenset({tool_arm.payload_link, *self._chain.links})
-            self._camera = TinyCamera(
-                self._client,
-                cell.intrinsics,
-                self._labels(),
-                self._settings.light_direction,
-                self._settings.shadow,
-            )
-            self._sensor = RgbdSensor(self._settings.rgbd_noise, cell.intrinsics)
+            self._camera, self._real_camera = self._build_cameras()
+            self._sensor = RgbdSensor(noise_of(self._settings.rgbd_noise, self._instance), cell.intrinsics)
             noise = self._settings.joint_noise
             self._noise_std = {role: noise.stack(len(cell.arm(role).joint_names)) for role in ROLES}
             self.reset(0)
@@ -114,21 +131,35 @@ class PyBulletWorld(SimulatedWorld):
 
     @property
     def scene(self) -> Scene:
-        """The nominal scene that was built."""
-        return self._scene
+        """The nominal scene, which is what was built where nothing differs."""
+        return self._nominal
+
+    @property
+    def camera_latency_ns(self) -> int:
+        """See `SimulatedWorld`; whole controller periods."""
+        return round(self._instance.timing.camera_latency / self._period_s) * self._period_ns
 
     def reset(self, seed: int) -> None:
         """Lay the scene anew, arms at the task's start joints and at rest; the clock goes on."""
         self._require_open()
-        scene_rng, self._joint_rng, self._camera_rng = np.random.default_rng(seed).spawn(3)
-        start = self._task.sample_start(scene_rng)
+        generators = np.random.default_rng(seed).spawn(4)
+        scene_rng, self._joint_rng, self._camera_rng, self._error_rng = generators
+        start = self._made.task.sample_start(scene_rng)
         poses = {body.name: body.body_in_world for body in self._scene.bodies} | start.body_in_world
+        if not self._instance.is_nominal:
+            self._bodies.forget_contacts()
+            target, parts = self._made.target, self._instance.parts
+            poses = {
+                body.name: true_pose(body, poses[body.name], body.name in target, parts)
+                for body in self._scene.bodies
+            }
         self._bodies.place(poses)
         self._commands: dict[str, ArmCommand] = {}
         self._efforts: dict[str, np.ndarray] = {}
         self._readings: dict[str, ArmReading] = {}
         for role in ROLES:
-            self._arms[role].place(self._start[role])
+            self._drives[role].restart()
+            self._arms[role].place(self._drives[role].true_position(self._start[role]))
             self._commands[role] = holding(self._start[role], self._time_ns)
             self._efforts[role] = self._models[role].gravity(self._start[role])
         self._chain.place(start.chain_angles, self._tip_in_world())
@@ -142,13 +173,16 @@ class PyBulletWorld(SimulatedWorld):
             InputError: unknown role, or a field that is not one finite number per joint.
         """
         joints = len(self._cell.arm(checked_role(role)).joint_names)
-        self._commands[role] = checked_command(command, joints)
+        tracked = self._drives[role].send(checked_command(command, joints), self._time_ns)
+        if tracked is not None:
+            self._commands[role] = tracked
 
     def advance(self) -> None:
         """One controller period: control law on the newest readings, physics, new readings."""
         self._require_open()
         for role in ROLES:
-            spec, reading = self._cell.arm(role), self._readings[role]
+            spec, reading, drive = self._cell.arm(role), self._readings[role], self._drives[role]
+            self._commands[role] = drive.arrived(self._time_ns) or self._commands[role]
             effort = impedance_effort(
                 spec.controller,
                 spec.limits,
@@ -158,7 +192,7 @@ class PyBulletWorld(SimulatedWorld):
                 self._models[role].gravity(reading.position),
             )
             self._efforts[role] = effort
-            self._arms[role].push(effort)
+            self._arms[role].push(drive.torque(effort))
         if self._scene.tool.chain:
             self._chain.push(self._tip_in_world())
         pybullet.stepSimulation(physicsClientId=self._client)
@@ -188,12 +222,17 @@ class PyBulletWorld(SimulatedWorld):
         return self._efforts[checked_role(role)].copy()
 
     def read_camera(self) -> Frame:
-        """Image from where the camera truly is."""
+        """Image from where the camera truly is, with the stamp that its driver gives."""
         self._require_open()
-        camera_in_world = self._arms["camera_arm"].flange_in_world() @ self._cell.camera_in_flange
-        picture = self._camera.render(camera_in_world)
+        camera_in_world = self._arms["camera_arm"].flange_in_world() @ self._true_cell.camera_in_flange
+        if self._real_camera is None:
+            picture = self._camera.render(camera_in_world)
+        else:
+            picture = self._exposed(self._real_camera, camera_in_world)
         color, depth, mask = self._sensor.read(self._camera_rng, picture.color, picture.depth, picture.mask)
-        return Frame(self._time_ns, color, depth, mask)
+        timing = self._instance.timing
+        late_ns = round(1e9 * (timing.clock_offset + timing.stamp_late))
+        return Frame(max(0, self._time_ns + late_ns), color, depth, mask)
 
     def truth(self) -> Truth:
         """For evaluation only."""
@@ -218,6 +257,27 @@ class PyBulletWorld(SimulatedWorld):
             pybullet.disconnect(physicsClientId=self._client)
             self._folder.cleanup()
 
+    def _exposed(self, camera: RealCamera, middle: Pose) -> Picture:
+        """What a camera sees while its arm moves at the present joint velocities."""
+        position, velocity = self._arms["camera_arm"].state()
+        half = 0.5 * self._instance.optics.exposure_time
+        before, after = (
+            self._true_camera_arm.flange_in_world(position + t * velocity) @ self._true_cell.camera_in_flange
+            for t in (-half, half)
+        )
+        return camera.take(camera.exposures(middle, before, after), self._error_rng)
+
+    def _build_cameras(self) -> tuple[TinyCamera, RealCamera | None]:
+        """The ideal one, and the real one of a cell that differs."""
+        settings, cell = self._settings, self._cell
+        labels, light, shadow = self._labels(), settings.light_direction, settings.shadow
+        ideal = TinyCamera(self._client, cell.intrinsics, labels, light, shadow)
+        if self._instance.is_nominal:
+            return ideal, None
+        base = self._true_cell.camera_base_in_world
+        self._true_camera_arm = ArmModel(cell.camera_arm, base, None)
+        return ideal, RealCamera(self._client, self._instance, cell.intrinsics, labels, light, shadow)
+
     def _tip_in_world(self) -> Pose:
         return self._arms["tool_arm"].flange_in_world() @ self._scene.tool.tip_in_flange
 
@@ -238,7 +298,7 @@ class PyBulletWorld(SimulatedWorld):
         )
 
     def _build_arms(self) -> tuple[dict[str, PyBulletArm], dict[str, ArmModel]]:
-        cell, tool = self._cell, self._scene.tool
+        cell, true, tool = self._cell, self._true_cell, self._scene.tool
         housing = Box(CAMERA_HALF_EXTENTS, Pose(cell.camera_center_of_mass, np.array([0.0, 0.0, 0.0, 1.0])))
         camera = Mounted(
             (housing,),
@@ -249,14 +309,27 @@ class PyBulletWorld(SimulatedWorld):
             TABLE_FRICTION,
         )
         mounted = {"tool_arm": Mounted.of_tool(tool), "camera_arm": camera}
+        # What the controllers are told; a held part that slipped changes no load here.
+        told_of = {
+            "tool_arm": (
+                self._nominal.tool.mass,
+                self._nominal.tool.center_of_mass,
+                self._nominal.tool.inertia,
+            ),
+            "camera_arm": (cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
+        }
         arms, models = {}, {}
         for role in ROLES:
-            spec, base, load = cell.arm(role), cell.base_in_world(role), mounted[role]
+            spec, base, load = cell.arm(role), true.base_in_world(role), mounted[role]
             chain, tip = (tool.chain, tool.tip_in_flange) if role == "tool_arm" else ((), Pose.identity())
-            friction = self._settings.joint_friction if role == "tool_arm" else 0.0
+            share = self._settings.joint_friction if role == "tool_arm" else 0.0
+            friction = share * spec.limits.effort + self._drives[role].friction
             folder = Path(self._folder.name)
-            arms[role] = PyBulletArm(self._client, spec, base, load, folder, chain, tip, friction)
-            models[role] = ArmModel(spec, base, Payload(load.mass, load.center_of_mass, load.inertia))
+            mass, center = true_load(role, load.mass, load.center_of_mass, self._instance)
+            borne = replace(load, mass=mass, center_of_mass=center)
+            arms[role] = PyBulletArm(self._client, spec, base, borne, folder, chain, tip, friction)
+            told = Payload(*told_of[role])
+            models[role] = ArmModel(spec, cell.base_in_world(role), told)
         return arms, models
 
     def _labels(self) -> dict[tuple[int, int], int]:
@@ -273,8 +346,11 @@ class PyBulletWorld(SimulatedWorld):
 
     def _measure(self) -> None:
         for role in ROLES:
-            state = self._arms[role].state()
+            state, drive = self._arms[role].state(), self._drives[role]
             noise = self._joint_rng.standard_normal((3, state.shape[1])) * self._noise_std[role]
             self._readings[role] = ArmReading(
-                self._time_ns, state[0] + noise[0], state[1] + noise[1], self._efforts[role] + noise[2]
+                self._time_ns,
+                drive.read_position(state[0]) + noise[0],
+                state[1] + noise[1],
+                drive.read_effort(self._efforts[role], state[1]) + noise[2],
             )

@@ -10,6 +10,7 @@ import yaml
 
 from samrl_core.cell.instance.cell_instance import GROUPS
 from samrl_core.cell.instance.difference import CUT, differences_of
+from samrl_core.cell.types.controllers import KINDS
 from samrl_core.diagnosis.effects import EFFECTS, FAMILIES, NOT_BY_JOINTS
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.report.report_schema import schema_text
@@ -139,6 +140,47 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|")
 
 
+def controllers_page() -> str:
+    """Every kind of controller that a recording may describe."""
+    lines = [
+        HEAD.format(source="samrl_core/cell/types/controllers") + "# Controllers\n",
+        "`/cell/<arm>/controller` holds a JSON object; a mapping's `controller` has the same keys. `type`",
+        "names the kind. Keys are lists with one number per joint. For sliding joints read m for rad and N",
+        "for N m. e = q_d - q; dz(e) is e less the dead band, and zero within it; u is the torque at",
+        "standstill.\n",
+        "Common to all kinds: `joints`, `period_s` (sampling; the output is held in between),",
+        "`effort_limit` [N m] and `armature` [kg m2] at the joint, `gravity_compensation`, `gravity`,",
+        "`tolerances`, `encoder` (`motor` or `link`: which side of the gear is read).\n",
+        "`commanded_effort` holds u [N m], before friction and rotor. Where it was not recorded, the",
+        "diagnosis computes it from the law. Kinds with `effort_from`: `voltage` is kt N/R V, back-EMF not",
+        "taken off; `current` is kt N i, back-EMF gone. A mapping may state the units V, A or duty. For",
+        "kinds without a loop it is the input. An integral stands still while the output is clipped and it",
+        "would drive it further. The motor's inductance is left out: its milliseconds are below what",
+        "recordings show.\n",
+        "**Torque switched off**: `/cell/<arm>/torque_enabled` (sensor_msgs/JointState, `effort` 1 on,",
+        "0 off; the last one holds; `torque_enabled: {enabled: FORMULA}` in a mapping). The machine then",
+        "moves freely; with `off: braked`, back-EMF goes on acting. Integrals start anew.\n",
+        "| type | law |",
+        "|---|---|",
+        *(f"| [`{k.name}`](#{k.name}) | `{_cell(k.formula)}` |" for k in KINDS.values()),
+        "",
+    ]
+    for kind in KINDS.values():
+        compensated = "on" if kind.compensates else "off"
+        lines += [
+            f"## `{kind.name}`\n",
+            f"{kind.title}. Gravity compensation is {compensated} unless stated.\n",
+        ]
+        lines += ["| key | unit | default | meaning |", "|---|---|---|---|"]
+        for key in kind.keys:
+            default = "needed" if key.default is None else f"{key.default:g}"
+            lines.append(f"| `{key.name}` | {key.unit} | {default} | {key.meaning} |")
+        for name, words in kind.choices.items():
+            lines.append(f"| `{name}` | | {words[0]} | {' or '.join(words)} |")
+        lines += ["", f"Source: {kind.source}.\n"]
+    return "\n".join(lines)
+
+
 def interfaces_page(folder: Path) -> str:
     """The own message and service definitions as they stand."""
     lines = [HEAD.format(source="msgs_docs/samrl_msgs") + "# Own interfaces: `samrl_msgs`\n"]
@@ -157,6 +199,7 @@ def pages(folder: Path) -> dict[Path, str]:
         folder / "reference" / "interfaces.md": interfaces_page(folder),
         folder / "reference" / "effects.md": effects_page(),
         folder / "reference" / "cell_instances.md": instances_page(),
+        folder / "reference" / "controllers.md": controllers_page(),
         folder / "reference" / "report.schema.json": schema_text(),
         folder.parent / "samrl_ros" / "config" / "cell.yaml": default_parameters(),
     }

@@ -103,7 +103,7 @@ def _arm_topics(role: str) -> list[Topic]:
             "sim_bridge",
             "once",
             "-",
-            f"{arm}: nominal joint-impedance controller, JSON",
+            f"{arm}: nominal controller, JSON ([kinds](controllers.md))",
         ),
         Topic(
             f"{base}/tool",

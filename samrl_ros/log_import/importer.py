@@ -14,6 +14,8 @@ import numpy as np
 from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.controllers import KINDS
+from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_there, write_whole
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
@@ -24,7 +26,7 @@ from samrl_ros.log_import.mapping import Mapping
 from samrl_ros.log_import.resampling import even, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import QuantitySpec, RecordingSpec
-from samrl_ros.log_import.units import DEFAULT_UNIT, SI, factor
+from samrl_ros.log_import.units import DEFAULT_UNIT, SI, drive_factor, factor
 from samrl_ros.recordings.described import described_by
 from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
 from samrl_ros.recordings.read import RAW, moving_joints
@@ -65,8 +67,11 @@ def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> Impor
         if source not in cache:
             cache[source] = read_source(spec, source, constants, data, notes)
     zero = float(cache[spec.source_of("states")].time[0])
+    arm = _arm(spec, constants, mapping.path, data, notes)
+    law = None if arm.controller is None else arm.controller.law
     signals = {
-        name: _signal(name, spec, cache[spec.source_of(name)], zero, report, notes) for name in spec.channels
+        name: _signal(name, spec, cache[spec.source_of(name)], zero, law, report, notes)
+        for name in spec.channels
     }
     digest = hashlib.sha256(mapping.text.encode() + spec.name.encode())
     for source in cache.values():
@@ -76,10 +81,11 @@ def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> Impor
         name=spec.name,
         source=", ".join(dict.fromkeys(str(f) for s in cache.values() for f in s.files)),
         sha256=digest.hexdigest(),
-        arm=_arm(spec, constants, mapping.path, data, notes),
+        arm=arm,
         states=signals["states"],
         command=signals.get("command"),
         commanded_effort=signals.get("commanded_effort"),
+        torque_enabled=signals.get("torque_enabled"),
     )
     notes.extend(check_recording(recording))
     raw = tuple(
@@ -124,7 +130,13 @@ def _constant(value: Any, where: str) -> Any:
 
 
 def _signal(
-    name: str, spec: RecordingSpec, source: SourceData, zero: float, report: list[str], notes: list[str]
+    name: str,
+    spec: RecordingSpec,
+    source: SourceData,
+    zero: float,
+    law: DriveLaw | None,
+    report: list[str],
+    notes: list[str],
 ) -> JointSignal:
     channel, where = spec.channels[name], f"{spec.path}.channels.{name}"
     plan = channel.resample or spec.resample
@@ -138,6 +150,8 @@ def _signal(
             values[quantity] = _block(one, source.values, (count, joints), path) * factor(
                 quantity, one.unit, path
             )
+            if quantity == "effort":
+                values[quantity] = values[quantity] * drive_factor(one.unit, law, joints, path)
         bad = ~np.isfinite(values[quantity])
         if bad.any():
             row, column = np.argwhere(bad)[0]
@@ -164,6 +178,8 @@ def _signal(
             raise InputError(f"{spec.path}.time_range {list(spec.time_range)} s holds no sample of {name}")
         time, values = time[keep], {q: block[keep] for q, block in values.items()}
     report.extend(_describe(name, spec, time, values, raw_rate))
+    if "enabled" in values:
+        values = {"effort": (values["enabled"] != 0).astype(float)}
     return JointSignal(time, **values)
 
 
@@ -233,12 +249,16 @@ def _arm(
     controller = None
     if spec.controller is not None:
         where = f"{spec.path}.controller"
+        law = spec.controller.get("type", LAW)
+        if law not in KINDS:
+            raise InputError(f"{where}.type is {law!r}; known are {', '.join(KINDS)}")
+        words = ("gravity_compensation", *KINDS[law].choices)
         about = {
-            k: v if k == "gravity_compensation" else _numbers(v, constants, f"{where}.{k}")
+            k: v if k in words else _numbers(v, constants, f"{where}.{k}")
             for k, v in spec.controller.items()
             if k not in ("type", "joints")
         }
-        about |= {"type": LAW, "joints": list(spec.joints)}
+        about |= {"type": law, "joints": list(spec.joints)}
         parsed = parse_controller(json.dumps(about), where)
         notes.extend(parsed.notes)
         controller = parsed.controller

@@ -16,6 +16,7 @@ CHANNELS = {
     "states": ("position", "velocity", "effort"),
     "command": ("position", "velocity", "acceleration", "effort"),
     "commanded_effort": ("effort",),
+    "torque_enabled": ("enabled",),
 }
 Missing = Literal["error", "drop_row", "hold", "linear"]
 Formula = Any  # text or number; `evaluate` refuses the rest with the key path
@@ -176,6 +177,7 @@ class ChannelSpec(Checked):
     velocity: Quantity | None = None
     acceleration: Quantity | None = None
     effort: Quantity | None = None
+    enabled: Quantity | None = None  # other than zero: the drive gives torque
 
     @property
     def quantities(self) -> dict[str, QuantitySpec]:

@@ -14,22 +14,19 @@ import numpy as np
 
 from samrl_core.cell.robots.urdf_text import MOST_KG
 from samrl_core.cell.types.arm_description import (
-    STANDARD_GRAVITY,
     ArmController,
     ArmDescription,
     NominalTool,
     Tolerances,
 )
+from samrl_core.cell.types.controllers import KINDS, joint_names
+from samrl_core.cell.types.controllers.impedance import JointImpedance
+from samrl_core.cell.types.controllers.kind import not_negative, numbers, shown
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
 
-_LARGEST = 1e12  # of any figure, in its SI unit: beyond, it is no arm's, and products overflow
-LAW = "joint_impedance"
+LAW = JointImpedance.name
 UNDESCRIBED = "unknown"  # `type` of a text that only carries joints and tolerances, of a log without a law
-_CONTROLLER_KEYS = (
-    "type", "joints", "stiffness", "damping", "gravity_compensation", "period_s", "gravity", "effort_limit",
-    "armature", "tolerances",
-)  # fmt: skip
 _CENTER = ("center_of_mass", "centre_of_mass", "com")
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -47,6 +44,7 @@ stamp: 0.0002           # of a channel against another, constant in a recording 
 torque_offset: 0.004    # of drive and sensor, fraction of the joint's effort limit
 coulomb_friction: 0.001 # fraction of the joint's effort limit
 viscous_friction: 0.001 # fraction of effort limit over velocity limit
+motor_constant: 0.01    # of a motor: torque per volt or ampere, fraction
 """
 
 
@@ -66,18 +64,14 @@ def controller_text(arm: ArmDescription) -> str:
     if controller is None:
         return json.dumps({"type": UNDESCRIBED, "joints": list(arm.joints), "tolerances": tolerances})
     about: dict[str, Any] = {
-        "type": LAW,
+        "type": controller.kind,
         "joints": list(controller.joints),
-        "stiffness": np.asarray(controller.stiffness).tolist(),
-        "damping": np.asarray(controller.damping).tolist(),
+        **KINDS[controller.kind].describe(controller),
         "gravity_compensation": bool(controller.gravity_compensation),
         "period_s": controller.period_s,
         "gravity": list(controller.gravity),
         "tolerances": tolerances,
     }
-    for name in ("effort_limit", "armature"):
-        if getattr(controller, name) is not None:
-            about[name] = np.asarray(getattr(controller, name)).tolist()
     return json.dumps(about)
 
 
@@ -99,41 +93,22 @@ def parse_controller(text: str, where: str) -> ControllerText:
         InputError: no JSON object, a missing key, or numbers that do not fit the joints.
     """
     about = _object(text, where)
-    notes = _unknown(about, _CONTROLLER_KEYS, where)
+    law = about.get("type", LAW)
+    kind = KINDS.get(law) if isinstance(law, str) else None
+    notes = _unknown(about, set(about) - set((kind or KINDS[LAW]).unknown(about)), where)
     tolerances = None
     if about.get("tolerances") is not None:
         tolerances, more = lenient_tolerances(about["tolerances"], f"{where}: tolerances")
         notes += more
-    law = about.get("type", LAW)
-    joints = _joints(about.get("joints", []), where)
-    if law != LAW:
+    joints = joint_names(about.get("joints", []), where)
+    if kind is None:
         if law != UNDESCRIBED:
-            notes += (f"{where}: the law {law!r} is not {LAW!r}; the controller is taken as not described",)
+            notes += (
+                f"{where}: the law {law!r} is none of {', '.join(KINDS)};"
+                " the controller is taken as not described",
+            )
         return ControllerText(joints, None, tolerances, notes)
-    if missing := [key for key in ("joints", "stiffness", "damping") if key not in about]:
-        raise InputError(f"{where} lacks {', '.join(missing)}; it has {sorted(about)}")
-    count = len(joints)
-    period = _numbers(about.get("period_s", 0.001), (), f"{where}: period_s")
-    if not period > 0:
-        raise InputError(f"{where}: period_s is {period}, must be above zero [s]")
-    gravity = tuple(
-        _numbers(about.get("gravity", list(STANDARD_GRAVITY)), (3,), f"{where}: gravity").tolist()
-    )
-    optional = {
-        name: None if about.get(name) is None else _not_negative(about[name], count, f"{where}: {name}")
-        for name in ("effort_limit", "armature")
-    }
-    controller = ArmController(
-        joints=joints,
-        stiffness=_not_negative(about["stiffness"], count, f"{where}: stiffness"),
-        damping=_not_negative(about["damping"], count, f"{where}: damping"),
-        period_s=float(period),
-        gravity_compensation=bool(about.get("gravity_compensation", True)),
-        gravity=(gravity[0], gravity[1], gravity[2]),
-        effort_limit=optional["effort_limit"],
-        armature=optional["armature"],
-        tolerances=tolerances or Tolerances(),
-    )
+    controller = kind.read(about, joints, where, tolerances or Tolerances())
     return ControllerText(joints, controller, tolerances, notes)
 
 
@@ -152,10 +127,10 @@ def parse_tool(text: str, where: str) -> tuple[NominalTool | None, tuple[str, ..
     if missing := [key for key, there in (("mass", "mass" in about), (_CENTER[0], center)) if not there]:
         raise InputError(f"{where} lacks {', '.join(missing)}; it has {sorted(about)}")
     notes = _unknown(about, ("mass", "inertia", *_CENTER), where)
-    mass = float(_not_negative(about["mass"], None, f"{where}: mass"))
+    mass = float(not_negative(about["mass"], None, f"{where}: mass"))
     if mass > MOST_KG:
         raise InputError(f"{where}: mass is {mass:g} kg, must be at most {MOST_KG:g}; is it in kg?")
-    position = _numbers(about[center or _CENTER[0]], (3,), f"{where}: {center}")
+    position = numbers(about[center or _CENTER[0]], (3,), f"{where}: {center}")
     inertia = _inertia(about.get("inertia", [0.0] * 9), f"{where}: inertia")
     if np.linalg.eigvalsh(inertia).min() < -1e-9 * max(1.0, np.abs(inertia).max()):
         raise InputError(f"{where}: inertia {inertia.tolist()} has a negative principal moment")
@@ -200,35 +175,9 @@ def _object(text: str, where: str) -> dict[str, Any]:
     return about
 
 
-def _joints(value: Any, where: str) -> tuple[str, ...]:
-    if not (isinstance(value, list) and all(isinstance(joint, str) for joint in value)):
-        raise InputError(f"{where}: joints is {value!r}, must be a list of names")
-    if len(set(value)) != len(value):
-        raise InputError(f"{where}: joints {value} holds a name twice")
-    return tuple(value)
-
-
 def _unknown(about: dict[str, Any], known: Any, where: str) -> tuple[str, ...]:
     unknown = sorted(str(key) for key in set(about) - set(known))
     return (f"{where}: unknown keys {', '.join(unknown)} are ignored",) if unknown else ()
-
-
-def _numbers(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{where} is {_shown(value)}, must be numbers") from error
-    if array.shape != shape or not (np.abs(array) <= _LARGEST).all():  # not NaN either
-        what = f"{shape[0]} finite numbers" if shape else "one finite number"
-        raise InputError(f"{where} is {_shown(value)}, must be {what} up to {_LARGEST:g}")
-    return array
-
-
-def _not_negative(value: Any, count: int | None, where: str) -> np.ndarray:
-    array = _numbers(value, () if count is None else (count,), where)
-    if (array < 0).any():
-        raise InputError(f"{where} is {_shown(value)}, must not be negative")
-    return array
 
 
 def _inertia(value: Any, where: str) -> np.ndarray:
@@ -238,19 +187,14 @@ def _inertia(value: Any, where: str) -> np.ndarray:
     if len(flat) == 6:
         xx, xy, xz, yy, yz, zz = flat.tolist()
         flat = np.array([xx, xy, xz, xy, yy, yz, xz, yz, zz])
-    matrix = _numbers(flat, (9,), where).reshape(3, 3)
+    matrix = numbers(flat, (9,), where).reshape(3, 3)
     if not np.allclose(matrix, matrix.T, atol=1e-6 * max(1e-6, np.abs(matrix).max())):
         raise InputError(f"{where} {matrix.tolist()} is not symmetric")
     return matrix
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) < 200 else text[:197] + "..."
 
 
 def _ragged(value: Any, where: str) -> np.ndarray:
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{where} is {_shown(value)}, must be 3x3, nine or six numbers") from error
+        raise InputError(f"{where} is {shown(value)}, must be 3x3, nine or six numbers") from error

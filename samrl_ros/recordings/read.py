@@ -27,7 +27,12 @@ from samrl_ros.recordings.signals import common_joints, signal_of
 STRING = "std_msgs/msg/String"
 PHASE = "/cell/phase"
 _STATES = re.compile(r"^/cell/([^/]+)/joint_states$")
-_CHANNELS = {"joint_states": JOINT_STATE, "command": JOINT_TRAJECTORY, "commanded_effort": JOINT_STATE}
+_CHANNELS = {
+    "joint_states": JOINT_STATE,
+    "command": JOINT_TRAJECTORY,
+    "commanded_effort": JOINT_STATE,
+    "torque_enabled": JOINT_STATE,
+}
 _TEXTS = ("robot_description", "controller", "tool")
 _MOVING = ("revolute", "continuous", "prismatic")
 RAW = "raw_effort"  # custom data: channels whose effort is in units of the drive, not N m
@@ -195,6 +200,7 @@ def _recording(
         states=signals["joint_states"],
         command=signals.get("command"),
         commanded_effort=signals.get("commanded_effort"),
+        torque_enabled=signals.get("torque_enabled"),
         phases=_phases(messages[PHASE], decoded["joint_states"], logged["joint_states"], start),
     )
 

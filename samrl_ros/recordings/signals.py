@@ -9,6 +9,9 @@ from samrl_core.common.errors import InputError
 from samrl_ros.recordings.joint_messages import JointMessages
 
 _MOST_REPEATED = 0.1  # of a topic's messages; more are no slips, but two sources
+_EFFORT = ("effort",)
+# One of them; a speed loop is told a velocity alone.
+_NEEDED = {"commanded_effort": _EFFORT, "torque_enabled": _EFFORT, "command": ("position", "velocity")}
 _ORDER = ("position", "velocity", "acceleration", "effort")
 
 
@@ -80,10 +83,10 @@ def signal_of(
     stamps = stamps[index[order]]
     keep = first_of_each(where, stamps, start_ns, notes)
     stamps, values = stamps[keep], {quantity: block[keep] for quantity, block in values.items()}
-    needed = "effort" if channel == "commanded_effort" else "position"
-    if needed not in values:
-        raise InputError(f"{where} carries no {needed}; it has {', '.join(values) or 'nothing'}")
-    if channel == "commanded_effort":
+    needed = _NEEDED.get(channel, ("position",))
+    if not set(needed) & set(values):
+        raise InputError(f"{where} carries no {' or '.join(needed)}; it has {', '.join(values) or 'nothing'}")
+    if needed == _EFFORT:
         values = {"effort": values["effort"]}
     return JointSignal(time=(stamps - start_ns) * 1e-9, **values)
 

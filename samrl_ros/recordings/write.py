@@ -112,6 +112,8 @@ def _channels(recording: ArmRecording) -> Iterator[tuple[str, str, JointSignal]]
         yield f"{base}/command", JOINT_TRAJECTORY, recording.command
     if recording.commanded_effort is not None:
         yield f"{base}/commanded_effort", JOINT_STATE, recording.commanded_effort
+    if recording.torque_enabled is not None:
+        yield f"{base}/torque_enabled", JOINT_STATE, recording.torque_enabled
 
 
 def _messages(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.common.errors import InputError
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # in the arm's base frame [m/s2]
@@ -31,6 +33,7 @@ class Tolerances:
     base_tilt: float = 0.0005  # per horizontal axis [rad]
     armature: float = 0.02  # fraction of the nominal value
     stamp: float = 0.0002  # of a channel against another, constant in a recording [s]
+    motor_constant: float | tuple[float, ...] = 0.01  # of a motor: torque per volt or ampere, a fraction
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -59,7 +62,10 @@ class Tolerances:
 
 @dataclass(frozen=True, eq=False)
 class ArmController:
-    """The described controller: effort = clip(K (q_d - q) + D (dq_d - dq) + g(q) + feed-forward)."""
+    """The described controller: effort = clip(K (q_d - q) + D (dq_d - dq) + g(q) + feed-forward).
+
+    `law` holds what other kinds add to it. `kind` and `stated` are its name and keys as they were described.
+    """
 
     joints: tuple[str, ...]
     stiffness: np.ndarray  # (J,) [N m/rad]
@@ -70,6 +76,9 @@ class ArmController:
     effort_limit: np.ndarray | None = None  # (J,) [N m]; None: the URDF's
     armature: np.ndarray | None = None  # (J,) rotor inertia seen at the joint [kg m2]; None: zero
     tolerances: Tolerances = field(default_factory=Tolerances)
+    law: DriveLaw = field(default_factory=DriveLaw)
+    kind: str = "joint_impedance"
+    stated: Mapping[str, Any] = field(default_factory=dict)  # keys of the kind, where it has its own
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,7 @@ class ArmRecording:
     command: JointSignal | None  # what the controller tracks; effort = feed-forward without gravity
     commanded_effort: JointSignal | None  # effort only: torque sent to the drives, gravity included
     phases: tuple[tuple[float, str], ...] = ()  # (time [s], mark) as published by the controller
+    torque_enabled: JointSignal | None = None  # effort: 1 on, 0 off; the last one holds
 
     @property
     def duration(self) -> float:

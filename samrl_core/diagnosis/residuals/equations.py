@@ -109,10 +109,13 @@ def form_equations(motion: RecordedMotion) -> Equations:
     floor = TORQUE_FLOOR * variation
     # The friction that tolerances allow is of no formula either.
     friction = FRICTION_FLOOR * np.asarray(arm.tolerances.coulomb_friction) * scale
-    if motion.command is not None and arm.controller is not None and u is not None:
-        law, lag, raw = _controller_residual(motion, rigid)
+    if motion.computed:
+        law = motion.law().total
+    elif motion.command is not None and _has_loop(arm) and u is not None:
+        law, lag, raw = _controller_residual(motion)
         residual["controller"] = motion.reduce(raw)
         level = np.hypot(share * _high_frequency(raw, motion.rate), floor)
+        assert arm.controller is not None
         if motion.raw_velocity is None:  # the law then damps differences of noisy positions
             level = np.hypot(level, arm.controller.damping * np.sqrt(motion.velocity_noise()))
         level = np.hypot(level, _between_commands(motion))
@@ -135,26 +138,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
     return Equations(motion, residual, sigma, law, lag, model)
 
 
-def controller_law(
-    motion: RecordedMotion, rigid: RigidArm, position: np.ndarray, velocity: np.ndarray
-) -> np.ndarray:
-    """Commanded effort (F, J) of the described controller at measured states, before clipping."""
-    controller, command = motion.recording.arm.controller, motion.command
-    assert controller is not None and command is not None
-    assert command.position is not None and command.velocity is not None and command.effort is not None
-    law = controller.stiffness * (command.position - position)
-    law = law + controller.damping * (command.velocity - velocity) + command.effort
-    return law + rigid.gravity(position) if controller.gravity_compensation else law
-
-
-def clipped(motion: RecordedMotion, rigid: RigidArm, law: np.ndarray) -> np.ndarray:
-    """The law within the stated effort limits."""
-    controller = motion.recording.arm.controller
-    assert controller is not None
-    limit = rigid.effort_limits()
-    if controller.effort_limit is not None:
-        limit = np.minimum(limit, controller.effort_limit)
-    return np.clip(law, -limit, limit)
+def _has_loop(arm: ArmDescription) -> bool:
+    return arm.controller is not None and not arm.controller.law.open_loop
 
 
 def _between_commands(motion: RecordedMotion) -> np.ndarray:
@@ -171,26 +156,21 @@ def _between_commands(motion: RecordedMotion) -> np.ndarray:
     return controller.stiffness * missed(command.position) + controller.damping * missed(command.velocity)
 
 
-def _controller_residual(motion: RecordedMotion, rigid: RigidArm) -> tuple[np.ndarray, int, np.ndarray]:
+def _controller_residual(motion: RecordedMotion) -> tuple[np.ndarray, int, np.ndarray]:
     """Law, the lag of states that fits its finest detail best, and law - commanded effort at full rate."""
-    q, u = motion.raw_position, motion.raw_commanded
-    dq = motion.raw_velocity if motion.raw_velocity is not None else motion.full_velocity
-    assert q is not None and u is not None
-    law0 = controller_law(motion, rigid, q, dq)
+    u, limit = motion.asked, motion.limit()
+    assert u is not None
     best: tuple[float, int, np.ndarray] | None = None
     for lag in range(-MAX_LAG, MAX_LAG + 1):
         # The command is not shifted: a late command is an effect, a late log of states is not.
-        controller = motion.recording.arm.controller
-        assert controller is not None
-        shift_q, shift_dq = np.roll(q, lag, axis=0) - q, np.roll(dq, lag, axis=0) - dq
-        law = law0 - controller.stiffness * shift_q - controller.damping * shift_dq
-        rough = float(np.sum(_high_frequency(clipped(motion, rigid, law) - u, motion.rate)))
+        law = motion.law(lag=lag).total
+        rough = float(np.sum(_high_frequency(np.clip(law, -limit, limit) - u, motion.rate)))
         rough += 1e-4 * float(np.sum(np.std(u, axis=0)))  # a noise-free log must not be decided by rounding
         # Another lag must be clearly better than none.
         if best is None or rough * (1.2 if lag else 1.0) < best[0]:
             best = (rough * (1.2 if lag else 1.0), lag, law)
     assert best is not None
-    return best[2], best[1], clipped(motion, rigid, best[2]) - u
+    return best[2], best[1], motion.enabled * (np.clip(best[2], -limit, limit) - u)
 
 
 def _high_frequency(x: np.ndarray, rate: float) -> np.ndarray:

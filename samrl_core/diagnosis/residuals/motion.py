@@ -13,7 +13,9 @@ from functools import cached_property
 import numpy as np
 from scipy import interpolate, signal
 
+from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, law_terms
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 BAND_HZ = 25.0  # what is compared; above it sensor noise in accelerations outweighs what arms do
@@ -63,7 +65,6 @@ class RecordedMotion:
         self.raw_position = self._onto(states.time, states.position, self.time)
         self.raw_velocity = self._onto(states.time, states.velocity, self.time)
         self.raw_effort = self._onto(states.time, states.effort, self.time)
-        self.raw_commanded = self._commanded(recording.commanded_effort)
         position = self.raw_position
         if position is None:
             raise ValueError(f"{recording.name} has no positions")
@@ -73,6 +74,13 @@ class RecordedMotion:
         else:
             self.full_velocity = np.gradient(self.full_position, 1.0 / rate, axis=0)
         self.full_acceleration = np.gradient(self.full_velocity, 1.0 / rate, axis=0)
+        self.enabled = self._enabled()  # (F, J) 1 where the drives give torque
+        self.given = self._commanded(recording.commanded_effort)  # (F, J) as recorded
+        self.computed = self.given is None and self._law_gives_torque()
+        if self.computed:
+            limit = self.limit()
+            self.given = np.clip(self.law().total, -limit, limit)
+        self.raw_commanded = None if self.given is None else self.motor_torque(self.given)
 
         self.t = self._pick(self.time)  # (N,)
         self.q = self.reduce(position)
@@ -134,9 +142,13 @@ class RecordedMotion:
     def command(self) -> JointSignal | None:
         """What the controller tracked, on the full-rate grid; None where no command was recorded."""
         command = self.recording.command
-        if command is None or command.position is None or len(command) < 2:
+        if command is None or len(command) < 2:
             return None
         position = self._onto(command.time, command.position, self.time)
+        if position is None:
+            if command.velocity is None or self.controller is None or np.any(self.controller.stiffness > 0):
+                return None
+            position = np.zeros_like(self.raw_position)  # a speed loop is told no position
         velocity = self._onto(command.time, command.velocity, self.time)
         effort = self._onto(command.time, command.effort, self.time)
         zero = np.zeros_like(self.raw_position)
@@ -146,6 +158,119 @@ class RecordedMotion:
             zero if velocity is None else velocity,
             None,
             zero if effort is None else effort,
+        )
+
+    @property
+    def controller(self) -> ArmController | None:
+        """The described controller."""
+        return self.recording.arm.controller
+
+    @cached_property
+    def drive_input(self) -> JointSignal | None:
+        """What drives a closed loop: the command, or the recorded effort of a motor without a loop."""
+        if self.controller is None or not self.controller.law.open_loop:
+            return self.command
+        if self.given is None or self.raw_position is None:
+            return None
+        still = np.zeros_like(self.raw_position)
+        return JointSignal(self.time, still, still, None, self.given)
+
+    @cached_property
+    def asked(self) -> np.ndarray | None:
+        """Torque (F, J) at standstill that the drives were asked for, as recorded."""
+        if self.given is None or self.controller is None or not self.controller.law.after_back_emf:
+            return self.given
+        return self.given + self.controller.law.of_joints("back_emf", self.joints) * self.full_velocity
+
+    def limit(self) -> np.ndarray:
+        """(J,) of the controller's output [N m]; infinite where none is stated."""
+        assert self.controller is not None
+        limit = np.full(self.joints, np.inf) if self.arm is None else self.arm.effort_limits()
+        if self.controller.effort_limit is not None:
+            limit = np.minimum(limit, self.controller.effort_limit)
+        return limit
+
+    def law(self, command: JointSignal | None = None, lag: int = 0) -> LawTerms:
+        """The described law at the measured states, of another command where one is given.
+
+        `lag` shifts the states by samples, but for their weight.
+        """
+        command = command or self.command
+        assert command is not None and self.controller is not None and self.raw_position is not None
+        velocity = self.raw_velocity if self.raw_velocity is not None else self.full_velocity
+        position = self.raw_position
+        if lag:
+            position, velocity = np.roll(position, lag, axis=0), np.roll(velocity, lag, axis=0)
+        if (ticks := self._ticks) is not None:
+            position, velocity = position[ticks], velocity[ticks]
+            parts = (command.position, command.velocity, command.effort)
+            at = [None if part is None else part[ticks] for part in parts]
+            command = JointSignal(self.time, at[0], at[1], None, at[2])
+        return law_terms(
+            self.controller, command, position, velocity, self._compensated, self.limit(), 1.0 / self.rate,
+            self.enabled,
+        )  # fmt: skip
+
+    @cached_property
+    def _ticks(self) -> np.ndarray | None:
+        """Sample (F,) at which the controller last read, where it thinks more slowly than the log is."""
+        assert self.controller is not None
+        period = self.controller.period_s
+        if period < 1.5 / self.rate:
+            return None
+        elapsed = self.time - self.time[0]
+        return np.round(np.floor(elapsed / period + 1e-6) * period * self.rate).astype(int)
+
+    def law_change(self, command: JointSignal) -> np.ndarray:
+        """Torque (F, J) by which the law asks for more with the recorded command than with this one.
+
+        Within its limits where the law stands for the torque; a recorded one tells where it was clipped.
+        """
+        own, other = self._own_law.total, self.law(command).total
+        if not self.computed:
+            return own - other
+        limit = self.limit()
+        return np.clip(own, -limit, limit) - np.clip(other, -limit, limit)
+
+    @cached_property
+    def _own_law(self) -> LawTerms:
+        return self.law()
+
+    @cached_property
+    def _compensated(self) -> np.ndarray | float:
+        """Gravity torque (F, J) that the controller adds."""
+        assert self.controller is not None and self.raw_position is not None
+        return (
+            self.arm.gravity(self.raw_position) if self.arm and self.controller.gravity_compensation else 0.0
+        )
+
+    def motor_torque(self, asked: np.ndarray) -> np.ndarray:
+        """Torque (F, J) of the motors at what is asked of them: switched, less what their speed takes."""
+        if self.controller is None:
+            return asked
+        law = self.controller.law
+        loss = law.of_joints("back_emf", self.joints)
+        powered = np.ones_like(self.enabled) if law.braked else self.enabled
+        if self.recording.commanded_effort is not None and law.after_back_emf:
+            return np.where(self.enabled > 0, asked, -loss * self.full_velocity * (powered - self.enabled))
+        return self.enabled * asked - loss * powered * self.full_velocity
+
+    def _enabled(self) -> np.ndarray:
+        assert self.raw_position is not None
+        flags = self.recording.torque_enabled
+        if flags is None or flags.effort is None or not len(flags):
+            return np.ones_like(self.raw_position)
+        return (held_values(flags.time, flags.effort, self.time) > 0).astype(float)
+
+    def _law_gives_torque(self) -> bool:
+        """Without a recorded torque, a law that is known says what the drives were asked for."""
+        return (
+            self.dynamic
+            and self.arm is not None
+            and self.controller is not None
+            and not self.controller.law.open_loop
+            and self.raw_effort is None
+            and self.command is not None
         )
 
     @cached_property

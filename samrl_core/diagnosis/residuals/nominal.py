@@ -11,8 +11,9 @@ import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
+from samrl_core.diagnosis.residuals.control_law import WOUND
 from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, Columns
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
 FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
@@ -59,7 +60,7 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
         for j in joints:
             soft = trial.link(trial.deflection(j, trial.transmitted[None, :, j]))
             out.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
-    out += _stamps(trial)
+    out += _stamps(trial) + _motors(trial)
     return [(columns, std) for columns, std in out if std > 0]
 
 
@@ -118,17 +119,38 @@ def _stamps(trial: Trial) -> list[tuple[Columns, float]]:
         out.append(
             ({(channel, j): motion.derivative(torque[:, j])[None] for j in range(trial.joints)}, stamp)
         )
-    if "controller" in trial.channels and motion.command is not None:
+    if trial.shows_controller and motion.command is not None:
         controller, command = trial.recording.arm.controller, motion.command
         assert controller is not None and command.position is not None and command.velocity is not None
+        if controller.period_s > 1.5 / motion.rate:  # nobody knows when within a sample's time it thought
+            stamp = max(stamp, 0.25 * controller.period_s)
+        share = controller.law.of_joints("velocity_share", trial.joints)
         rate = controller.stiffness * np.gradient(command.position, 1 / motion.rate, axis=0)
-        rate = rate + controller.damping * np.gradient(command.velocity, 1 / motion.rate, axis=0)
-        reduced = motion.reduce(rate)
-        out.append(({("controller", j): reduced[None, :, j] for j in range(trial.joints)}, stamp))
-        assert motion.raw_position is not None
+        rate = rate + controller.damping * share * np.gradient(command.velocity, 1 / motion.rate, axis=0)
+        out.append((add(*(trial.controller(j, rate[None, :, j]) for j in range(trial.joints))), stamp))
+        spring = motion.law().spring
         for j in range(trial.joints):
-            spring = controller.stiffness[j] * (command.position[:, j] - motion.raw_position[:, j])
-            out.append((trial.controller(j, spring[None]), CONTROLLER_GAIN))
+            out.append((trial.controller(j, spring[None, :, j]), CONTROLLER_GAIN))
+    return out
+
+
+def _motors(trial: Trial) -> list[tuple[Columns, float]]:
+    """Torque per volt or ampere of each motor, and what integrals held when the recording began."""
+    motion, controller = trial.motion, trial.recording.arm.controller
+    if controller is None:
+        return []
+    law, out = controller.law, []
+    known = law.of_joints("torque_per_volt", trial.joints) + law.of_joints("torque_per_ampere", trial.joints)
+    spread = _per_joint(trial.recording.arm.tolerances.motor_constant, trial)
+    torque = motion.raw_commanded
+    for j in range(trial.joints):
+        if known[j] > 0 and torque is not None:
+            out.append((trial.drive(j, torque[None, :, j]), spread[j]))
+    winds = law.of_joints("integral", trial.joints) + law.of_joints("velocity_integral", trial.joints)
+    elapsed = (motion.time - motion.time[0]) / max(float(motion.time[-1] - motion.time[0]), 1e-9)
+    for j in np.flatnonzero(winds > 0).tolist() if trial.shows_controller else ():
+        for shape in (np.ones_like(elapsed), elapsed):
+            out.append((trial.controller(j, shape[None]), WOUND * trial.scale[j]))
     return out
 
 

@@ -53,10 +53,21 @@ class Trial:
         return {(channel, joint): self.motion.reduce(full.T).T}
 
     def controller(self, joint: int, full: np.ndarray) -> Columns:
-        """Columns (p, F) at full rate that act between command and commanded effort of a joint."""
-        if "controller" not in self.channels:
+        """Columns (p, F) at full rate that act between command and commanded effort of a joint.
+
+        Where the effort is what the law says, the law's own error is found where torque meets motion.
+        """
+        if "controller" not in self.channels and not self.motion.computed:
             return {}
+        full = full * self.motion.enabled[:, joint]
+        if self.motion.computed:
+            return self.drive(joint, full)
         return {("controller", joint): self.motion.reduce(full.T).T}
+
+    @property
+    def shows_controller(self) -> bool:
+        """Whether what the controller does otherwise than described is seen in some channel."""
+        return "controller" in self.channels or (self.motion.computed and "dynamics" in self.channels)
 
     def link(self, columns: np.ndarray) -> Columns:
         """Band-limited columns (p, N, J) that act behind the torque sensors."""

@@ -9,6 +9,7 @@ import numpy as np
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.common.errors import InputError
 
+CORNER = 10.0  # [rad/s] ASSUMPTION: of a loop that states only one of its gains, or none
 QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
 
 
@@ -19,16 +20,24 @@ def channel_scales(arm: ArmDescription, effort_limit: np.ndarray) -> dict[str, n
     position [rad]: the deflection that this torque causes against the controller's stiffness.
     velocity [rad/s]: that deflection times the controller's corner frequency, stiffness over damping.
 
+    A motor's back-EMF damps as well. Where a loop has no stiffness or no damping, its corner is taken to be
+    `CORNER`; where it has neither, the effort limit over one radian is its stiffness.
+
     Raises:
-        InputError: no controller, or limits, stiffness or damping that are not positive and finite.
+        InputError: no controller, or limits and gains that are not positive and finite.
     """
     if arm.controller is None:
         raise InputError(
             f"{arm.role} has no described controller; the gap metric needs stiffness and damping"
         )
     stiffness = np.asarray(arm.controller.stiffness, float)
-    damping = np.asarray(arm.controller.damping, float)
+    damping = np.asarray(arm.controller.damping, float) + arm.controller.law.of_joints(
+        "back_emf", len(arm.joints)
+    )
     limit = np.asarray(effort_limit, float)
+    stiffness = np.where((stiffness == 0) & (damping > 0), damping * CORNER, stiffness)
+    stiffness = np.where(stiffness == 0, limit, stiffness)
+    damping = np.where(damping == 0, stiffness / CORNER, damping)
     for name, values in (("stiffness", stiffness), ("damping", damping), ("effort limit", limit)):
         if not (np.isfinite(values).all() and (values > 0).all()):
             raise InputError(f"{name} of {arm.role} is {values}, must be finite and > 0 for the gap metric")

@@ -23,7 +23,7 @@ from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence
-from samrl_core.diagnosis.selection.resimulation import simulable
+from samrl_core.diagnosis.selection.resimulation import from_start, simulable
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
@@ -75,7 +75,7 @@ def simulate_null_recordings(
     """The trials' commands by a plant, with their noise; None if it diverges."""
     out = []
     for trial in trials:
-        motion, command, arm = trial.motion, trial.motion.command, trial.recording.arm
+        motion, command, arm = trial.motion, trial.motion.drive_input, trial.recording.arm
         controller = arm.controller
         assert command is not None and controller is not None
         shifted = JointSignal(
@@ -88,6 +88,7 @@ def simulate_null_recordings(
             [plant],
             float(motion.time[-1] - motion.time[0]),
             record_every=max(1, round(1.0 / (motion.rate * controller.period_s))),
+            enabled=from_start(trial.recording.torque_enabled, motion.time[0]),
             keep_diverged=True,
         )
         position, velocity = run.position[0], run.velocity[0]
@@ -103,8 +104,16 @@ def simulate_null_recordings(
         if motion.raw_effort is not None:
             effort = run.effort[0] + noise.effort * rng.standard_normal(position.shape)
         states = JointSignal(run.time, reading, speed, None, effort)
-        commanded = JointSignal(run.time, effort=sent) if motion.raw_commanded is not None else None
-        out.append(ArmRecording(trial.recording.name, "", "", arm, states, shifted, commanded))
+        recorded = trial.recording.commanded_effort is not None
+        if controller.law.open_loop:
+            sent = run.commanded_effort[0]  # what was put in
+        commanded = JointSignal(run.time, effort=sent) if recorded else None
+        enabled = from_start(trial.recording.torque_enabled, motion.time[0])
+        out.append(
+            ArmRecording(
+                trial.recording.name, "", "", arm, states, shifted, commanded, torque_enabled=enabled
+            )
+        )
     return out
 
 
@@ -151,12 +160,15 @@ def _key(trials: Sequence[Trial], effects: Sequence[Effect], seed: int) -> str:
     digest = hashlib.sha256(f"{VERSION} {seed}".encode())
     digest.update(" ".join(sorted(e.family for e in effects)).encode())
     for trial in trials:
-        arm, command = trial.recording.arm, trial.recording.command
+        arm, command = trial.recording.arm, trial.motion.drive_input
         assert arm.controller is not None and command is not None and command.position is not None
         digest.update((arm.urdf or "").encode())
         digest.update(repr(astuple(arm.tolerances)).encode())
         digest.update(np.round(command.position, 6).tobytes())
         digest.update(arm.controller.stiffness.tobytes() + arm.controller.damping.tobytes())
+        if command.effort is not None and arm.controller.law.open_loop:
+            digest.update(np.round(command.effort, 6).tobytes())
+        digest.update(repr(sorted(arm.controller.stated.items())).encode())
         digest.update(trial.rotor.tobytes() + np.round(np.log2(trial.motion.noise.velocity + 1e-9)).tobytes())
         if arm.tool is not None:
             digest.update(np.float64(arm.tool.mass).tobytes())

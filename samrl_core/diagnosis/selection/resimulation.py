@@ -37,7 +37,7 @@ def simulable(trial: Trial) -> bool:
         trial.rigid is not None
         and trial.motion.dynamic
         and trial.recording.arm.controller is not None
-        and trial.motion.command is not None
+        and trial.motion.drive_input is not None
     )
 
 
@@ -66,6 +66,25 @@ def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
         return None  # a fit so far out that no plant is like it; its interval and alarms say so
 
 
+def from_start(signal: JointSignal | None, start: float) -> JointSignal | None:
+    """A signal on a time axis that begins elsewhere."""
+    return None if signal is None else replace(signal, time=signal.time - start)
+
+
+def _motor_torque(
+    trial: Trial, asked: np.ndarray, velocity: np.ndarray, grid: np.ndarray, time: np.ndarray
+) -> np.ndarray:
+    """Simulated effort (T, J) as `motion.raw_commanded` counts it: less what the motors' speed takes."""
+    controller, motion = trial.recording.arm.controller, trial.motion
+    assert controller is not None
+    loss = controller.law.of_joints("back_emf", trial.joints)
+    if not np.any(loss > 0):
+        return asked
+    index = np.clip(np.searchsorted(grid, time - 1e-9), 0, len(grid) - 1)
+    powered = np.ones_like(asked) if controller.law.braked else motion.enabled[index]
+    return asked - loss * powered * velocity
+
+
 def begins(fit: Fit) -> float | None:
     """When the first effect of a fit was switched on [s]; None if it was there from the start."""
     return fit.hypotheses[0].shape.get(ONSET)
@@ -77,7 +96,7 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
     Before `onset` [s] every plant is nominal.
     """
     arm, motion = trial.recording.arm, trial.motion
-    command = motion.command
+    command = motion.drive_input
     assert trial.rigid is not None and command is not None and arm.controller is not None
     shifted = JointSignal(
         command.time - motion.time[0], command.position, command.velocity, None, command.effort
@@ -88,13 +107,18 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
     duration = float(motion.time[-1] - motion.time[0])
     start_q = np.median(motion.full_position[:5], axis=0)
     start_v = np.median(motion.full_velocity[:5], axis=0)
+    switched = from_start(motion.recording.torque_enabled, motion.time[0])
     rollouts = loop.rollout(
-        shifted, start_q, start_v, list(plants.values()), duration, record_every=every, keep_diverged=True
-    )
+        shifted, start_q, start_v, list(plants.values()), duration, record_every=every, enabled=switched,
+        keep_diverged=True,
+    )  # fmt: skip
     if onset is not None and every * period < onset < duration - 10 * every * period:
-        rollouts = _switched_on(loop, rollouts, shifted, list(plants.values()), onset, duration, every)
+        rollouts = _switched_on(
+            loop, rollouts, shifted, switched, list(plants.values()), onset, duration, every
+        )
     grid = motion.time - motion.time[0]
     length = int(np.searchsorted(grid, rollouts.time[-1] + 0.5 / motion.rate))
+    open_loop = arm.controller.law.open_loop  # its effort is what was put in
     limits = np.where(np.isfinite(trial.rigid.effort_limits()), trial.rigid.effort_limits(), trial.scale)
     measured = {
         name: values[:length]
@@ -102,7 +126,7 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
             ("position", motion.raw_position),
             ("velocity", motion.raw_velocity),
             ("effort", motion.raw_effort),
-            ("commanded_effort", motion.raw_commanded),
+            ("commanded_effort", None if motion.computed or open_loop else motion.raw_commanded),
         )
         if values is not None
     }
@@ -111,6 +135,8 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
         channels = {}
         for quantity in measured:
             values = getattr(rollouts, quantity)[k]
+            if quantity == "commanded_effort":
+                values = _motor_torque(trial, values, rollouts.velocity[k], grid, rollouts.time)
             channels[quantity] = np.stack(
                 [np.interp(grid[:length], rollouts.time, column) for column in values.T], axis=1
             )
@@ -122,6 +148,7 @@ def _switched_on(
     loop: ClosedLoop,
     nominal_first: Rollouts,
     command: JointSignal,
+    enabled: JointSignal | None,
     plants: list[PlantParameters],
     onset: float,
     duration: float,
@@ -140,6 +167,7 @@ def _switched_on(
         plants,
         duration - begin,
         record_every=every,
+        enabled=from_start(enabled, begin),
         keep_diverged=True,
     )
     count = len(nominal_first.time) - k

@@ -65,11 +65,15 @@ class ClosedLoop:
         arm: ArmDescription,
         device: str = "cpu",
         *,
-        substeps: int = 1,
+        substeps: int | None = None,
         efforts: str = "start",
         threads: int = 1,
     ) -> None:
-        """Read the URDF; `substeps` integration steps to a period, plants spread over `threads`."""
+        """Read the URDF.
+
+        `substeps` are integration steps to a period, as many as needed where left out; plants are spread
+        over `threads`.
+        """
         self.arm = arm
         self.model = LoopModel(arm, device, substeps=substeps, efforts=efforts, threads=threads)
 
@@ -83,6 +87,7 @@ class ClosedLoop:
         *,
         record_every: int = 1,
         position_log: JointSignal | None = None,
+        enabled: JointSignal | None = None,
         keep_diverged: bool = False,
     ) -> Rollouts:
         """Simulate plants under one command.
@@ -96,6 +101,7 @@ class ClosedLoop:
             duration_s: of the rollout; sample times are 0, record_every periods, ... up to it.
             record_every: controller periods from one sample to the next.
             position_log: position and velocity that the controller reads in place of the simulated ones.
+            enabled: effort 1 while the drives give torque, 0 while they are switched off; the last one holds.
             keep_diverged: leave a diverged plant's samples NaN from there on instead of raising.
 
         Raises:
@@ -120,6 +126,7 @@ class ClosedLoop:
                 steps,
                 every,
                 position_log=position_log,
+                enabled=enabled,
             )
             simulation.start(start_q[members], start_v[members])
             failed = simulation.run()

@@ -28,6 +28,7 @@ from samrl_core.diagnosis.simulation.kernel_slots import (
     H_CABLE,
     H_COMMAND_Q,
     H_COMMAND_V,
+    H_INTEGRAL,
     H_MOTOR_CONSTANT,
     H_MOTOR_FOLLOWS,
     H_OUTSIDE,
@@ -39,8 +40,17 @@ from samrl_core.diagnosis.simulation.kernel_slots import (
     H_TAU,
     HOLDING,
     HYSTERETIC,
+    L_BACK_EMF,
+    L_COMMAND_STEP,
+    L_DEAD_BAND,
+    L_INTEGRAL,
+    L_POLE_PITCH,
+    L_PUNCH,
+    L_VELOCITY_INTEGRAL,
+    L_VELOCITY_SHARE,
     ONE,
     P_ACTUATOR_GAIN,
+    P_BACK_EMF,
     P_BACKLASH,
     P_CABLE_FRICTION,
     P_CABLE_REST,
@@ -48,6 +58,7 @@ from samrl_core.diagnosis.simulation.kernel_slots import (
     P_COMMAND_ALPHA,
     P_COMMAND_DELAY,
     P_DAMPING_SCALE,
+    P_DEAD_BAND,
     P_EFFORT_ALPHA,
     P_EFFORT_DELAY,
     P_EFFORT_LIMIT,
@@ -80,6 +91,7 @@ from samrl_core.diagnosis.simulation.kernel_slots import (
     S_COMMAND_Q,
     S_COMMAND_V,
     S_HYSTERESIS,
+    S_INTEGRAL,
     S_LINK_TORQUE,
     S_Q,
     S_QM,
@@ -139,14 +151,40 @@ def measure(a: Arrays, b: int, k: int):
 
 @wp.func
 def control(a: Arrays, b: int, k: int, j: int, command_q: f64, command_v: f64):
-    """The described law at the reading: clip(K (q_d - q) + D (dq_d - dq) + g(q) + feed-forward)."""
+    """The described law at the reading (`DriveLaw`), clipped, and the next integral."""
     i = j - a.mount
-    spring = a.params[b, j, P_STIFFNESS_SCALE] * a.stiffness[i] * (command_q - a.measured_q[b, j])
-    damper = a.params[b, j, P_DAMPING_SCALE] * a.damping[i] * (command_v - a.measured_v[b, j])
+    on = a.enabled[wp.min(k, a.enabled.shape[0] - 1), i]
+    step = a.law[i, L_COMMAND_STEP]
+    goal = command_q
+    if step > ZERO:
+        goal = step * wp.round(command_q / step)
+    off = goal - a.measured_q[b, j]
+    band = a.law[i, L_DEAD_BAND] + a.params[b, j, P_DEAD_BAND]
+    side = wp.sign(off)
+    error = off
+    if band + a.law[i, L_PUNCH] > ZERO:  # without them, an error of zero has a slope
+        if wp.abs(off) <= band:
+            side = ZERO
+        error = wp.abs(side) * off - side * band
+    lag = a.law[i, L_VELOCITY_SHARE] * command_v - a.measured_v[b, j]
+    pull = a.stiffness[i] * error + a.law[i, L_PUNCH] * side
+    pitch = a.law[i, L_POLE_PITCH]
+    if pitch > ZERO:
+        pull = a.stiffness[i] / pitch * wp.sin(pitch * error)
+    spring = a.params[b, j, P_STIFFNESS_SCALE] * pull
+    damper = a.params[b, j, P_DAMPING_SCALE] * a.damping[i] * lag
     u = spring + damper + past(a.command_u, k, i, a.params[b, j, P_COMMAND_DELAY])
     if a.compensate == 1:
         u = u + a.held[b, j]
-    return wp.clamp(u, -a.limit[i], a.limit[i])
+    # an integral stands still while the output is clipped and it would drive it further
+    held = a.state[k % a.slots, b, j, S_INTEGRAL]
+    wind = a.law[i, L_INTEGRAL] * error + a.law[i, L_VELOCITY_INTEGRAL] * lag
+    wind = wind * a.step * f64(a.substeps)
+    raw = u + held + wind
+    if wp.abs(raw) <= a.limit[i] or raw * wind < ZERO:
+        held = held + wind
+    held = held * on
+    return wp.vec2d(on * wp.clamp(u + held, -a.limit[i], a.limit[i]), held)
 
 
 @wp.func
@@ -183,11 +221,14 @@ def drive(a: Arrays, b: int, k: int):
                 command_v = late_v + keep * (a.state[slot, b, j, S_COMMAND_V] - late_v)
             a.hand[b, j, H_COMMAND_Q] = command_q
             a.hand[b, j, H_COMMAND_V] = command_v
-            # controller, at its own period
-            if k % a.substeps == 0:
-                a.effort[slot, b, j] = control(a, b, k, j, command_q, command_v)
+            # controller, at its own period; a stepper's field does not wait
+            if k % a.substeps == 0 or a.law[i, L_POLE_PITCH] > ZERO:
+                asked = control(a, b, k, j, command_q, command_v)
+                a.effort[slot, b, j] = asked[0]
+                a.hand[b, j, H_INTEGRAL] = asked[1]
             else:
                 a.effort[slot, b, j] = a.effort[(k - 1) % a.slots, b, j]
+                a.hand[b, j, H_INTEGRAL] = a.state[slot, b, j, S_INTEGRAL]
             u = a.effort[slot, b, j]
             # the way to the drive
             if (flags & DELAYED) != 0:
@@ -211,7 +252,11 @@ def drive(a: Arrays, b: int, k: int):
             a.hand[b, j, H_RATE] = rate
             most = a.params[b, j, P_EFFORT_LIMIT]
             torque = a.params[b, j, P_ACTUATOR_GAIN] * wp.clamp(rate, -most, most)
-            torque = torque + a.params[b, j, P_TORQUE_OFFSET]
+            powered = a.enabled[wp.min(k, a.enabled.shape[0] - 1), i]
+            torque = powered * torque + a.params[b, j, P_TORQUE_OFFSET]
+            if a.braked == 1:
+                powered = ONE
+            drag = powered * (a.law[i, L_BACK_EMF] + a.params[b, j, P_BACK_EMF])
             qm = a.state[slot, b, j, S_QM]
             vm = a.state[slot, b, j, S_VM]
             if (flags & TORQUE_WAVE) != 0:
@@ -251,16 +296,16 @@ def drive(a: Arrays, b: int, k: int):
                 c = contact * (damping + h * stiffness * spring_blend(stiffness, reduced, h))
                 inertia = rotor + h * c + TINY
                 rest = wound + c * (vm - v)
-            free = vm + h * (torque - rest) / inertia
+            free = (vm + h * (torque - rest) / inertia) / (ONE + h * drag / inertia)
             constant = ZERO
-            slope = ZERO
+            slope = drag
             if (flags & FRICTION) != 0:
                 law = friction(
                     a, b, k, j, vm, qm, a.state[slot, b, j, S_LINK_TORQUE], a.state[slot, b, j, S_BRISTLE],
                     free, inertia,
                 )  # fmt: skip
                 constant = law[0]
-                slope = law[1]
+                slope = drag + law[1]
                 a.hand[b, j, H_BRISTLE_CONSTANT] = law[2]
                 a.hand[b, j, H_BRISTLE_SLOPE] = law[3]
             if (flags & ELASTIC) != 0:
@@ -322,6 +367,7 @@ def update(a: Arrays, b: int, k: int):
             a.state[after, b, j, S_VM] = vm
             a.state[after, b, j, S_COMMAND_Q] = a.hand[b, j, H_COMMAND_Q]
             a.state[after, b, j, S_COMMAND_V] = a.hand[b, j, H_COMMAND_V]
+            a.state[after, b, j, S_INTEGRAL] = a.hand[b, j, H_INTEGRAL]
             a.state[after, b, j, S_RECEIVED] = a.hand[b, j, H_RECEIVED]
             a.state[after, b, j, S_SMOOTH] = a.hand[b, j, H_SMOOTH]
             a.state[after, b, j, S_RATE] = a.hand[b, j, H_RATE]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.diagnosis.simulation.simulation_arrays import F, H, P, S, f64
+from samrl_core.diagnosis.simulation.simulation_arrays import F, H, L, P, S, f64
 
 ZERO = wp.constant(f64(0.0))
 HALF = wp.constant(f64(0.5))
@@ -80,6 +80,8 @@ P_SENSOR_DRIFT = wp.constant(int(P.SENSOR_DRIFT))
 P_CABLE_STIFFNESS = wp.constant(int(P.CABLE_STIFFNESS))
 P_CABLE_REST = wp.constant(int(P.CABLE_REST))
 P_CABLE_FRICTION = wp.constant(int(P.CABLE_FRICTION))
+P_DEAD_BAND = wp.constant(int(P.DEAD_BAND))
+P_BACK_EMF = wp.constant(int(P.BACK_EMF))
 S_Q = wp.constant(int(S.Q))
 S_V = wp.constant(int(S.V))
 S_QM = wp.constant(int(S.QM))
@@ -94,6 +96,7 @@ S_REST = wp.constant(int(S.REST))
 S_BRISTLE = wp.constant(int(S.BRISTLE))
 S_HYSTERESIS = wp.constant(int(S.HYSTERESIS))
 S_CABLE = wp.constant(int(S.CABLE))
+S_INTEGRAL = wp.constant(int(S.INTEGRAL))
 H_TAU = wp.constant(int(H.TAU))
 H_ADDED = wp.constant(int(H.ADDED))
 H_OUTSIDE = wp.constant(int(H.OUTSIDE))
@@ -109,3 +112,12 @@ H_REST_SLOPE = wp.constant(int(H.REST_SLOPE))
 H_BRISTLE_CONSTANT = wp.constant(int(H.BRISTLE_CONSTANT))
 H_BRISTLE_SLOPE = wp.constant(int(H.BRISTLE_SLOPE))
 H_CABLE = wp.constant(int(H.CABLE))
+H_INTEGRAL = wp.constant(int(H.INTEGRAL))
+L_VELOCITY_SHARE = wp.constant(int(L.VELOCITY_SHARE))
+L_INTEGRAL = wp.constant(int(L.INTEGRAL))
+L_VELOCITY_INTEGRAL = wp.constant(int(L.VELOCITY_INTEGRAL))
+L_DEAD_BAND = wp.constant(int(L.DEAD_BAND))
+L_PUNCH = wp.constant(int(L.PUNCH))
+L_COMMAND_STEP = wp.constant(int(L.COMMAND_STEP))
+L_POLE_PITCH = wp.constant(int(L.POLE_PITCH))
+L_BACK_EMF = wp.constant(int(L.BACK_EMF))

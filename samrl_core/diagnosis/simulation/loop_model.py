@@ -7,13 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
-from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription
 from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.cell.types.drive_law import PER_JOINT
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.plant_arrays import FREE_EFFORT, TEETH_PER_EFFORT
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+from samrl_core.diagnosis.simulation.simulation_arrays import L
 from samrl_core.diagnosis.simulation.tree import JointTree
+
+LONGEST_STEP_S = 0.002  # of integration
+FIELD_STEP_S = 0.00025  # of the same where a stepper's poles make a stiff spring
 
 
 class LoopModel:
@@ -28,11 +33,13 @@ class LoopModel:
         arm: ArmDescription,
         device: str = "cpu",
         *,
-        substeps: int = 1,
+        substeps: int | None = None,
         efforts: str = "start",
         threads: int = 1,
     ) -> None:
         """Read the URDF; `substeps` integration steps to a period, plants spread over `threads`."""
+        if substeps is None:
+            substeps = 1 if arm.controller is None else usual_substeps(arm.controller)
         if arm.controller is None:
             raise InputError(f"{arm.role} has no controller; a closed loop needs one")
         if substeps < 1 or threads < 1 or efforts not in ("start", "end"):
@@ -58,6 +65,11 @@ class LoopModel:
         self.damping = _per_joint("damping", control.damping, joints)
         self.joint_dynamics = joint_dynamics(arm)
         self.armature = _per_joint("armature", self.joint_dynamics.armature, joints)
+        slots = [(L[name.upper()], name) for name in PER_JOINT if name.upper() in L.__members__]
+        self.law = np.zeros((joints, len(L)))
+        for slot, name in slots:
+            self.law[:, slot] = control.law.of_joints(name, joints)
+        self.reading = control.law.encoder
         self.gravity = np.asarray(control.gravity, dtype=float)
         limits = np.where(np.isfinite(self.effort_limit), self.effort_limit, FREE_EFFORT)
         self.teeth = TEETH_PER_EFFORT * limits
@@ -100,6 +112,17 @@ class LoopModel:
         )
         return position, velocity, effort
 
+    def enabled(self, flags: JointSignal | None, steps: int) -> np.ndarray:
+        """Share of its torque (steps, J) that each drive gives; one row where none is ever switched off."""
+        joints = len(self.arm.joints)
+        if flags is None or flags.effort is None or not len(flags):
+            return np.ones((1, joints))
+        if flags.effort.shape != (len(flags), joints):
+            raise InputError(f"torque_enabled has shape {flags.effort.shape}; it must be (N, {joints})")
+        time = np.arange(steps) * self.step_s
+        index = np.clip(np.searchsorted(flags.time, time + 1e-9, side="right") - 1, 0, len(flags) - 1)
+        return (flags.effort[index] > 0).astype(float)
+
     def start_values(self, name: str, values: np.ndarray, plants: int) -> np.ndarray:
         """Checked start (B, J) of all plants."""
         array = np.asarray(values, dtype=float)
@@ -111,6 +134,12 @@ class LoopModel:
         if not np.isfinite(array).all():
             raise InputError(f"{name} has values that are not finite: {array}")
         return np.broadcast_to(array, (plants, joints)).copy()
+
+
+def usual_substeps(controller: ArmController) -> int:
+    """Integration steps to a period: servos think slowly, and a magnetic field does not wait at all."""
+    longest = FIELD_STEP_S if np.any(np.asarray(controller.law.pole_pitch) > 0) else LONGEST_STEP_S
+    return max(1, int(np.ceil(controller.period_s / longest - 1e-9)))
 
 
 def _per_joint(name: str, values: object, joints: int) -> np.ndarray:

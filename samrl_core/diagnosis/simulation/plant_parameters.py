@@ -45,6 +45,7 @@ class PlantParameters:
     # command and controller
     stiffness_scale: Value = _joint(1.0, "1", "controller's K times this", 0.0)
     damping_scale: Value = _joint(1.0, "1", "controller's D times this", 0.0)
+    dead_band: Value = _joint(0.0, "rad", "added to the half width of the controller's dead band", 0.0)
     command_delay: Value = _joint(0.0, "s", "q_d, dq_d and feed-forward arrive later", 0.0)
     command_cutoff: Value = _joint(
         _INF, "Hz", "first-order low-pass of q_d and dq_d, 1 - exp(-2 pi f h)", 0.0, True
@@ -58,6 +59,9 @@ class PlantParameters:
     effort_rate_limit: Value = _joint(_INF, "N m/s", "most change of u", 0.0, True)
     effort_limit: Value = _joint(_INF, "N m", "u clipped at the drive", 0.0, True)
     actuator_gain: Value = _joint(0.0, "1", "drive torque = u (1 + gain)", -1.0)
+    back_emf: Value = _joint(
+        0.0, "N m s/rad", "added to what a motor's speed takes of its torque while powered"
+    )
     torque_offset: Value = _joint(0.0, "N m", "drive torque += offset")
     harmonic_amplitude: Value = _joint(0.0, "N m", "drive torque += A sin(order q + phase)")
     harmonic_order: Value = _joint(1.0, "1/rev", "order of harmonic_amplitude")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,10 +36,13 @@ class Simulation:
         every: int,
         *,
         position_log: JointSignal | None = None,
+        enabled: JointSignal | None = None,
         full: bool = False,
     ) -> None:
         """Allocate and fill everything but the start."""
         start_warp()
+        if loop.reading == "link":
+            plants = [replace(plant, reading="link") for plant in plants]
         self.loop, self.tree, self.plants, self.steps = loop, loop.trees[mount], list(plants), steps
         tree = self.tree
         n, count, order = tree.joints, len(plants), tree.order
@@ -75,6 +79,8 @@ class Simulation:
         a.nominal_inertia = self.numbers(nominal)
         a.stiffness, a.damping = self.numbers(loop.stiffness[order]), self.numbers(loop.damping[order])
         a.limit = self.numbers(loop.effort_limit[order])
+        a.law, a.braked = self.numbers(loop.law[order]), int(loop.arm.controller.law.braked)
+        a.enabled = self.numbers(loop.enabled(enabled, steps)[:, order])
         a.command_q, a.command_v, a.command_u = (
             self.numbers(values[:, order]) for values in loop.commands(command, steps)
         )

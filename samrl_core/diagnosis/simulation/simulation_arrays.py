@@ -62,6 +62,8 @@ class P(enum.IntEnum):
     CABLE_STIFFNESS = 41
     CABLE_REST = 42
     CABLE_FRICTION = 43
+    DEAD_BAND = 44  # beyond the described one [rad]
+    BACK_EMF = 45  # beyond the described one [N m s/rad]
 
 
 class S(enum.IntEnum):
@@ -81,6 +83,7 @@ class S(enum.IntEnum):
     BRISTLE = 11  # presliding deflection [rad]
     HYSTERESIS = 12  # hysteretic deflection of the reading [rad]
     CABLE = 13  # share of the cable's friction in force, -1..1
+    INTEGRAL = 14  # of the controller [N m]
 
 
 class H(enum.IntEnum):
@@ -101,6 +104,20 @@ class H(enum.IntEnum):
     BRISTLE_CONSTANT = 12  # next bristle = constant + slope x next motor velocity
     BRISTLE_SLOPE = 13
     CABLE = 14
+    INTEGRAL = 15
+
+
+class L(enum.IntEnum):
+    """Slots of `law` (joint, slot): the numbers of `DriveLaw`."""
+
+    VELOCITY_SHARE = 0
+    INTEGRAL = 1
+    VELOCITY_INTEGRAL = 2
+    DEAD_BAND = 3
+    PUNCH = 4
+    COMMAND_STEP = 5
+    POLE_PITCH = 6
+    BACK_EMF = 7
 
 
 class F(enum.IntFlag):
@@ -145,6 +162,9 @@ class Arrays:
     stiffness: wp.array(dtype=f64)
     damping: wp.array(dtype=f64)
     limit: wp.array(dtype=f64)
+    law: wp.array2d(dtype=f64)  # (joint, slot)
+    enabled: wp.array2d(dtype=f64)  # (time, joint), or one row where torque is never switched
+    braked: int  # switched off, the back-EMF goes on acting
     inertia_hint: wp.array(
         dtype=f64
     )  # of the link alone as the joint feels it; choices of the integrator only

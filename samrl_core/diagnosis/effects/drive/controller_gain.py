@@ -35,39 +35,44 @@ class ControllerGain(Effect):
     def why_unobservable(self, trial: Trial) -> str | None:
         if "tracking" in trial.channels and trial.motion.rate >= TIMING_RATE_HZ:
             return None
-        if "controller" in trial.channels:
+        if trial.shows_controller:
             return None
-        return "needs command, commanded effort and the described controller"
+        return "needs the command, the described controller, and what came of it"
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         if "tracking" in trial.channels:
             return (Sag(name="sag", place=place, amplitudes=("constant", *trial.recording.arm.joints)),)
-        return (ScaledGains(name="gains", place=place, amplitudes=("eK", "eD")),)
+        controller = trial.recording.arm.controller
+        assert controller is not None
+        joints = list(place.joints)
+        there = (("eK", controller.stiffness), ("eD", controller.damping))
+        names = tuple(name for name, gain in there if np.any(gain[joints] > 0))
+        return (ScaledGains(name="gains", place=place, amplitudes=names),)
 
 
 class ScaledGains(Form):
     """Stiffness and damping off by a factor each."""
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
-        motion, command, controller = trial.motion, trial.motion.command, trial.recording.arm.controller
-        assert command is not None and command.position is not None and command.velocity is not None
-        assert controller is not None and motion.raw_position is not None
-        speed = motion.raw_velocity if motion.raw_velocity is not None else motion.full_velocity
-        spring = controller.stiffness * (command.position - motion.raw_position)
-        damper = controller.damping * (command.velocity - speed)
-        rows = -np.stack([spring, damper])
+        law = trial.motion.law()
+        terms = {"eK": law.spring, "eD": law.damper}
+        rows = -np.stack([terms[name] for name in self.amplitudes])
+        if trial.motion.computed:  # nothing changes where the output is clipped anyway
+            rows = rows * (np.abs(law.total) < trial.motion.limit())
         return add(*(trial.controller(j, rows[:, :, j]) for j in self.place.joints))
 
     def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros(2), np.full(2, 0.3)
+        count = len(self.amplitudes)
+        return np.zeros(count), np.full(count, 0.3)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
-        return {"eK": float(amplitudes[0]), "eD": float(amplitudes[1])}
+        return dict(zip(self.amplitudes, map(float, amplitudes), strict=True))
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        fields = {"eK": "stiffness_scale", "eD": "damping_scale"}
         return {
-            "stiffness_scale": self.at_joints(trial, 1.0 + amplitudes[0], 1.0),
-            "damping_scale": self.at_joints(trial, 1.0 + amplitudes[1], 1.0),
+            fields[name]: self.at_joints(trial, 1.0 + value, 1.0)
+            for name, value in self.parameters(trial, shape, amplitudes).items()
         }
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.effects.drive.packet_age import detail_support
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.effects.form import PresentForm, Shape
@@ -34,15 +35,15 @@ class LateResponse(Effect):
             return "needs the command or the commanded effort"
         if not trial.motion.dynamic and trial.motion.rate < 20.0:
             return f"sampled at {trial.motion.rate:.0f} Hz, timing needs 20 Hz"
-        if set(trial.channels) <= {"link", "dynamics"}:
+        if set(trial.channels) <= {"link", "dynamics"} and not trial.shows_controller:
             return "needs the command, or both commanded and measured effort"
         return None
 
 
 def late_sides(trial: Trial) -> tuple[str, ...]:
     """Streams that may be late, as far as the channels show it: command, effort."""
-    shown = (("controller", "command"), ("drive", "effort"))
-    return tuple(side for channel, side in shown if channel in trial.channels)
+    shown = ((trial.shows_controller, "command"), ("drive" in trial.channels, "effort"))
+    return tuple(side for seen, side in shown if seen)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,7 +59,7 @@ class LateForm(PresentForm):
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
         """What is missing while the signal is on its way."""
-        motion, command, controller = trial.motion, trial.motion.command, trial.recording.arm.controller
+        motion, command = trial.motion, trial.motion.command
         joints = self.place.joints
         if self.side == "effort":
             assert motion.raw_commanded is not None
@@ -66,13 +67,13 @@ class LateForm(PresentForm):
             return add(*(trial.drive(j, lost[:, [j]].T) for j in joints))
         if command is None or command.position is None:
             return {}
-        lost = command.position - self.late(trial, command.position, shape)
+        late = self.late(trial, command.position, shape)
         if self.side == "tracking":
+            lost = command.position - late
             return add(*(trial.tracking(j, motion.reduce(lost[:, [j]]).T) for j in joints))
-        assert controller is not None and command.velocity is not None and command.effort is not None
-        lost = controller.stiffness * lost
-        lost = lost + controller.damping * (command.velocity - self.late(trial, command.velocity, shape))
-        lost = lost + command.effort - self.late(trial, command.effort, shape)
+        assert command.velocity is not None and command.effort is not None
+        parts = [self.late(trial, x, shape) for x in (command.velocity, command.effort)]
+        lost = motion.law_change(JointSignal(command.time, late, parts[0], None, parts[1]))
         return add(*(trial.controller(j, lost[:, [j]].T) for j in joints))
 
     def cost(self, trials: Sequence[Trial], shape: Shape) -> float:

@@ -113,13 +113,12 @@ def _sent(trial: Trial, side: str) -> np.ndarray:
 def _done(trial: Trial, side: str) -> np.ndarray:
     """What was made of it (F, J) [N m]."""
     motion, law = trial.motion, trial.equations.law
-    assert motion.raw_commanded is not None
     if side == "effort":
         # The rotor's share is left to the gain: measured accelerations are too noisy at these frequencies.
         assert motion.raw_effort is not None
         return motion.raw_effort
-    assert law is not None
-    return _sent(trial, side) + motion.raw_commanded - law
+    assert law is not None and motion.asked is not None
+    return _sent(trial, side) + motion.asked - law
 
 
 def _oldest(trial: Trial) -> int:

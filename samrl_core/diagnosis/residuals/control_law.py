@@ -1,0 +1,107 @@
+"""The described controller along a recording: what it makes of a command and of the states that it read.
+
+One formula for every kind (see `DriveLaw`); the terms stand apart because effects scale them one by one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.cell.types.arm_description import ArmController
+from samrl_core.cell.types.arm_recording import JointSignal
+
+WOUND = 0.3  # ASSUMPTION: share of the limit that an integral may have held when a recording began
+
+
+@dataclass(frozen=True, eq=False)
+class LawTerms:
+    """Torque at standstill by its causes, each (F, J) [N m]; not clipped."""
+
+    spring: np.ndarray
+    damper: np.ndarray
+    integral: np.ndarray
+    rest: np.ndarray  # feed-forward and gravity
+
+    @property
+    def total(self) -> np.ndarray:
+        """What the controller asks for before its limit."""
+        return self.spring + self.damper + self.integral + self.rest
+
+
+def position_error(controller: ArmController, command: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Error (F, J) that the spring feels: rounded command less position, less the dead band."""
+    joints, law = position.shape[1], controller.law
+    step = law.of_joints("command_step", joints)
+    rounded = np.where(step > 0, np.round(command / np.where(step > 0, step, 1.0)) * step, command)
+    error = rounded - position
+    band = law.of_joints("dead_band", joints)
+    return np.sign(error) * np.maximum(np.abs(error) - band, 0.0)
+
+
+def spring_torque(controller: ArmController, error: np.ndarray) -> np.ndarray:
+    """Torque (F, J) of an error beyond the dead band."""
+    joints, law = error.shape[1], controller.law
+    pitch = law.of_joints("pole_pitch", joints)
+    safe = np.where(pitch > 0, pitch, 1.0)
+    straight = controller.stiffness * error + law.of_joints("punch", joints) * np.sign(error)
+    return np.where(pitch > 0, controller.stiffness / safe * np.sin(safe * error), straight)
+
+
+def law_terms(
+    controller: ArmController,
+    command: JointSignal,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    gravity: np.ndarray | float,
+    limit: np.ndarray,
+    period_s: float,
+    enabled: np.ndarray,
+) -> LawTerms:
+    """The law's terms at measured states.
+
+    Args:
+        controller: gains and law.
+        command: position, velocity and effort (F, J) on the states' samples.
+        position: (F, J) as read.
+        velocity: (F, J) as read.
+        gravity: torque (F, J) that is compensated, or zero.
+        limit: (J,) of the output; infinite where there is none.
+        period_s: of the samples.
+        enabled: (F, J) one where torque is on; integrals start anew with it.
+    """
+    assert command.position is not None and command.velocity is not None and command.effort is not None
+    joints, law = position.shape[1], controller.law
+    error = position_error(controller, command.position, position)
+    lag = law.of_joints("velocity_share", joints) * command.velocity - velocity
+    spring, damper = spring_torque(controller, error), controller.damping * lag
+    rest = command.effort + gravity
+    rate = law.of_joints("integral", joints) * error + law.of_joints("velocity_integral", joints) * lag
+    integral = np.zeros_like(spring)
+    for j in np.flatnonzero(np.any(rate != 0.0, axis=0)):
+        others = spring[:, j] + damper[:, j] + rest[:, j]
+        integral[:, j] = _integrated(rate[:, j] * period_s, others, float(limit[j]), enabled[:, j])
+    return LawTerms(spring, damper, integral, rest)
+
+
+def _integrated(steps: np.ndarray, others: np.ndarray, limit: float, enabled: np.ndarray) -> np.ndarray:
+    """Running sum (F,) of steps that stands still while the output is clipped the same way."""
+    whole = np.cumsum(steps)
+    if np.all(np.abs(others + whole) <= limit) and np.all(enabled > 0):
+        return whole
+    out, held = [], 0.0
+    for step, other, on in zip(steps.tolist(), others.tolist(), enabled.tolist(), strict=True):
+        raw = other + held + step
+        if on <= 0:
+            held = 0.0
+        elif abs(raw) <= limit or raw * step < 0:
+            held += step
+        out.append(held)
+    return np.array(out)
+
+
+def held_values(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """The last of some values (N, J) at other times (F,); the first one before them."""
+    index = np.searchsorted(time, at + 1e-9, side="right") - 1
+    return values[np.clip(index, 0, len(values) - 1)]

@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, DiagnosisJob, diagnose_world
 from samrl_core.blind_test.scores.study import Study, write_atomically
@@ -34,11 +24,10 @@ from samrl_ros.blind_test.study import (
     same_as_before,
     shares,
     usual_counts,
-    versions,
 )
+from samrl_ros.cli.forge_making import make_and_seal, mapping_of, name_failed, with_progress
 from samrl_ros.cli.forge_show import console as make_console
 from samrl_ros.cli.forge_show import line, show
-from samrl_ros.contract.exit_codes import FAILED
 
 forge_app = typer.Typer(
     help="Sealed worlds for a blind test of the diagnosis: make, diagnose, score.",
@@ -137,35 +126,50 @@ def forge(
         plan, key=lambda item: (item.arm, item.programme, item.engine)
     )  # what a worker keeps
     todo = [Making(study.root, item) for item in by_trajectory if not study.made(item.id)]
-    failed: dict[str, str] = {}
-    ran_away: list[str] = []
-    for part in ("obs", "sealed"):
-        study.sweep(part)
-    for done in _with_progress(
-        "worlds", make, todo, len(plan), _mapping(ray, executor.run_in_processes), workers
-    ):
-        if isinstance(done.error, DivergedError):
-            ran_away.append(done.item.item.id)
-        elif done.error is not None:
-            failed[done.item.item.id] = f"{type(done.error).__name__}: {done.error}"
-    order = [item.id for item in plan if study.made(item.id)]
-    facts = {
-        "schema": 1,
-        "commit": chosen,
-        "settings": {name: value for name, value in settings.as_dict().items() if name != "seed"},
-        "versions": versions(),
-        "ran_away": sorted(ran_away),
-    }
-    if ran_away:  # no arm could be recorded like this, and nobody samples it again until it suits
-        console.print(f"{len(ran_away)} worlds ran away in simulation and are left out: {sorted(ran_away)}")
-    if failed:
-        console.print("[red]nothing is sealed[/] while worlds are missing; the same command tries them again")
-    _name_failed("not made", failed)
-    if not study.forge_file.exists():
-        study.seal(order, facts)
-    console.print(
-        f"{len(order)} worlds in {study.root}, labels sealed: sha256 {study.published()['sealed_sha256']}"
+    facts = {"commit": chosen, "settings": _published(settings.as_dict())}
+    make_and_seal(study, [item.id for item in plan], make, todo, facts, DivergedError, workers, ray)
+
+
+@forge_app.command()
+def servos(
+    out: Annotated[Path, typer.Option(help="Folder of the worlds; an unfinished one is resumed.")],
+    seed: Annotated[int | None, typer.Option(help="Seed of the worlds.", min=0)] = None,
+    commit: Annotated[
+        str | None, typer.Option(help="Commit whose hash gives the seed (HEAD unless given).")
+    ] = None,
+    single: Annotated[int | None, typer.Option(help="Worlds with one effect.", min=0)] = None,
+    none: Annotated[int | None, typer.Option(help="Worlds without an effect.", min=0)] = None,
+    outside: Annotated[
+        int | None, typer.Option(help="Worlds with an effect outside the library.", min=0)
+    ] = None,
+    double: Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
+    workers: Workers = 2,
+    ray: OnRay = False,
+) -> None:
+    """Make sealed stand-ins for servo machines of one to three axes, as users' logs with mappings."""
+    from samrl_core.blind_test.servo_worlds.engine import RanAwayError
+    from samrl_core.blind_test.servo_worlds.plan import ServoSettings, plan_servos
+    from samrl_core.blind_test.worlds.plan import seed_from_commit
+    from samrl_ros.blind_test.servo_runs import ServoMaking, make_servo
+
+    study = Study(out.resolve())
+    chosen = None if seed is not None else (commit or commit_before(study) or head())
+    asked = {"single": single, "none": none, "outside": outside, "double": double, "duration_s": duration}
+    settings = ServoSettings(
+        seed=seed if seed is not None else seed_from_commit(chosen or ""),
+        **{name: value for name, value in asked.items() if value is not None},  # type: ignore[arg-type]
     )
+    same_as_before(study, {"settings": asdict(settings), "commit": chosen})
+    plan = plan_servos(settings)
+    make_console().print(f"{len(plan)} stand-ins for servo machines", soft_wrap=True)
+    todo = [ServoMaking(study.root, item) for item in plan if not study.made(item.id)]
+    facts = {"commit": chosen, "settings": _published(asdict(settings)), "stand_ins": True}
+    make_and_seal(study, [item.id for item in plan], make_servo, todo, facts, RanAwayError, workers, ray)
+
+
+def _published(settings: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in settings.items() if name != "seed"}
 
 
 @forge_app.command()
@@ -205,8 +209,8 @@ def diagnose(
     for stage in (STAGE, LEFT_OUT_STAGE):
         study.sweep(stage)
     crashed, failed = 0, {}
-    mapping = _mapping(ray, executor.run_in_threads)
-    for done in _with_progress("diagnoses", diagnose_world, todo, len(jobs), mapping, workers):
+    mapping = mapping_of(ray, executor.run_in_threads)
+    for done in with_progress("diagnoses", diagnose_world, todo, len(jobs), mapping, workers):
         if isinstance(done.error, InterruptedError):
             raise done.error
         if done.error is not None:
@@ -216,7 +220,7 @@ def diagnose(
     make_console().print(
         f"{len(jobs)} diagnoses, {crashed} of the new ones crashed or were refused; they count as wrong"
     )
-    _name_failed("not run", failed)
+    name_failed("not run", failed)
 
 
 @forge_app.command()
@@ -244,12 +248,12 @@ def baselines(
     for name in names:
         study.sweep(f"baselines/{name}")
     failed: dict[str, str] = {}
-    for done in _with_progress(
-        "baselines", ask_baseline, todo, len(jobs), _mapping(ray, executor.run_in_processes), workers
+    for done in with_progress(
+        "baselines", ask_baseline, todo, len(jobs), mapping_of(ray, executor.run_in_processes), workers
     ):
         if done.error is not None:
             failed[f"{done.item.name}/{done.item.world}"] = f"{type(done.error).__name__}: {done.error}"
-    _name_failed("not asked", failed)
+    name_failed("not asked", failed)
 
 
 @forge_app.command()
@@ -297,42 +301,3 @@ def score(
         write_atomically(target / f"score_{name}.png", png(figure))
     show(scores, rows)
     make_console().print(f"[dim]{target / 'score.html'}[/]", soft_wrap=True)
-
-
-def _name_failed(what: str, failed: dict[str, str]) -> None:
-    """Say at the end what could not be done; one failure does not stop the hours of the others."""
-    console = make_console()
-    for name, why in failed.items():
-        console.print(f"[red]{what}[/] {name}: {escape(why)}", soft_wrap=True)
-    if failed:
-        raise typer.Exit(FAILED)
-
-
-def _mapping(
-    ray: bool, local: Callable[..., Iterator[executor.Done]]
-) -> Callable[..., Iterator[executor.Done]]:
-    return executor.run_on_ray if ray else local
-
-
-def _with_progress(
-    what: str,
-    work: Callable[[Any], Any],
-    todo: Sequence[Any],
-    total: int,
-    mapping: Callable[..., Iterator[executor.Done]],
-    workers: int,
-) -> Iterator[executor.Done]:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    with Progress(*columns, console=make_console(stderr=True)) as bar:
-        shown = bar.add_task(what, total=total, completed=total - len(todo))
-        for done in mapping(work, todo, workers) if todo else ():
-            bar.advance(shown)
-            yield done

@@ -128,6 +128,10 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "samrl_core.cell",
         "samrl_core.common",
     ),
+    "samrl_core.blind_test.servo_worlds": (
+        "samrl_core.blind_test.disturbances.disturbance",
+        "samrl_core.common",
+    ),
     "samrl_core.blind_test.worlds": (
         "samrl_core.blind_test.disturbances",
         "samrl_core.blind_test.second_set",

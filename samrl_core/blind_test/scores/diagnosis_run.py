@@ -24,6 +24,7 @@ from samrl_core.common.files import write_whole
 
 STAGE, LEFT_OUT_STAGE = "diagnosis", "left_out"
 INTERRUPTED = (130, -signal.SIGINT, -signal.SIGTERM)  # somebody stopped it: no result, neither good nor bad
+MAPPING = "mapping.yaml"  # beside logs that are no bags yet
 KEPT_OUTPUT = 4000  # characters of the process' last words that are stored
 
 
@@ -36,6 +37,13 @@ class DiagnosisJob:
     stage: str = STAGE
     library: tuple[str, ...] | None = None  # families that may be used; None: all
     command: tuple[str, ...] = (sys.executable, "-m", "samrl_ros.cli.main", "diagnose")
+    importer: tuple[str, ...] = (
+        sys.executable,
+        "-m",
+        "samrl_ros.cli.main",
+        "bag",
+        "import",
+    )  # of users' logs
     timeout_s: float = 1200.0
     threads: int = 1
     seed: int = 0
@@ -57,7 +65,9 @@ class DiagnosisJob:
 
 
 def diagnose_world(job: DiagnosisJob) -> dict[str, Any]:
-    """Copy the bags away, run the command there, and store report, re-simulation, exit code and wall time.
+    """Copy the recordings away, run the command there, and store report, re-simulation, exit code and times.
+
+    Logs that come with a mapping are imported there first, as their user would; a refusal ends it.
 
     Raises:
         InterruptedError: it was stopped from outside; nothing is stored.
@@ -68,8 +78,10 @@ def diagnose_world(job: DiagnosisJob) -> dict[str, Any]:
     study = Study(job.root.resolve())
     with tempfile.TemporaryDirectory(prefix="samrl_blind_") as name:
         place = Path(name)
-        for part in SETS:
-            shutil.copyfile(study.observations(job.world) / f"{part}.mcap", place / f"{part}.mcap")
+        observed = study.observations(job.world)
+        foreign = (observed / MAPPING).exists()
+        for file in observed.iterdir() if foreign else (observed / f"{part}.mcap" for part in SETS):
+            shutil.copyfile(file, place / file.name)
         command = [
             *job.command,
             "A.mcap",
@@ -86,7 +98,13 @@ def diagnose_world(job: DiagnosisJob) -> dict[str, Any]:
             command += ["--library", "library.yaml"]
         hidden = can_hide()
         began = time.monotonic()
-        code, output = _run(_hiding(study.root, command) if hidden else command, place, job)
+        code, output = 0, ""
+        if foreign:  # the user's own first step; what it refuses is not diagnosed
+            first = [*job.importer, MAPPING, "--out", "."]
+            code, output = _run(_hiding(study.root, first) if hidden else first, place, job)
+        if code == 0:
+            code, more = _run(_hiding(study.root, command) if hidden else command, place, job)
+            output += more
         if code in INTERRUPTED:
             raise InterruptedError(f"the diagnosis of {job.world} was stopped; it is done anew next time")
         run = {

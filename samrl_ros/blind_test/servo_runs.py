@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +15,13 @@ import yaml
 
 from samrl_core.blind_test.scores.diagnosis_run import MAPPING
 from samrl_core.blind_test.scores.study import Study, move_folder, write_atomically
+from samrl_core.blind_test.servo_worlds.log_style import STATES_TOPIC, TARGETS_TOPIC
 from samrl_core.blind_test.servo_worlds.plan import ServoItem
 from samrl_core.common.files import write_whole
+from samrl_ros.bags.writer import BagWriter
+from samrl_ros.recordings.joint_messages import JOINT_STATE, QUANTITIES, encode_topic
+
+_EFFORTS = ("torque", "volt", "mA", "input")  # headings of what stands in a message's effort
 
 
 @dataclass(frozen=True)
@@ -43,14 +49,43 @@ def make_servo(job: ServoMaking) -> float:
     made = make_servo_world(job.item)
     shutil.rmtree(half, ignore_errors=True)
     half.mkdir(parents=True)
-    style = made.mapping["sources"]["log"]["csv"]
+    sources = made.mapping["sources"]
     for letter, table in made.tables.items():
-        write_whole(half / f"log_{letter}.csv", csv_text(table, style["delimiter"], style["decimal"]))
+        if "log" in sources:
+            style = sources["log"]["csv"]
+            write_whole(half / f"log_{letter}.csv", csv_text(table, style["delimiter"], style["decimal"]))
+        else:
+            write_log(half / f"log_{letter}.mcap", table, made.mapping["joints"])
     write_whole(half / "model.urdf", made.urdf)
     write_whole(half / MAPPING, yaml.safe_dump(made.mapping, sort_keys=False))
     write_atomically(study.label(job.item.id), (json.dumps(made.label, indent=1) + "\n").encode())
     move_folder(half, study.observations(job.item.id))
     return time.monotonic() - began
+
+
+def write_log(path: Path, table: dict[str, np.ndarray], joints: list[str]) -> None:
+    """Columns in SI units as the topics of a bag of ROS 2, by their headings."""
+    stamps = np.rint((table["time"] + 1.0) * 1e9).astype(np.int64)
+
+    def of(heading: str) -> np.ndarray | None:
+        found = [table[name] for j in joints if (name := f"{heading}_{j}") in table]
+        return np.stack(found, axis=1) if found else None
+
+    efforts = [found for heading in _EFFORTS if (found := of(heading)) is not None]
+    states = {"position": of("pos"), "velocity": of("vel"), "effort": efforts[0] if efforts else None}
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".bag_") as folder:
+        bag = Path(folder) / "bag"
+        with BagWriter(bag) as writer:
+            for topic, values in ((STATES_TOPIC, states), (TARGETS_TOPIC, {"position": of("target")})):
+                if values["position"] is None:
+                    continue
+                every = {name: values.get(name) for name in QUANTITIES[JOINT_STATE]}
+                writer.add_topic(topic, JOINT_STATE)
+                for stamp, data in zip(
+                    stamps.tolist(), encode_topic(JOINT_STATE, stamps, tuple(joints), every), strict=True
+                ):
+                    writer.write(topic, stamp, data)
+        (bag / "bag_0.mcap").rename(path)
 
 
 def csv_text(table: dict[str, np.ndarray], separator: str, decimal: str) -> str:

@@ -86,7 +86,7 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
         "bags": frozenset({"contract", "hosting"}),
         "recordings": frozenset({"bags", "contract"}),
         "log_import": frozenset({"recordings", "bags"}),
-        "blind_test": frozenset({"recordings"}),
+        "blind_test": frozenset({"recordings", "bags"}),
         "nodes": frozenset({"hardware", "bags", "contract", "conversions", "hosting"}),
         "cell": frozenset({"nodes", "hardware", "bags", "contract", "conversions", "hosting"}),
         "doctor": frozenset({"hosting", "contract"}),

@@ -56,9 +56,8 @@ class SealedTruth:
     @property
     def series(self) -> str:
         """Which set of disturbances made the effects; empty without one."""
-        return (
-            {1: "first set", 2: "second set"}[int(self.effects[0].get("series", 1))] if self.effects else ""
-        )
+        names = {1: "first set", 2: "second set", 3: "stand-ins"}
+        return names[int(self.effects[0].get("series", 1))] if self.effects else ""
 
 
 @dataclass(frozen=True)

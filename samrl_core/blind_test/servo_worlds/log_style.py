@@ -12,6 +12,7 @@ from samrl_core.blind_test.servo_worlds.drives import OPEN_LOOP
 from samrl_core.blind_test.servo_worlds.engine import Log
 from samrl_core.blind_test.servo_worlds.mechanisms import Mechanism
 
+STATES_TOPIC, TARGETS_TOPIC = "/joint_states", "/targets"  # both of JointState
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -28,6 +29,7 @@ class Style:
     effort: str  # voltage, current, torque, input, absent
     separator: str  # of the file's cells
     decimal: str  # sign of the file's numbers
+    bag: bool  # of ROS 2, in SI units, instead of CSV
 
 
 def choose_style(mechanism: Mechanism, drive: dict[str, Any], rng: np.random.Generator) -> Style:
@@ -44,17 +46,18 @@ def choose_style(mechanism: Mechanism, drive: dict[str, Any], rng: np.random.Gen
     per_turn = float(rng.choice([16384.0, 65536.0, 262144.0]))
     lines = float(rng.choice([1e5, 4e5]))
     rate = float(rng.choice([125.0, 250.0, 500.0]))
-    comma = bool(rng.random() < 0.2)
+    comma, bag = bool(rng.random() < 0.2), bool(rng.random() < 0.35)
     return Style(
         every=max(1, round(1.0 / (rate * period))),
-        time_unit=str(rng.choice(list(_SECONDS))),
-        in_counts=bool(rng.random() < 0.3),
+        time_unit="s" if bag else str(rng.choice(list(_SECONDS))),
+        in_counts=not bag and bool(rng.random() < 0.3),
         counts=tuple(lines if s else per_turn / (2.0 * math.pi) for s in slides),
-        degrees=bool(rng.random() < 0.5),
+        degrees=not bag and bool(rng.random() < 0.5),
         velocity=bool(rng.random() < 0.5),
         effort=str(rng.choice(known)),
         separator=";" if comma else ",",
         decimal="," if comma else ".",
+        bag=bag,
     )
 
 
@@ -134,25 +137,48 @@ def mapping_of(
         channels["commanded_effort"] = {"effort": _efforts(drive, style, name)}
     if style.effort == "current":
         controller["effort_from"] = "current"
+    if style.bag:
+        for channel, quantities in channels.items():
+            quantities["source"] = "targets" if channel == "command" else "states"
     return {
         "about": f"{mechanism.name} with a {drive['type'].replace('_', ' ')}",
         "joints": joints,
         "urdf": "model.urdf",
         "controller": controller,
         "tolerances": dict(tolerances),
-        "sources": {
+        "sources": _sources(style, columns, joints),
+        "channels": channels,
+        "recordings": [
+            {"name": letter, "role": "held_out" if letter == letters[-1] else "fit"} for letter in letters
+        ],
+    }
+
+
+def _sources(style: Style, columns: dict[str, str], joints: list[str]) -> dict[str, Any]:
+    if not style.bag:
+        return {
             "log": {
                 "file": "log_{name}.csv",
                 "csv": {"delimiter": style.separator, "decimal": style.decimal},
                 "time": {"column": "time", "unit": style.time_unit},
                 "columns": {_column(c, j): _column(c, j) for c in columns for j in joints},
             }
-        },
-        "channels": channels,
-        "recordings": [
-            {"name": letter, "role": "held_out" if letter == letters[-1] else "fit"} for letter in letters
-        ],
+        }
+    fields = {c: {"pos": "position", "vel": "velocity"}.get(c, "effort") for c in columns if c != "target"}
+    found: dict[str, Any] = {
+        "states": {
+            "file": "log_{name}.mcap",
+            "part": STATES_TOPIC,
+            "columns": {_column(c, j): f"{field}.{j}" for c, field in fields.items() for j in joints},
+        }
     }
+    if "target" in columns:
+        found["targets"] = {
+            "file": "log_{name}.mcap",
+            "part": TARGETS_TOPIC,
+            "columns": {_column("target", j): f"position.{j}" for j in joints},
+        }
+    return found
 
 
 def _efforts(drive: dict[str, Any], style: Style, name: str) -> list[str]:

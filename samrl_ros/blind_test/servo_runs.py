@@ -1,4 +1,4 @@
-"""A stand-in's logs, URDF and mapping, written as its user has them, and its label. Picklable."""
+"""A servo world's logs, URDF and mapping, written as its user has them, and its label. Picklable."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _EFFORTS = ("torque", "volt", "mA", "input")  # headings of what stands in a mes
 
 @dataclass(frozen=True)
 class ServoMaking:
-    """A stand-in to be made in a study's folder."""
+    """A servo world to be made in a study's folder."""
 
     root: Path
     item: ServoItem
 
 
 def make_servo(job: ServoMaking) -> float:
-    """Make a stand-in; its observations are moved into place last.
+    """Make a servo world; its observations are moved into place last.
 
     Returns:
         how long it took [s].

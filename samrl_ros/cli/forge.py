@@ -147,7 +147,7 @@ def servos(
     workers: Workers = 2,
     ray: OnRay = False,
 ) -> None:
-    """Make sealed stand-ins for servo machines of one to three axes, as users' logs with mappings."""
+    """Make sealed worlds of servo machines of one to three axes, as users' logs with mappings."""
     from samrl_core.blind_test.servo_worlds.engine import RanAwayError
     from samrl_core.blind_test.servo_worlds.plan import ServoSettings, plan_servos
     from samrl_core.blind_test.worlds.plan import seed_from_commit
@@ -162,9 +162,9 @@ def servos(
     )
     same_as_before(study, {"settings": asdict(settings), "commit": chosen})
     plan = plan_servos(settings)
-    make_console().print(f"{len(plan)} stand-ins for servo machines", soft_wrap=True)
+    make_console().print(f"{len(plan)} worlds of servo machines", soft_wrap=True)
     todo = [ServoMaking(study.root, item) for item in plan if not study.made(item.id)]
-    facts = {"commit": chosen, "settings": _published(asdict(settings)), "stand_ins": True}
+    facts = {"commit": chosen, "settings": _published(asdict(settings)), "servo_worlds": True}
     make_and_seal(study, [item.id for item in plan], make_servo, todo, facts, RanAwayError, workers, ray)
 
 

@@ -1,4 +1,4 @@
-"""Stand-ins for servo machines: sealed worlds of one to three axes with an engine of their own.
+"""Worlds of servo machines: sealed worlds of one to three axes with an engine of their own.
 
 No robot library takes part: each mechanism's equations of motion are written out by hand (`mechanisms`),
 integrated in plain numpy (`engine`) under position servos, voltage, current and velocity drives and

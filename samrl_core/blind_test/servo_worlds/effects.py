@@ -1,4 +1,4 @@
-"""What may be wrong with a stand-in: 24 families of the contract and six kinds outside them.
+"""What may be wrong with a servo world: 24 families of the contract and six kinds outside them.
 
 A severity is a quantile of a range, as in every study; ranges are shares of what the motions ask of the
 axis (torque, speed, travel), since small machines have no catalogue. Formulas are those of physics' usual

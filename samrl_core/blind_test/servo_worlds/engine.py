@@ -1,4 +1,4 @@
-"""The stand-ins' engine: drives, rotors, transmissions and a mechanism's equations, stepped together.
+"""The servo worlds' engine: drives, rotors, transmissions and a mechanism's equations, stepped together.
 
 Velocities are solved for implicitly, linearised about the step's end: (M + dt C) v' = M v + dt (a - h).
 Friction comes as a secant, springs and back-EMF by their slope. Rotors of elastic axes are unknowns of
@@ -129,7 +129,7 @@ def run_machine(
 
 
 class RanAwayError(InputError):
-    """A stand-in left all bounds; its ranges must be mended, not its seed."""
+    """A servo world left all bounds; its ranges must be mended, not its seed."""
 
 
 class _Body:

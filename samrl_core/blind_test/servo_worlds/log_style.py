@@ -1,4 +1,4 @@
-"""How a stand-in's user logs: rates, units, columns, and the mapping that tells an importer."""
+"""How a servo world's user logs: rates, units, columns, and the mapping that tells an importer."""
 
 from __future__ import annotations
 

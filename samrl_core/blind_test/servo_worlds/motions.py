@@ -1,4 +1,4 @@
-"""What the stand-ins are asked to do: slow sweeps, a multisine, and moves with rests."""
+"""What the servo worlds are asked to do: slow sweeps, a multisine, and moves with rests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which stand-ins a study holds: mechanism, drive, effects and severities, from one seed."""
+"""Which servo worlds a study holds: mechanism, drive, effects and severities, from one seed."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ ROLE = "tool_arm"
 
 @dataclass(frozen=True)
 class ServoSettings:
-    """How many stand-ins of each kind."""
+    """How many servo worlds of each kind."""
 
     seed: int = 0
     single: int = 24  # every family once
@@ -56,7 +56,7 @@ class ServoSettings:
     def __post_init__(self) -> None:
         counts = (self.single, self.none, self.outside, self.double)
         if min(counts) < 0 or sum(counts) == 0:
-            raise InputError(f"numbers of stand-ins {counts} must not be negative, and not all zero")
+            raise InputError(f"numbers of servo worlds {counts} must not be negative, and not all zero")
         if not 4.0 <= self.duration_s <= 35.0:
             raise InputError(f"recordings of {self.duration_s} s; give 4..35 s")
 
@@ -74,7 +74,7 @@ class ServoEffect:
 
 @dataclass(frozen=True)
 class ServoItem:
-    """One stand-in to be made; nothing else is needed."""
+    """One servo world to be made; nothing else is needed."""
 
     id: str
     set: str
@@ -90,7 +90,7 @@ class ServoItem:
 
 
 def plan_servos(settings: ServoSettings) -> list[ServoItem]:
-    """All stand-ins in shuffled order; the same for the same settings."""
+    """All servo worlds in shuffled order; the same for the same settings."""
     rng = np.random.default_rng(settings.seed)
     families, unknown = list(rng.permutation(list(FAMILIES))), list(rng.permutation(list(UNKNOWN)))
     asked: list[tuple[str, tuple[str, ...], float]] = []
@@ -114,7 +114,7 @@ def plan_servos(settings: ServoSettings) -> list[ServoItem]:
                 set=kind,
                 mechanism=mechanism,
                 drive=drive,
-                effects=tuple(_placed(str(n), mechanism, severity, rng) for n in names),
+                effects=tuple(_place(str(n), mechanism, severity, rng) for n in names),
                 seed=int(rng.integers(2**62)),
                 duration_s=settings.duration_s,
             )
@@ -153,7 +153,7 @@ def _suited(drive: str, names: tuple[str, ...]) -> list[str]:
     return there
 
 
-def _placed(name: str, mechanism: str, severity: float, rng: np.random.Generator) -> ServoEffect:
+def _place(name: str, mechanism: str, severity: float, rng: np.random.Generator) -> ServoEffect:
     links = next(m for m in mechanisms(np.random.default_rng(0)) if m.name == mechanism).links
     first = 1 if name == "encoder_offset" and mechanism in ("gimbal", "pan_two_link") else 0
     axis = int(rng.integers(first, len(links)))

@@ -1,4 +1,4 @@
-"""Six things no family of the contract stands for, on stand-ins."""
+"""Six things no family of the contract stands for, on servo worlds."""
 
 from __future__ import annotations
 

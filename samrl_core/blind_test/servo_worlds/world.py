@@ -1,4 +1,4 @@
-"""One stand-in: three logs as its user would keep them, the URDF, the mapping, and the label to be sealed."""
+"""One servo world: three logs as its user keeps them, the URDF, the mapping, and the label to be sealed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TOLERANCES = {
 
 @dataclass(frozen=True, eq=False)
 class ServoWorld:
-    """All that is written of one stand-in."""
+    """All that is written of one servo world."""
 
     tables: dict[str, dict[str, np.ndarray]]  # letter -> column -> values (N,)
     mapping: dict[str, Any]
@@ -75,7 +75,7 @@ def make_servo_world(item: ServoItem) -> ServoWorld:
         log = run_machine(mechanism, machine, time, asked[letter], _start(asked[letter], drive), steps, noise)
         tables[letter] = table_of(log, asked[letter], drive, style, mechanism)
     label = {
-        "schema": 1, "id": item.id, "set": item.set, "engine": "servo stand-in", "arm": ROLE, "programme": 0,
+        "schema": 1, "id": item.id, "set": item.set, "engine": "hand-written", "arm": ROLE, "programme": 0,
         "mechanism": item.mechanism, "drive": item.drive, "effects": label_effects,
         "background": {"scale": 1.0, **real}, "seed": item.seed,
     }  # fmt: skip

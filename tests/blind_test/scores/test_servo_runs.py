@@ -1,4 +1,4 @@
-"""A stand-in on disk: what its user's import takes, in CSV and as a bag, and the steps of a diagnosis."""
+"""A servo world on disk: what its user's import takes, in CSV and as a bag, and the steps of a diagnosis."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_stand_in_is_written_as_its_user_has_it(
     assert mapping["controller"]["type"] == "position_servo"
     label = json.loads(study.label("s000").read_text())
     truth = SealedTruth.from_label(label)
-    assert truth.names == ("viscous_friction@joint:swing",) and truth.series == "stand-ins"
+    assert truth.names == ("viscous_friction@joint:swing",) and truth.series == "servo worlds"
     told = (folder / "mapping.yaml").read_text() + (folder / "model.urdf").read_text()
     assert "viscous_friction@" not in told and "seed" not in told
     # The importer reads back what the engine made; the kind of controller is another part's business.

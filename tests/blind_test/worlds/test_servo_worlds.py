@@ -1,4 +1,4 @@
-"""Stand-ins repeat themselves, hold what was planned, and their logs are those of the described machine."""
+"""Servo worlds repeat themselves, hold what was planned, and log what the described machine does."""
 
 from __future__ import annotations
 

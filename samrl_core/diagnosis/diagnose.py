@@ -31,6 +31,7 @@ from samrl_core.diagnosis.selection.joint_units import with_joint_units
 from samrl_core.diagnosis.selection.next_experiment import next_experiment
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.selection.signature import couplings, signatures
+from samrl_core.diagnosis.selection.tracking import track
 from samrl_core.diagnosis.selection.where import heatmap, onset, timelines
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
@@ -47,6 +48,7 @@ class DiagnosisSettings:
     selection: SelectionSettings = field(default_factory=SelectionSettings)
     verdict: rules.VerdictSettings = field(default_factory=rules.VerdictSettings)
     simulate: bool = True  # held-out recordings in closed loop
+    track: tuple[str, ...] = ()  # `family@place` whose size is told, named or not
     share_held_out: bool = True  # fit the first half of what is held out, where only that shows a gap
 
 
@@ -188,6 +190,8 @@ def _conclude(
     alarms += list(far.alarms)
     done("how far")
     outcome = rules.decide(selection, named, runner_ups, alarms, far, settings.verdict)
+    shown = {e.name for e in named} if outcome.verdict in ("effect", "ambiguous") else set()
+    unnamed = [name for name in settings.track if name not in shown]
     rest = evidence.remainder(chosen) if chosen is not None else likelihood.y
     ambiguity: tuple[tuple[str, ...], ...] = ()
     experiment = None
@@ -214,6 +218,7 @@ def _conclude(
         heatmap=grid,
         timelines=timelines(likelihood, z, k, onsets, does),
         curves=_curves(evidence, chosen),
+        tracked=track(evidence, chosen, unnamed, rng) if unnamed else (),
         overlays=far.overlays,
         timings=timings,
         settings={

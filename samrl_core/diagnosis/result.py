@@ -29,7 +29,7 @@ class NamedEffect:
     parameters: dict[str, ParameterEstimate]
     gain: float = 0.0  # drop of chi2 against nominal [nat], uncertainty of the nominal model counted
     form: str = ""  # which form of the effect fitted, where it has several
-    role: str = "primary"  # primary, secondary, or runner_up
+    role: str = "primary"  # primary, secondary, runner_up, or tracked
 
     @property
     def name(self) -> str:
@@ -167,6 +167,7 @@ class Diagnosis:
     alarms: tuple[str, ...] = ()  # parameters that were not invariant, fits that disagree
     notes: tuple[str, ...] = ()  # about the input
     nearest: NamedEffect | None = None  # with none_of_mine: what fitted best, and would be wrong
+    tracked: tuple[NamedEffect, ...] = ()  # asked for and not named: so large if they are there at all
     signatures: tuple[Signature, ...] = ()
     couplings: tuple[tuple[str, str, str, float], ...] = ()  # (joint, driven by joint, quantity, correlation)
     heatmap: Heatmap | None = None

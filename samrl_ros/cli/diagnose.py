@@ -32,7 +32,7 @@ class DiagnoseOptions:
 
     bags: Annotated[
         tuple[Path, ...], typer.Argument(help="Bags to fit (or a folder of bags), or logs of other tools.")
-    ]
+    ] = ()
     held_out: Annotated[
         tuple[Path, ...],
         typer.Option(help="Bags never fitted; without it, the last of several is one."),
@@ -53,6 +53,16 @@ class DiagnoseOptions:
         int, typer.Option(help="Simulate as many worlds without an effect for the threshold.", min=0)
     ] = 0
     fail_on_gap: Annotated[bool, typer.Option("--fail-on-gap", help="Exit with 4 on a gap.")] = False
+    track: Annotated[
+        tuple[str, ...],
+        typer.Option(help="Say how large FAMILY@PLACE is, named or not; repeat for more."),
+    ] = ()
+    many: Annotated[
+        Path | None,
+        typer.Option(help="Diagnose every set of recordings at DIR/ROBOT/DAY, and what changed over days."),
+    ] = None
+    workers: Annotated[int, typer.Option(help="With --many: processes side by side.", min=1)] = 2
+    ray: Annotated[bool, typer.Option("--ray", help="With --many: on a Ray cluster (extra cluster).")] = False
     effort: Annotated[Effort, typer.Option(help=f"Of logs of other tools: {EFFORT_HELP}")] = Effort.ask
 
 
@@ -62,6 +72,10 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     Raises:
         InputError: the recordings cannot be used; nothing was written.
     """
+    if options.many is not None:
+        return _many(options)
+    if not options.bags:
+        raise InputError("no recording is named; give bags, a folder of bags or a log, or --many DIR")
     screen = Console()
     if (options.out / "report.json").exists():
         raise InputError(f"{options.out} has a report already; give another --out, reports are not replaced")
@@ -69,12 +83,17 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     from samrl_core.diagnosis.report.terminal import summary
     from samrl_core.diagnosis.report.write_report import write_report
     from samrl_core.diagnosis.selection.selection import SelectionSettings
+    from samrl_core.diagnosis.selection.tracking import checked_names
 
     families = read_library(options.library) if options.library else None
     selection = SelectionSettings(null_simulations=options.null_worlds, cache=cache_folder() / "null_worlds")
     # What the user holds out stays held out; what was held out by default may be shared.
     settings = DiagnosisSettings(
-        library=families, seed=options.seed, selection=selection, share_held_out=not options.held_out
+        library=families,
+        seed=options.seed,
+        selection=selection,
+        share_held_out=not options.held_out,
+        track=checked_names(options.track),
     )
     try:
         with screen.status("reading recordings") as status:
@@ -91,6 +110,24 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     for line in summary(diagnosis, [str(f) for f in files]):
         screen.print(escape(line), highlight=False, soft_wrap=True)
     return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
+
+
+def _many(options: DiagnoseOptions) -> int:
+    from samrl_ros.cli.diagnose_many import diagnose_many
+
+    if options.bags or options.held_out:
+        raise InputError("--many takes its recordings from its folder; leave out other bags and --held-out")
+    assert options.many is not None
+    shared: list[str] = ["--seed", str(options.seed), "--null-worlds", str(options.null_worlds)]
+    shared += ["--effort", options.effort.value]
+    for name in ("urdf", "tolerances", "library"):
+        if (path := getattr(options, name)) is not None:
+            shared += [f"--{name}", str(path.resolve())]
+    shared += ["--arm", options.arm] if options.arm else []
+    for name, values in (("--xacro-arg", options.xacro_arg), ("--track", options.track)):
+        shared += [text for value in values for text in (name, value)]
+    out = options.out
+    return diagnose_many(options.many, out, shared, options.workers, options.ray, options.fail_on_gap)
 
 
 def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecording], list[str]]:

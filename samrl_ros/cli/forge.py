@@ -25,9 +25,10 @@ from samrl_ros.blind_test.study import (
     shares,
     usual_counts,
 )
-from samrl_ros.cli.forge_making import make_and_seal, mapping_of, name_failed, with_progress
+from samrl_ros.cli.forge_making import make_and_seal, mapping_of, name_failed
 from samrl_ros.cli.forge_show import console as make_console
 from samrl_ros.cli.forge_show import line, show
+from samrl_ros.cli.progress import with_progress
 
 forge_app = typer.Typer(
     help="Sealed worlds for a blind test of the diagnosis: make, diagnose, score.",

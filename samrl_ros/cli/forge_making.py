@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import typer
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from samrl_core.blind_test.scores.study import Study
 from samrl_core.common import executor
 from samrl_ros.blind_test.study import versions
 from samrl_ros.cli.forge_show import console as make_console
+from samrl_ros.cli.progress import with_progress
 from samrl_ros.contract.exit_codes import FAILED
 
 
@@ -82,28 +74,3 @@ def mapping_of(
 ) -> Callable[..., Iterator[executor.Done]]:
     """Over a Ray cluster, or what does it here."""
     return executor.run_on_ray if ray else local
-
-
-def with_progress(
-    what: str,
-    work: Callable[[Any], Any],
-    todo: Sequence[Any],
-    total: int,
-    mapping: Callable[..., Iterator[executor.Done]],
-    workers: int,
-) -> Iterator[executor.Done]:
-    """What became of each of `todo`, with a bar on stderr."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    with Progress(*columns, console=make_console(stderr=True)) as bar:
-        shown = bar.add_task(what, total=total, completed=total - len(todo))
-        for done in mapping(work, todo, workers) if todo else ():
-            bar.advance(shown)
-            yield done

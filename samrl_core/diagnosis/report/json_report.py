@@ -21,7 +21,7 @@ _NO_GAP = HeldOutGap("", "", math.nan, None, None, None, None, None, None)
 def to_json(diagnosis: Diagnosis) -> dict:
     """The diagnosis as plain JSON values; what is not finite becomes null.
 
-    Beyond the contract: reasons, alarms, notes, runner_ups, nearest, signatures, couplings, heatmap,
+    Beyond the contract: reasons, alarms, notes, runner_ups, tracked, nearest, signatures, couplings, heatmap,
     timelines, curves, timings, settings, arm. The traces of overlays and the data points of curves are
     left to report.html.
 
@@ -47,6 +47,7 @@ def to_json(diagnosis: Diagnosis) -> dict:
         "alarms": d.alarms,
         "notes": d.notes,
         "runner_ups": [_effect(e) for e in d.runner_ups],
+        "tracked": [_effect(e) for e in d.tracked],
         "nearest": _effect(d.nearest) if d.nearest else None,
         "signatures": [
             {

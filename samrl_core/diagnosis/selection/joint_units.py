@@ -31,6 +31,7 @@ def with_joint_units(diagnosis: Diagnosis, arm: ArmDescription) -> Diagnosis:
         d,
         effects=tuple(_effect(e, sliding) for e in d.effects),
         runner_ups=tuple(_effect(e, sliding) for e in d.runner_ups),
+        tracked=tuple(_effect(e, sliding) for e in d.tracked),
         nearest=None if d.nearest is None else _effect(d.nearest, sliding),
         gap=gap,
         curves=tuple(_curve(c, sliding) for c in d.curves),

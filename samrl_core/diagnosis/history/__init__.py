@@ -1,0 +1,1 @@
+"""Diagnoses of many robots on many days: parameters over time, and when they changed."""

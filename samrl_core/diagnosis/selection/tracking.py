@@ -1,0 +1,60 @@
+"""How large given effects are, whether or not the recordings ask for them: to follow them over days."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import EFFECTS
+from samrl_core.diagnosis.result import NamedEffect
+from samrl_core.diagnosis.selection.confidence import estimates
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+
+
+def checked_names(names: Sequence[str]) -> tuple[str, ...]:
+    """`family@place` each.
+
+    Raises:
+        InputError: a name without a place, or of a family that joint channels cannot show.
+    """
+    known = {e.family for e in EFFECTS}
+    for name in names:
+        family, at, place = name.partition("@")
+        if not (at and place) or family not in known:
+            raise InputError(
+                f"cannot track {name!r}; write FAMILY@PLACE, such as coulomb_friction@joint:panda_joint4, "
+                f"with a family of `samrl effects`"
+            )
+    return tuple(names)
+
+
+def track(
+    evidence: Evidence, chosen: Fit | None, names: Sequence[str], rng: np.random.Generator
+) -> tuple[NamedEffect, ...]:
+    """Each effect beside the chosen ones, in the form and shape that fit best; what is not seen is left out.
+
+    Args:
+        evidence: of the fitted recordings.
+        chosen: what the diagnosis named, if anything.
+        names: `family@place` of effects that are not among the chosen ones.
+        rng: for the intervals.
+    """
+    beside = () if chosen is None else chosen.hypotheses
+    out = []
+    for name in names:
+        family, _, place = name.partition("@")
+        pool = [h for h in evidence.screen([e for e in EFFECTS if e.family == family]) if h.place == place]
+        fits = [evidence.fit([h, *(other for other in beside if other.name != name)]) for h in pool]
+        best = max(
+            (f for f in fits if np.isfinite(f.log_evidence)), key=lambda f: f.log_evidence, default=None
+        )
+        if best is not None:
+            fit = evidence.refine(best, 0)
+            h = fit.hypotheses[0]
+            parameters = estimates(evidence, fit, 0, rng)
+            gain = fit.log_evidence - (chosen.log_evidence if chosen is not None else 0.0)
+            out.append(NamedEffect(family, place, math.nan, parameters, gain, h.form.name, "tracked"))
+    return tuple(out)

@@ -13,6 +13,7 @@ OWN_WRITERS = {
     "samrl_core/common/figure_file.py": "into memory, then whole",
     "samrl_core/blind_test/scores/plots.py": "into memory",
     "samrl_core/diagnosis/report/summary_picture.py": "into memory",
+    "samrl_core/diagnosis/history/page.py": "into memory",
     "samrl_ros/bags/metadata.py": "OSError is the bag writer's to word",
     "samrl_ros/cell/node_group.py": "logs of child processes, in `room_for`",
     "samrl_ros/cell/soak/soak.py": "log of a child process, in `room_for`",

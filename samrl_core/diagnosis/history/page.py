@@ -48,7 +48,7 @@ def to_png(history: History) -> bytes:
         axes.axis("off")
         axes.text(0.5, 0.5, "no effect was named on any day", ha="center", color=INK)
     for k, series in enumerate(chosen):
-        _draw(figure.add_subplot(len(chosen), 1, k + 1), series, f"{series.robot}: ")
+        _draw_series(figure.add_subplot(len(chosen), 1, k + 1), series, f"{series.robot}: ")
     stream = io.BytesIO()
     figure.savefig(stream, format="png", metadata={"Software": None})
     return stream.getvalue()
@@ -84,14 +84,14 @@ def _figure(rows: int) -> Figure:
 
 def _svg(series: Series) -> Markup:
     figure = _figure(1)
-    _draw(figure.add_subplot(), series, "")
+    _draw_series(figure.add_subplot(), series, "")
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata={"Date": None})
     text = stream.getvalue()
     return Markup(text[text.index("<svg") :])  # without XML's prologue; matplotlib escapes what it writes
 
 
-def _draw(axes: Axes, series: Series, prefix: str) -> None:
+def _draw_series(axes: Axes, series: Series, prefix: str) -> None:
     """Values with 95 % intervals: filled where the effect was named; means between steps as lines."""
     points = series.points
     dated = all(p.time_s is not None for p in points)

@@ -35,6 +35,7 @@ class ArmGuards:
         self._dropped_log_s: dict[str, float] = dict.fromkeys(
             ROLES, -1.0
         )  # robot time of the last message about it [s]
+        self._rivals: dict[str, tuple[str, ...]] = {}  # who was told of while the arm is stopped
         self._was_moving: dict[str, bool] = dict.fromkeys(ROLES, False)  # at the last `is_in_charge`
         self._told: tuple[Any, ...] = ()
         self.refused_commands = 0
@@ -58,13 +59,15 @@ class ArmGuards:
     def on_rivals(self, role: str, publishers: Sequence[str]) -> None:
         """More than one publisher has a say on `<arm>/command`: the arm brakes, and all are named."""
         self.refused_commands += 1
-        if self._guards[role].status.state in _LATCHED:
-            return
-        self.fault(
-            role,
+        reason = (
             f"{len(publishers)} publishers on {arm_topic(role, 'command')} ({', '.join(publishers)}); "
-            "one commander at a time: stop the others",
+            "one commander at a time: stop the others"
         )
+        if self._guards[role].status.state not in _LATCHED:
+            self.fault(role, reason)
+        elif self._rivals.get(role) != tuple(publishers):
+            self._outbox.log("error", f"{role}: the arm is stopped already: {reason}")
+        self._rivals[role] = tuple(publishers)
 
     def fault(self, role: str, reason: str) -> None:
         """Brake an arm and latch."""
@@ -105,6 +108,7 @@ class ArmGuards:
         """An arm was placed anew: forget all but the counters."""
         self._guards[role].restart()
         self._dropped_log_s[role] = -1.0
+        self._rivals.pop(role, None)
 
     def estop(self, reason: str) -> None:
         """Emergency stop of both arms, latched."""
@@ -119,6 +123,7 @@ class ArmGuards:
             return "; ".join(f"{role}: {reason}" for role, reason in reasons.items() if reason)
         for role, guard in self._guards.items():
             guard.reset(readings[role])
+        self._rivals.clear()
         return ""
 
     def publish_safety(self) -> None:

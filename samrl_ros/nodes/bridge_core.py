@@ -28,6 +28,7 @@ from samrl_ros.contract.behaviour import Outbox
 from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 from samrl_ros.conversions import to_message
 from samrl_ros.nodes.arm_guards import ArmGuards
+from samrl_ros.nodes.standstill import LATCHED
 from samrl_ros.nodes.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] in world
@@ -130,7 +131,7 @@ class BridgeCore:
             InputError: an emergency stop has not been reset.
         """
         if self.guards.is_estopped():
-            raise InputError(f"an emergency stop is latched; call {cell_topic('estop_reset')} first")
+            raise InputError(LATCHED)
         self._world.reset(seed)
         for role in ROLES:
             self.guards.restart(role)

@@ -30,6 +30,7 @@ from samrl_ros.hardware.observe import Observed
 from samrl_ros.hardware.preflight import cell_faults, clock_offsets
 from samrl_ros.nodes.arm_guards import ArmGuards
 from samrl_ros.nodes.operator_episodes import OperatorEpisodes
+from samrl_ros.nodes.standstill import LATCHED
 from samrl_ros.nodes.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
 
 READY = cell_topic("sim_bridge/ready")
@@ -158,7 +159,7 @@ class HardwareCore:
         if self._limits.observe_only:
             raise InputError("this cell only observes; start it without observe_only to move")
         if self.guards.is_estopped():
-            raise InputError(f"an emergency stop is latched; call {cell_topic('estop_reset')} first")
+            raise InputError(LATCHED)
         self.episodes.ask(episode)
 
     def begin_episode(self) -> None:
@@ -170,7 +171,7 @@ class HardwareCore:
         if self.is_checking:
             raise InputError("the pre-flight is not over; wait for it")
         if self.guards.is_estopped():
-            raise InputError(f"an emergency stop is latched; call {cell_topic('estop_reset')} first")
+            raise InputError(LATCHED)
         self.episodes.begin(self._readings)
         for role in ROLES:
             self.guards.restart(role)

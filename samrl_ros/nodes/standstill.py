@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from samrl_ros.contract.topics import cell_topic
+
 SETTLE_NS = 200_000_000  # robot time after a change in which every node hears of it
 MOVED_M = 0.005  # farther than this is not where the tool stood, only a hand moves it so [m]
 MOST_AGAIN = 3  # motions of an episode that are begun anew after they were given up
 AT_REST = 0.02  # below this an arm stands [rad/s], as for the command guard
 ESTOP = "ESTOP"  # of the command guard's states
 STOPPED = ("FAULT", ESTOP)  # in which it follows no commands until a reset
+LATCHED = f"an emergency stop is latched; call {cell_topic('estop_reset')} first"  # why no episode starts
 
 
 def stopped_arms(message: Any, states: tuple[str, ...]) -> tuple[str, ...]:
@@ -47,6 +50,10 @@ class Standstill:
             if estop:
                 self._stood, self.displacement = None, 0.0
         self.estop = estop
+
+    def hear_refusal(self, now_ns: int) -> None:
+        """The cell says that a stop is latched; an all-clear on `safety_state` was not its own."""
+        self._changed_ns = now_ns
 
     def hear_node(self, message: Any, now_ns: int) -> None:
         """Take a `node_watch` message: a node is away (level 1: held, 2: it starts anew), or back."""

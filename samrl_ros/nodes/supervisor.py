@@ -21,7 +21,7 @@ from samrl_ros.contract.outcomes import TARGET_LOST
 from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
-from samrl_ros.nodes.standstill import MOST_AGAIN, MOVED_M, SETTLE_NS, Doubt, Standstill
+from samrl_ros.nodes.standstill import LATCHED, MOST_AGAIN, MOVED_M, SETTLE_NS, Doubt, Standstill
 
 READY, PHASE = cell_topic("sim_bridge/ready"), cell_topic("phase")
 REQUEST, OUTCOME = cell_topic("supervisor/request"), cell_topic("supervisor/outcome")
@@ -353,7 +353,11 @@ class Supervisor(Behaviour):
             reason = f"the cell cannot start an episode: {response.message}"
             if not self._settings.wait_for_reset:
                 self._fail(reason)
-            self._doubt = Doubt(self._now_ns, reason)  # an emergency stop may be why
+            if LATCHED in response.message:
+                self._standstill.hear_refusal(self._now_ns)
+                self._waiting_for = "hold"  # and ask again, until the reset
+            else:
+                self._doubt = Doubt(self._now_ns, reason)
         elif self._waiting_for == "start":
             self._waiting_for = "ready"
 

@@ -170,3 +170,17 @@ def test_commanded_efforts_bear_the_stamp_of_the_states_they_were_made_of() -> N
         assert len(efforts) == pytest.approx(len(states), abs=1) and len(efforts) > 20
         # the newest state's torque is sent one period later
         assert set(efforts[1:]) <= set(states)
+
+
+def test_a_second_commander_of_a_stopped_arm_is_told_once() -> None:
+    rig = Rig()
+    rig.bridge.guards.estop("asked for")
+    for _ in range(3):
+        rig.bridge.guards.on_rivals("tool_arm", ["node 'manipulator'", "node 'stranger'"])
+    rig.tick(0.01)
+    told = [text for level, text in rig.logs if "2 publishers" in text]
+    assert len(told) == 1 and "stopped already" in told[0] and rig.safety()[1]["tool_arm"] == "ESTOP"
+    assert rig.bridge.reset_safety() == ""
+    rig.bridge.guards.on_rivals("tool_arm", ["node 'manipulator'", "node 'stranger'"])
+    rig.tick(0.01)
+    assert rig.safety()[1]["tool_arm"] == "FAULT"

@@ -29,6 +29,7 @@ class Rig:
         self.asked: list[str] = []
         self.ends: list[str] = []
         self.started: list[int] = []
+        self.refusal = ""  # of the cell, when an episode shall start
         self.estimate, self.now_ns, self.asked_ns, self.step = estimate, SECOND, 0, 0
         settings = SupervisorSettings(episodes=2, stop_on_model_success=False, view_period=1000)
         self.supervisor = Supervisor(settings, self)  # type: ignore[arg-type]
@@ -50,7 +51,7 @@ class Rig:
 
     def call(self, service: str, request: Any, on_response: Callable[[Any], None]) -> None:
         self.started.append(request.episode)
-        on_response(type("Response", (), {"success": True, "message": ""})())
+        on_response(type("Response", (), {"success": not self.refusal, "message": self.refusal})())
 
     def ready(self, episode: int) -> None:
         from samrl_msgs.msg import EpisodeReady
@@ -178,3 +179,35 @@ def test_a_run_from_before_ends_its_episode_at_once(estimate: Any) -> None:
     rig.answer_view()
     rig.give_up_motion()
     assert rig.ends == ["error: tool_arm joint states paused: motion given up"]
+
+
+def test_an_all_clear_that_the_cell_does_not_share_is_waited_out(acting: Rig) -> None:
+    from samrl_ros.conversions import to_message
+    from samrl_ros.nodes.standstill import LATCHED
+    from samrl_ros.nodes.supervisor import SAFETY
+
+    acting.refusal = LATCHED
+    acting.give_up_motion()
+    for _ in range(3):  # and an episode ends while another says that all is well
+        acting.supervisor.handle(SAFETY, to_message.diagnostic("cell: command guard", 0, "ok", {}))
+    acting.tell("model_updater", 2)
+    acting.tell("model_updater", 0, "back")
+    acting.pass_time(60.0)
+    assert len(acting.ends) == 1 and not acting.supervisor.finished
+    asked = len(acting.started)
+    assert asked > 10 and set(acting.started[1:]) == {1}
+    acting.refusal = ""
+    acting.pass_time(1.0)
+    acting.ready(1)
+    assert acting.asked[-1] == "update" and len(acting.started) == asked + 1
+
+
+def test_a_cell_that_refuses_for_another_reason_ends_the_run(acting: Rig) -> None:
+    from samrl_core.common.errors import InputError
+
+    acting.refusal = "the task starts elsewhere"
+    acting.tell("model_updater", 2)
+    acting.tell("model_updater", 0, "back")
+    with pytest.raises(InputError, match="the task starts elsewhere"):
+        acting.pass_time(5.0)
+    assert acting.supervisor.finished

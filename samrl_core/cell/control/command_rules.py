@@ -87,13 +87,15 @@ def check_step(
     limits: JointLimits,
     names: tuple[str, ...],
     settings: GuardSettings,
+    share: float = 1.0,
 ) -> None:
-    """Whether an arm within its limits can get from one command to the next, whatever their fields say.
+    """Whether the cubic from one command to the next keeps the limits, whatever their fields say.
 
-    With |a| <= A over a time h: |v1 - v0| <= A h, and |p1 - p0 - h (v0 + v1) / 2| <= A h^2 / 4, since the
-    left-hand side is the integral of a(t) (h/2 - t). Both then bound the cubic between them by 2.5 A. The
-    speed of that cubic is held to the velocity limit. What is driven is the cubic through the stamps:
-    they may be rounded, but jitter in them is a change of speed, and no margin is given for it.
+    That cubic is what is driven. Over a time h its acceleration is greatest at an end, |v1 - v0| / h +
+    6 |p1 - p0 - h (v0 + v1) / 2| / h^2, and `share` of the acceleration limit holds for it. A sender that
+    switches between full accelerations from one command to the next would be driven at 1.5 times of them,
+    and is refused. The cubic's speed is held to the velocity limit. Stamps may be rounded, but jitter in
+    them is a change of speed, and no margin is given for it.
 
     Raises:
         LimitError: faster than the velocity or acceleration limit.
@@ -103,9 +105,10 @@ def check_step(
     travel = command.position - before.position
     middle = 1.5 * travel / h - 0.25 * (v0 + v1)  # speed of the cubic half way
     peak = np.maximum(np.abs(travel) / h, np.abs(middle)) / (limits.velocity * settings.curve_slack)
-    change = np.abs(v1 - v0) / (limits.acceleration * settings.slack * (h + settings.stamp_resolution_s))
+    allowed = share * limits.acceleration * settings.slack * (1.0 + settings.stamp_resolution_s / h)
+    change = np.abs(v1 - v0) / h / allowed
     untrue = np.maximum(np.abs(v0), np.abs(v1)) * settings.stamp_resolution_s + 1e-6  # [rad], with rounding
-    bend = np.abs(travel - 0.5 * h * (v0 + v1)) / (limits.acceleration * settings.slack * h * h / 4 + untrue)
+    bend = change + 6.0 * np.maximum(np.abs(travel - 0.5 * h * (v0 + v1)) - untrue, 0.0) / (h * h) / allowed
     for what, over, remedy in (
         ("position step", peak, "its velocity limit; smooth the trajectory"),
         ("velocity step", change, "its acceleration limit; smooth the trajectory"),

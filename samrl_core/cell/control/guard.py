@@ -245,9 +245,12 @@ class CommandGuard:
                 "use the robot's clock"
             )
         joining = self._join is not None and command.stamp_ns < self._join.end_ns
-        self._check(command, measured, 1.0 - self._s.join_fraction if joining else 1.0)
-        if tracking:
-            check_step(self._curve.last, command, self._limits, self._names, self._s)
+        rest = 1.0 - self._s.join_fraction  # of the limits, beside a join
+        share = rest if joining else 1.0
+        self._check(command, measured, share)
+        before = self._curve.last if tracking else None
+        if before is not None:
+            check_step(before, command, self._limits, self._names, self._s, share)
         else:
             remedy = "start from the measured position"
             check_jump(command, measured, self._names, self._s.start_jump_rad, remedy)
@@ -258,7 +261,9 @@ class CommandGuard:
             at = self._curve.at(present.stamp_ns)
             join = Join(present, at, self._limits, self._names, self._s)
             if join.end_ns > command.stamp_ns:
-                self._check(command, measured, 1.0 - self._s.join_fraction)
+                self._check(command, measured, rest)
+                if before is not None:
+                    check_step(before, command, self._limits, self._names, self._s, rest)
             self._join = join if join.end_ns > join.start_ns else None
 
     def _tracked(self, present: ArmCommand, now_ns: int) -> ArmCommand:

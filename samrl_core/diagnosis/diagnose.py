@@ -29,6 +29,7 @@ from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, on_bound
 from samrl_core.diagnosis.selection.joint_units import with_joint_units
 from samrl_core.diagnosis.selection.next_experiment import next_experiment
+from samrl_core.diagnosis.selection.posterior import correction_of
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.selection.signature import couplings, signatures
 from samrl_core.diagnosis.selection.tracking import track
@@ -230,6 +231,10 @@ def _conclude(
             "held_out_unexplained_fraction": selection.held_out_unexplained,
         },
     )
+    if chosen is not None and diagnosis.effects:
+        rng = np.random.default_rng([settings.seed, 1])  # draws of its own: the report's stay as they are
+        correction = correction_of(evidence, chosen, far.resimulations, far.gap, rng)
+        far = replace(far, correction=correction)
     done("report")
     return with_joint_units(diagnosis, likelihood.trials[0].recording.arm), far
 

@@ -17,6 +17,7 @@ from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
@@ -63,6 +64,13 @@ class DiagnoseOptions:
     ] = None
     workers: Annotated[int, typer.Option(help="With --many: processes side by side.", min=1)] = 2
     ray: Annotated[bool, typer.Option("--ray", help="With --many: on a Ray cluster (extra cluster).")] = False
+    export: Annotated[
+        tuple[str, ...],
+        typer.Option(help="Write the correction for mujoco, urdf, pybullet, isaaclab or gazebo."),
+    ] = ()
+    randomise: Annotated[
+        bool, typer.Option("--randomise", help="With --export: posterior ranges for domain randomisation.")
+    ] = False
     effort: Annotated[Effort, typer.Option(help=f"Of logs of other tools: {EFFORT_HELP}")] = Effort.ask
 
 
@@ -72,11 +80,19 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     Raises:
         InputError: the recordings cannot be used; nothing was written.
     """
+    from samrl_ros.cli.export import check_targets, export_all, export_report, is_report, keep_correction
+    from samrl_ros.recordings.described import model_of
+
+    check_targets(options.export)
     if options.many is not None:
         return _many(options)
     if not options.bags:
         raise InputError("no recording is named; give bags, a folder of bags or a log, or --many DIR")
     screen = Console()
+    if is_report(options.bags):
+        model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
+        export_report(options.bags[0], model, options.export, options.randomise, screen)
+        return OK
     if (options.out / "report.json").exists():
         raise InputError(f"{options.out} has a report already; give another --out, reports are not replaced")
     from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
@@ -97,18 +113,24 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     )
     try:
         with screen.status("reading recordings") as status:
-            fit, held_out, notes = load(options)
+            model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
+            fit, held_out, notes = load(options, model)
             for note in notes:
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)
             status.update("writing the report")
             files = write_report(diagnosis, options.out)
             _write_resimulation(options.out, far.resimulations)
+            correction = far.correction and keep_correction(far.correction, model, options.out)
     except KeyboardInterrupt:
         screen.print("interrupted; nothing was written, the same command begins again", highlight=False)
         return INTERRUPTED
     for line in summary(diagnosis, [str(f) for f in files]):
         screen.print(escape(line), highlight=False, soft_wrap=True)
+    if options.export and correction is None:
+        screen.print(f"nothing was named, so there is nothing to export to {', '.join(options.export)}")
+    elif correction is not None:
+        export_all(correction, options.export, options.out, options.randomise, screen)
     return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
 
 
@@ -124,13 +146,18 @@ def _many(options: DiagnoseOptions) -> int:
         if (path := getattr(options, name)) is not None:
             shared += [f"--{name}", str(path.resolve())]
     shared += ["--arm", options.arm] if options.arm else []
-    for name, values in (("--xacro-arg", options.xacro_arg), ("--track", options.track)):
+    for name, values in (
+        ("--xacro-arg", options.xacro_arg), ("--track", options.track), ("--export", options.export),
+    ):  # fmt: skip
         shared += [text for value in values for text in (name, value)]
+    shared += ["--randomise"] if options.randomise else []
     out = options.out
     return diagnose_many(options.many, out, shared, options.workers, options.ray, options.fail_on_gap)
 
 
-def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecording], list[str]]:
+def load(
+    options: DiagnoseOptions, model: NominalModel | None = None
+) -> tuple[list[ArmRecording], list[ArmRecording], list[str]]:
     """Recordings of one arm by role, checked, with notes about them.
 
     Raises:
@@ -138,10 +165,9 @@ def load(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecordin
     """
     from samrl_ros.log_import.foreign import is_foreign, read_foreign
     from samrl_ros.recordings import load_recordings, read_tolerances
-    from samrl_ros.recordings.described import described_by, model_of
+    from samrl_ros.recordings.described import described_by
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
-    model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []

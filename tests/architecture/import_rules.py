@@ -13,6 +13,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "samrl_core/cell/world/",
         "samrl_core/blind_test/engines/",
         "samrl_core/studies/speed/peers/",
+        "samrl_core/diagnosis/export/scripts/",  # handed to users, run as they would
     ),
     "pybullet_data": (),
     "warp": (
@@ -28,6 +29,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "samrl_core/blind_test/baselines/",
         "samrl_core/studies/speed/peers/",
         "samrl_core/diagnosis/nominal_model/",  # it compiles MJCF
+        "samrl_core/diagnosis/export/",  # it is one of those that are exported to
     ),
     "xacro": ("samrl_core/diagnosis/nominal_model/",),
     "gymnasium": ("samrl_core/studies/baselines/",),

@@ -51,10 +51,7 @@ def from_mjcf(path: Path, text: str) -> NominalModel:
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: {_message_of(error)}; {REMEDY}") from error
     notes = _without_missing_files(mujoco, spec, path)
-    try:
-        model = spec.compile()
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: {_message_of(error)}; {REMEDY}") from error
+    model = _compiled(spec, path)
     tree = _Tree(mujoco, model, notes)
     urdf = tree.urdf(str(spec.modelname or "model"))
     gravity = tuple(float(x) for x in model.opt.gravity)
@@ -65,6 +62,30 @@ def from_mjcf(path: Path, text: str) -> NominalModel:
         "mjcf", path, with_includes(path, text), urdf, tuple(tree.actuators), float(model.opt.timestep),
         (gravity[0], gravity[1], gravity[2]), compensated, tuple(dict.fromkeys(notes)),
     )  # fmt: skip
+
+
+def compiled(text: str, path: Path | None) -> Any:
+    """The MjModel of a text whose files lie beside `path`; shapes whose files are missing are left out.
+
+    Raises:
+        InputError: as `from_mjcf`.
+    """
+    mujoco, where = load_mujoco(), path or Path("the model")
+    try:
+        spec = mujoco.MjSpec.from_string(text)
+    except (ValueError, OSError) as error:
+        raise InputError(f"{where}: {_message_of(error)}; {REMEDY}") from error
+    if path is not None:
+        spec.modelfiledir = str(path.parent.resolve())
+    _without_missing_files(mujoco, spec, where)
+    return _compiled(spec, where)
+
+
+def _compiled(spec: Any, where: Path) -> Any:
+    try:
+        return spec.compile()
+    except (ValueError, OSError) as error:
+        raise InputError(f"{where}: {_message_of(error)}; {REMEDY}") from error
 
 
 def _message_of(error: Exception) -> str:

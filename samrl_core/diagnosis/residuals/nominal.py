@@ -17,6 +17,7 @@ from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
 FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
+AHEAD_S = 0.009  # of stated friction: MuJoCo's default solreffriction of 0.02 s at impedance 0.9
 COMPLIANCE = 1e-4  # [rad] twist at the effort limit: no joint is quite rigid
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
@@ -48,8 +49,11 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
         out += [(trial.drive(j, smooth_sign(velocity, w)[None]), 0.6 * coulomb[j]) for w in FLOOR_WIDTHS]
         out.append((trial.drive(j, velocity[None]), viscous[j]))
         if stated.friction[j] > 0:  # nor is it stated of the friction that the model has
-            shapes = [smooth_sign(velocity, w) for w in FLOOR_WIDTHS[:-1]]
+            shapes = [smooth_sign(velocity, w) for w in FLOOR_WIDTHS]
             turn = smooth_sign(velocity, NOMINAL_SIGN)
+            # MuJoCo's turns ahead of the velocity, the less abruptly the lighter the joint.
+            ahead = velocity + AHEAD_S * motion.full_acceleration[:, j]
+            shapes += [smooth_sign(ahead, w) for w in (NOMINAL_SIGN, *FLOOR_WIDTHS[2:])]
             out += [(trial.drive(j, (x - turn)[None]), 0.6 * float(stated.friction[j])) for x in shapes]
         if trial.rotor[j] > 0:
             rotor = motion.full_acceleration[:, j][None]

@@ -55,7 +55,7 @@ def estimates(
     covariance = fit.covariance[start : start + size, start : start + size]
     mean = fit.amplitudes[index]
     units = {p.name: p.unit for p in h.effect.parameters}
-    widths = {name: _shape_width(evidence, fit, index, name) for name in h.form.refine if name in h.shape}
+    widths = {name: shape_width(evidence, fit, index, name) for name in h.form.refine if name in h.shape}
     values: dict[str, list[float]] = {}
     root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)) + 1e-300 * np.eye(size))
     for _ in range(SAMPLES):
@@ -96,7 +96,7 @@ def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
     )
 
 
-def _shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
+def shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
     """Standard deviation of a shape's logarithm from the evidence's curvature, between 0.002 and 1."""
     h = fit.hypotheses[index]
     best = fit.log_evidence

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.residuals.equations import UNITS as CHANNEL_UNITS
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
@@ -41,6 +42,7 @@ class HowFar:
     resimulations: tuple[Resimulation, ...]
     overlays: tuple[Overlay, ...] = ()
     alarms: tuple[str, ...] = ()
+    correction: Correction | None = None  # of the model, where something was named
 
 
 def how_far(

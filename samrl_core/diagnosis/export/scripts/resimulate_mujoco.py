@@ -1,0 +1,232 @@
+"""Re-simulates held-out recordings in MuJoCo, original and changed model: numpy and mujoco alone.
+
+    python resimulate.py [FOLDER]
+
+FOLDER (default: where this file lies) holds original.xml, changed.xml, law.json and held_out.npz.
+Written there: resimulated.npz, and resimulated.json with the gap before and after, and its shrink.
+
+Per control period: the command, interpolated; the law of law.json, or the model's own position actuators
+where these are the controller; MuJoCo's steps. Other joints are held at zero. Contacts are off.
+"""
+
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
+HEAVY = 1e9  # rotor inertia of joints that are held [kg m2]
+
+
+def load(path):
+    """The model; shapes whose files are missing are left out, they do not matter here."""
+    spec = mujoco.MjSpec.from_string(path.read_text())
+    base = Path(json.loads((path.parent / "law.json").read_text()).get("assets") or path.parent)
+    spec.modelfiledir = str(base)
+    folder = base / (spec.meshdir or "")
+    gone = {m.name for m in spec.meshes if m.file and not (folder / m.file).exists()}
+    for body in spec.bodies:
+        for geom in list(body.geoms):
+            if geom.meshname in gone:
+                spec.delete(geom)
+            else:
+                geom.material = ""
+    for site in spec.sites:
+        site.material = ""
+    for kind in (spec.materials, spec.textures, [m for m in spec.meshes if m.name in gone]):
+        for item in list(kind):
+            spec.delete(item)
+    if gone:
+        for pair in [*spec.pairs, *spec.excludes]:
+            spec.delete(pair)
+    model = spec.compile()
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return model
+
+
+class Arm:
+    """One model under the controller."""
+
+    def __init__(self, model, law, reference, gains):
+        """`reference` is the original model: its gains are those that the controller knows."""
+        self.model, self.data, self.law = model, mujoco.MjData(model), law
+        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in law["joints"]]
+        self.q, self.v = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
+        others = np.setdiff1d(np.arange(model.nv), self.v)
+        self.others = others
+        model.dof_armature[others] = HEAVY
+        model.dof_damping[others] = model.dof_frictionloss[others] = 0.0
+        self.gains = gains
+        limit = law["effort_limit"]
+        self.limit = np.array([np.inf if x is None else x for x in limit])
+        self.actuator = [self._actuator(i) for i in ids]
+        self.in_model = law["in_model"]
+        self.unit = np.ones(len(ids))
+        for k, a in enumerate(self.actuator):
+            if a is None or self.in_model:
+                continue
+            if (
+                model.actuator_biasprm[a, 1] or model.actuator_biasprm[a, 2]
+            ):  # a servo that is not the controller
+                model.actuator_gainprm[a] = model.actuator_biasprm[a] = 0.0
+                self.actuator[k] = None
+            else:
+                self.unit[k] = reference.actuator_gainprm[a, 0] * reference.actuator_gear[a, 0]
+
+    def _actuator(self, joint):
+        found = [a for a in range(self.model.nu) if self.model.actuator_trnid[a, 0] == joint]
+        return found[0] if len(found) == 1 else None
+
+    def gravity(self, nominal, q):
+        """Gravity torques of the nominal model."""
+        data = mujoco.MjData(nominal)
+        data.qpos[self.q] = q
+        mujoco.mj_forward(nominal, data)
+        return data.qfrc_bias[self.v].copy()
+
+    def run(self, held, nominal):
+        """Simulate one recording's command; quantities (N, J) at the recording's times."""
+        model, data, law, gains = self.model, self.data, self.law, self.gains
+        mujoco.mj_resetData(model, data)
+        time = held["time"]
+        data.qpos[self.q], data.qvel[self.v] = held["start_position"], held["start_velocity"]
+        step = model.opt.timestep
+        inner = 1 if self.in_model else max(1, round(law["period_s"] / step))
+        period = inner * step
+        count = round(float(time[-1] - time[0]) / period) + 1
+        clock = np.arange(count) * period
+        late = clock - gains["command_delay"][:, None]
+        wanted = np.stack(
+            [
+                np.interp(t, held["command_time"], c)
+                for t, c in zip(late, held["command_position"].T, strict=True)
+            ],
+            1,
+        )
+        speed = np.stack(
+            [
+                np.interp(t, held["command_time"], c)
+                for t, c in zip(late, held["command_velocity"].T, strict=True)
+            ],
+            1,
+        )
+        plain = np.stack([np.interp(clock, held["command_time"], c) for c in held["command_position"].T], 1)
+        forward = np.stack([np.interp(clock, held["command_time"], c) for c in held["command_effort"].T], 1)
+        stiffness = held["stiffness"] * gains["stiffness_scale"]
+        damping = held["damping"] * gains["damping_scale"]
+        blend = 1.0 - np.exp(-2 * np.pi * period * gains["command_cutoff"])
+        out = {name: np.zeros((count, len(self.q))) for name in QUANTITIES}
+        filtered, filtered_speed = wanted[0].copy(), speed[0].copy()
+        sent, drive = [], None
+        soft = 1.0 - np.exp(-2 * np.pi * period * gains["effort_cutoff"])
+        for k in range(count):
+            q, v = data.qpos[self.q].copy(), data.qvel[self.v].copy()
+            filtered += blend * (wanted[k] - filtered)
+            filtered_speed += blend * (speed[k] - filtered_speed)
+            u = stiffness * (filtered - q) + damping * (filtered_speed - v) + forward[k]
+            if law["gravity_compensation"]:
+                u = u + self.gravity(nominal, q)
+            u = np.clip(u, -self.limit, self.limit)
+            out["position"][k], out["velocity"][k], out["commanded_effort"][k] = q, v, u
+            sent.append(u)
+            if self.in_model:
+                for j, a in enumerate(self.actuator):
+                    data.ctrl[a] = plain[k, j] * model.actuator_gear[a, 0]
+                applied = np.zeros(len(self.q))
+            else:
+                applied = self._through(sent, k, period, drive, soft)
+                drive = applied
+            for _ in range(inner):
+                data.qvel[self.others] = 0.0
+                if not self.in_model:
+                    for j, a in enumerate(self.actuator):
+                        if a is None:
+                            data.qfrc_applied[self.v[j]] = applied[j]
+                        else:
+                            data.ctrl[a] = applied[j] / self.unit[j]
+                mujoco.mj_step(model, data)
+                if _ == 0:
+                    out["effort"][k] = self._link_side()
+        grid = time - time[0]
+        return {n: np.stack([np.interp(grid, clock, c) for c in x.T], 1) for n, x in out.items()}
+
+    def _through(self, sent, k, period, last, soft):
+        """Effort on its way to the drive, as the controller's code would have it."""
+        gains = self.gains
+        u = np.empty(len(self.q))
+        for j, delay in enumerate(gains["effort_delay"]):
+            at = max(k - delay / period, 0.0)
+            low = int(at)
+            high = min(low + 1, k)
+            u[j] = sent[low][j] * (1 - (at - low)) + sent[high][j] * (at - low)
+        if last is not None:
+            u = last + soft * (u - last) if np.isfinite(gains["effort_cutoff"]).any() else u
+            most = gains["effort_rate_limit"] * period
+            u = np.clip(u, last - most, last + most)
+        u = np.clip(u, -gains["effort_limit"], gains["effort_limit"])
+        return u * (1.0 + gains["actuator_gain"]) + gains["torque_offset"]
+
+    def _link_side(self):
+        """Torque behind drive friction and rotor."""
+        m, d = self.model, self.data
+        friction = np.zeros(m.nv)
+        kind = np.asarray(d.efc_type[: d.nefc])
+        for i in np.flatnonzero(kind == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)):
+            friction[d.efc_id[i]] += d.efc_force[i]
+        tau = d.qfrc_actuator + d.qfrc_applied + friction - m.dof_damping * d.qvel - m.dof_armature * d.qacc
+        return tau[self.v]
+
+
+def gap(runs, held):
+    """Root mean square of (measured - simulated) / scale over everything, and per quantity."""
+    squares, parts = [], {}
+    for run, one in zip(runs, held, strict=True):
+        rows = []
+        for name in QUANTITIES:
+            if "measured_" + name in one:
+                error = ((one["measured_" + name] - run[name]) / one["scale_" + name]) ** 2
+                rows.append(error)
+                parts.setdefault(name, []).append(error.mean())
+        squares.append(np.concatenate(rows, axis=1).mean(axis=1))
+    return float(np.sqrt(np.concatenate(squares).mean())), {
+        n: float(np.sqrt(np.mean(p))) for n, p in parts.items()
+    }
+
+
+def main(folder):
+    """Simulate, compare, write."""
+    law = json.loads((folder / "law.json").read_text())
+    arrays = np.load(folder / "held_out.npz")
+    held = [
+        {name.split(".", 1)[1]: arrays[name] for name in arrays.files if name.startswith(f"{k}.")}
+        for k in range(law["recordings"])
+    ]
+    reference = load(folder / "original.xml")
+    gaps, parts, kept = {}, {}, {}
+    for name in ("original", "changed"):
+        gains = {k: np.array([np.inf if x is None else x for x in v]) for k, v in law[name].items()}
+        runs = [Arm(load(folder / f"{name}.xml"), law, reference, gains).run(one, reference) for one in held]
+        gaps[name], parts[name] = gap(runs, held)
+        for k, run in enumerate(runs):
+            kept |= {f"{k}.{name}.{quantity}": values for quantity, values in run.items()}
+    np.savez_compressed(folder / "resimulated.npz", **kept)
+    result = {
+        "engine": f"mujoco {mujoco.__version__}",
+        "before": gaps["original"],
+        "after": gaps["changed"],
+        "shrink": 1.0 - gaps["changed"] / gaps["original"],
+        "quantities": {
+            q: {"before": parts["original"][q], "after": parts["changed"][q]} for q in parts["changed"]
+        },
+    }
+    (folder / "resimulated.json").write_text(json.dumps(result, indent=1) + "\n")
+    print(json.dumps(result))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent)

@@ -98,7 +98,7 @@ def write_export(
     if target in RESIMULATED:
         why_not = "" if resimulate else "it was not asked for"
         if c.law is None or not c.held_out:
-            why_not = "the recordings describe no controller, so nothing can be simulated in closed loop"
+            why_not = "the recordings describe no controller, or one that is more than stiffness and damping"
         if not why_not:
             _write_law(c, target, folder, statements, assets)
             found = _run(target, folder)

@@ -44,6 +44,8 @@ _WORDS: dict[str, tuple[str, Callable[[Correction, int], str]]] = {
     "encoder_offset": (MISSING, lambda c, j: f"add {c.at('encoder_offset', j):.4g} rad to the reading"),
     "actuator_gain": (CONTROLLER, lambda c, j: f"multiply the effort by {1 + c.at('actuator_gain', j):.4g}"),
     "torque_offset": (CONTROLLER, lambda c, j: f"add {c.at('torque_offset', j):.4g} N m to the effort"),
+    "dead_band": (CONTROLLER, lambda c, j: (
+        f"widen the dead band of the controller by +-{c.at('dead_band', j):.3g} rad")),
     "stiffness_scale": (CONTROLLER, lambda c, j: (
         f"multiply the stiffness by {c.at('stiffness_scale', j):.4g}")),
     "damping_scale": (CONTROLLER, lambda c, j: f"multiply the damping by {c.at('damping_scale', j):.4g}"),

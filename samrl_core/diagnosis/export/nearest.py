@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 from samrl_core.diagnosis.export.correction import Correction
 
 RESTING = 0.004  # [rad/s] below it friction is whatever holds the joint
-PLAIN = ("coulomb", "viscous")
+PLAIN = ("coulomb", "viscous", "back_emf")  # a back-EMF is damping, as long as the motor is powered
 BEYOND = (
     "stribeck_drop",
     "load_friction",
@@ -41,7 +41,7 @@ def level_and_slope(correction: Correction, joint: int) -> LevelAndSlope:
     """Friction and damping of a joint with its effects, or what comes nearest over the recorded motion."""
     c = correction
     level = float(c.friction[joint]) + c.at("coulomb", joint)
-    slope = float(c.damping[joint]) + c.at("viscous", joint)
+    slope = float(c.damping[joint]) + c.at("viscous", joint) + c.at("back_emf", joint)
     if not any(c.changes(name, joint) for name in BEYOND) and level >= 0 and slope >= 0:
         return LevelAndSlope(level, slope, 0.0)
     speed = c.motion["velocity"][:, joint]
@@ -73,7 +73,7 @@ def friction_torque(correction: Correction, joint: int) -> np.ndarray:
         at("friction_harmonic_order") * q + at("friction_harmonic_phase")
     )
     turned = np.tanh(speed / at("coulomb_velocity"))
-    torque = level * turned + (float(c.damping[joint]) + at("viscous")) * speed
+    torque = level * turned + (float(c.damping[joint]) + at("viscous") + at("back_emf")) * speed
     torque = torque + at("friction_asymmetry") * turned**2
     warm = 1.0 + at("thermal_ratio") * np.exp(-(time + at("thermal_offset")) / at("thermal_time"))
     return torque * warm + at("cable_friction") * np.sign(speed)

@@ -10,6 +10,7 @@ import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.diagnosis.export.correction import BODY, Correction, NominalLaw
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import HeldOutGap
@@ -121,7 +122,7 @@ def _sampled_plants(
 
 def _law(arm: ArmDescription, trial: Trial) -> NominalLaw | None:
     control = arm.controller
-    if control is None:
+    if control is None or not _is_plain(control.law):
         return None
     assert trial.rigid is not None
     limit = trial.rigid.effort_limits() if control.effort_limit is None else control.effort_limit
@@ -129,6 +130,14 @@ def _law(arm: ArmDescription, trial: Trial) -> NominalLaw | None:
         tuple(map(float, control.stiffness)), tuple(map(float, control.damping)), tuple(map(float, limit)),
         float(control.period_s), bool(control.gravity_compensation), control.gravity,
     )  # fmt: skip
+
+
+def _is_plain(law: DriveLaw) -> bool:
+    """Whether a law is stiffness and damping alone: what the scripts of an export have."""
+    plain = DriveLaw()
+    told = ("velocity_share", "torque_per_volt", "torque_per_ampere", "most_volt")  # no matter, or written out
+    names = [f.name for f in fields(DriveLaw) if f.name not in told]
+    return all(np.all(np.asarray(getattr(law, name)) == getattr(plain, name)) for name in names)
 
 
 def _tool(arm: ArmDescription) -> dict[str, Any] | None:
@@ -161,6 +170,7 @@ def _held_out(run: Resimulation) -> dict[str, np.ndarray]:
     assert command is not None and command.position is not None
     zero, control = np.zeros_like(command.position), run.trial.recording.arm.controller
     assert control is not None
+    share = control.law.of_joints("velocity_share", run.trial.joints)
     out = {
         "stiffness": np.asarray(control.stiffness, dtype=float),
         "damping": np.asarray(control.damping, dtype=float),
@@ -169,7 +179,7 @@ def _held_out(run: Resimulation) -> dict[str, np.ndarray]:
         "start_velocity": np.median(motion.full_velocity[:5], axis=0),
         "command_time": command.time - motion.time[0],
         "command_position": command.position,
-        "command_velocity": zero if command.velocity is None else command.velocity,
+        "command_velocity": zero if command.velocity is None else command.velocity * share,
         "command_effort": zero if command.effort is None else command.effort,
     }
     for quantity, values in run.measured.items():

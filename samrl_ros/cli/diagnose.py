@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
@@ -71,6 +72,10 @@ class DiagnoseOptions:
     randomise: Annotated[
         bool, typer.Option("--randomise", help="With --export: posterior ranges for domain randomisation.")
     ] = False
+    sim: Annotated[
+        Path | None,
+        typer.Option(help="A log of your simulator: say where and when it leaves the machine's. No model."),
+    ] = None
     effort: Annotated[Effort, typer.Option(help=f"Of logs of other tools: {EFFORT_HELP}")] = Effort.ask
 
 
@@ -80,6 +85,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     Raises:
         InputError: the recordings cannot be used; nothing was written.
     """
+    from samrl_ros.cli.compare import compare
     from samrl_ros.cli.export import check_targets, export_all, export_report, is_report, keep_correction
     from samrl_ros.recordings.described import model_of
 
@@ -89,6 +95,11 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     if not options.bags:
         raise InputError("no recording is named; give bags, a folder of bags or a log, or --many DIR")
     screen = Console()
+    if options.sim is not None:
+        if len(options.bags) != 1:
+            raise InputError(f"--sim compares one log with another; {len(options.bags)} logs were given")
+        compare(options.bags[0], options.sim, options.out, lambda path: _one_log(path, options), screen)
+        return OK
     if is_report(options.bags):
         model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
         export_report(options.bags[0], model, options.export, options.randomise, screen)
@@ -163,8 +174,7 @@ def load(
     Raises:
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
     """
-    from samrl_ros.log_import.foreign import is_foreign, read_foreign
-    from samrl_ros.recordings import load_recordings, read_tolerances
+    from samrl_ros.recordings import read_tolerances
     from samrl_ros.recordings.described import described_by
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
@@ -175,14 +185,9 @@ def load(
     for paths in (fit_paths, held_paths):
         group = []
         for path in paths:
-            if is_foreign(path):
-                recording, more = read_foreign(path, urdf, tolerances, options.effort)
-                group.append((recording,))
-                notes += [f"{path.name}: {note}" for note in more]
-                continue
-            bag = load_recordings(path, urdf=urdf, tolerances=tolerances)
-            group.append(bag.recordings)
-            notes += [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]
+            recordings, more = read_log(path, urdf, tolerances, options.effort)
+            group.append(recordings)
+            notes += more
         groups.append(group)
     role = options.arm or _moving_role([*groups[0], *groups[1]])
     chosen: list[list[ArmRecording]] = []
@@ -212,6 +217,36 @@ def load(
         notes.append(f"{whole.name} is alone: its last part, after a gap, is held out")
     check_held_out(fit, held_out)
     return fit, held_out, notes
+
+
+def read_log(
+    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort
+) -> tuple[tuple[ArmRecording, ...], list[str]]:
+    """Arms of one log, a bag with samrl's topics or another tool's, with notes.
+
+    Raises:
+        InputError: as `read_foreign` and `load_recordings`.
+    """
+    from samrl_ros.log_import.foreign import is_foreign, read_foreign
+    from samrl_ros.recordings import load_recordings
+
+    if is_foreign(path):
+        recording, more = read_foreign(path, urdf, tolerances, effort)
+        return (recording,), [f"{path.name}: {note}" for note in more]
+    bag = load_recordings(path, urdf=urdf, tolerances=tolerances)
+    return bag.recordings, [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]
+
+
+def _one_log(path: Path, options: DiagnoseOptions) -> tuple[ArmRecording, list[str]]:
+    """The arm of a log that moves, or that was chosen."""
+    if not is_there(path):
+        raise InputError(f"{path} does not exist; give a bag or a log")
+    recordings, notes = read_log(path, None, None, options.effort)
+    role = options.arm or _moving_role([recordings])
+    found = [r for r in recordings if r.arm.role == role]
+    if not found:
+        raise InputError(f"{path} has {[r.arm.role for r in recordings]}, not {role}; choose with --arm")
+    return found[0], notes
 
 
 def read_library(path: Path) -> tuple[str, ...]:

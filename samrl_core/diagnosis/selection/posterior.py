@@ -135,7 +135,12 @@ def _law(arm: ArmDescription, trial: Trial) -> NominalLaw | None:
 def _is_plain(law: DriveLaw) -> bool:
     """Whether a law is stiffness and damping alone: what the scripts of an export have."""
     plain = DriveLaw()
-    told = ("velocity_share", "torque_per_volt", "torque_per_ampere", "most_volt")  # no matter, or written out
+    told = (
+        "velocity_share",
+        "torque_per_volt",
+        "torque_per_ampere",
+        "most_volt",
+    )  # no matter, or written out
     names = [f.name for f in fields(DriveLaw) if f.name not in told]
     return all(np.all(np.asarray(getattr(law, name)) == getattr(plain, name)) for name in names)
 

@@ -2,8 +2,8 @@
 
 Both are brought to one clock: the shift at which their commands (or, without commands, their positions)
 agree best. A channel of a joint has parted where the difference, averaged over a short window, stays beyond
-what noise of both logs and a share of the channel's own range explain. What parts first is nearest to the
-cause; the rest follows.
+what noise of both logs and a share of the channel's own range explain. Of what parts first, the largest is
+nearest to the cause; the rest follows.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ RATE_HZ = 200.0  # of the comparison, at most
 WINDOW_S = 0.1  # over which a difference is averaged
 NOISE = 4.0  # standard deviations of both logs' noise
 SHARE = 0.02  # of the channel's range
+TOGETHER_S = 0.25  # channels that part within as much part together
 MOST_SHIFT_S = 2.0  # between the clocks, searched
 SAME_COMMAND = 0.05  # of the command's range: beyond, the two were not asked for the same
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m", "commanded_effort": "N m"}
@@ -51,7 +52,7 @@ class PartedChannel:
 
 @dataclass(frozen=True, eq=False)
 class Parting:
-    """All channels, those that part first in front; those that never do at the end."""
+    """All channels, those that part first and most in front, those that never do at the end."""
 
     channels: tuple[PartedChannel, ...]
     shift_s: float  # that was added to the simulator's clock
@@ -100,7 +101,11 @@ def compare_logs(real: ArmRecording, simulated: ArmRecording) -> Parting:
             " follows is no gap"
             " of the model alone"
         )
-    channels.sort(key=lambda c: (c.parts_at is None, c.parts_at or 0.0, -c.relative))
+    first = min((c.parts_at for c in channels if c.parts_at is not None), default=0.0)
+    # Coupling is as quick as the cause: of those that part together the largest stands first.
+    channels.sort(
+        key=lambda c: (c.parts_at is None, ((c.parts_at or 0.0) - first) // TOGETHER_S, -c.relative)
+    )
     return Parting(tuple(channels), shift, error, tuple(notes))
 
 

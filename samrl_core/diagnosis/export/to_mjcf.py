@@ -230,7 +230,7 @@ def _lag(w: MjcfWriter, j: int, element: XmlElement, servo: bool, changed: list[
     if delay > 0:
         w.text.set(element, {"delay": number(delay), "nsample": str(int(np.ceil(delay / step)) + 1)})
         exact = not servo or "effort_delay" not in changed
-        said = f"delay {delay * 1e3:.3g} ms of the actuator's input"
+        said = f"delay {delay * 1e3:.3g} ms of the actuator's input (zero until then: mj_initCtrlHistory)"
         what = "command_delay" if servo and "command_delay" in changed else "effort_delay"
         if exact:
             w.say(j, what, EXACT, said)

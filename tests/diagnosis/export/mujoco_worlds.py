@@ -210,6 +210,11 @@ def simulate(
         "target": [],
         "speed": [],
     }
+    if world.servo and np.any(model.actuator_delay):  # a history of zeros at first: hold the first command
+        for _ in range(int(np.max(model.actuator_delay) / STEP) + 3):
+            data.ctrl[:] = q[0]
+            mujoco.mj_step(model, data)
+            data.qpos[:], data.qvel[:] = q[0], v[0]
     every = round(LOG_STEP / STEP)
     for k in range(len(time)):
         if world.servo:

@@ -83,9 +83,11 @@ def judge(name: str, folder: Path) -> dict[str, Any]:
     scale = {quantity: held[f"0.scale_{quantity}"] for quantity in QUANTITIES}
     with np.load(folder / "C.npz") as file:
         log = dict(file)
+    about = json.loads((changed.parent / "law.json").read_text())
+    late = 0.0 if about["in_model"] else max(about["changed"]["command_delay"])  # for the controller's code
     before, after = (
-        gap(log, simulate((changed.parent / f"{which}.xml").read_text(), world, "C"), scale)
-        for which in ("original", "changed")
+        gap(log, simulate((changed.parent / f"{which}.xml").read_text(), world, "C", told), scale)
+        for which, told in (("original", {}), ("changed", {"delay": late}))
     )
     best = gap(log, simulate(world.machine, world, "C", world.step), scale)
     own = json.loads((changed.parent / "export.json").read_text())["resimulated"]

@@ -122,6 +122,7 @@ class Arm:
         blend = 1.0 - np.exp(-2 * np.pi * period * gains["command_cutoff"])
         out = {name: np.zeros((count, len(self.q))) for name in QUANTITIES}
         filtered, filtered_speed = wanted[0].copy(), speed[0].copy()
+        self.fill(plain[0], held["start_position"], held["start_velocity"])
         sent, drive = [], None
         soft = 1.0 - np.exp(-2 * np.pi * period * gains["effort_cutoff"])
         for k in range(count):
@@ -154,6 +155,17 @@ class Arm:
                     out["effort"][k] = self._link_side()
         grid = time - time[0]
         return {n: np.stack([np.interp(grid, clock, c) for c in x.T], 1) for n, x in out.items()}
+
+    def fill(self, command, position, velocity):
+        """A delayed actuator begins with a history of zeros: let it hold the first command instead."""
+        model, data = self.model, self.data
+        if not self.in_model or not np.any(model.actuator_delay):
+            return
+        for _ in range(int(np.max(model.actuator_delay) / model.opt.timestep) + 3):
+            for j, a in enumerate(self.actuator):
+                data.ctrl[a] = command[j] * model.actuator_gear[a, 0]
+            mujoco.mj_step(model, data)
+            data.qpos[self.q], data.qvel[self.v] = position, velocity
 
     def _through(self, sent, k, period, last, soft):
         """Effort on its way to the drive, as the controller's code would have it."""

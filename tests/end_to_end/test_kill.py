@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import repair
 from samrl_ros.contract.topics import arm_topic, cell_topic
+from tests.end_to_end.live_bag import count_actions
 from tests.waiting import PATIENCE_S, wait_for
 
 pytest.importorskip("rclpy")
@@ -58,11 +58,7 @@ class Cell:
 
         def acts() -> bool:
             assert self.process.poll() is None, self.text
-            try:
-                phases = [m.data for _, m in open_bag(self.out / "bag").decoded([cell_topic("phase")])]
-            except InputError:  # not there yet, or its first chunk is not
-                return False
-            return phases.count("act") >= 2
+            return count_actions(self.out / "bag") >= 2
 
         wait_for(acts, "the first actions", 1.0)
 

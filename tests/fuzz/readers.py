@@ -8,22 +8,13 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import h5py
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import yaml
 from mcap.writer import CompressionType, Writer
-from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
-from scipy.io import savemat
 
 from samrl_core.cell.excitation.trajectory_file import TrajectoryFile
 from samrl_core.cell.robots.panda.spec import PANDA
@@ -51,6 +42,16 @@ from samrl_ros.nodes.registry import all_settings
 from samrl_ros.recordings import load_recordings
 from samrl_ros.recordings.joint_messages import JOINT_STATE, decode_topic, encode_text, encode_topic
 from samrl_ros.recordings.nominal_texts import TOLERANCE_FILE, parse_controller, parse_tool, read_tolerances
+from tests.fuzz.log_files import (
+    columns,
+    put_metadata_beside,
+    write_csv,
+    write_hdf5,
+    write_mat,
+    write_npz,
+    write_parquet,
+    write_ros_bag,
+)
 from tests.learning.data.test_damaged_files import KINDS
 
 URDF = (
@@ -59,7 +60,6 @@ URDF = (
     '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 1" rpy="0 0 0"/>'
     '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="9" velocity="3"/></joint></robot>'
 )
-COUNT = 220  # samples of a recording, enough for its checks
 
 
 @dataclass(frozen=True)
@@ -87,81 +87,8 @@ def _text(function: Callable[[str], Any]) -> Callable[[Path], Any]:
     return read
 
 
-def _columns() -> dict[str, np.ndarray]:
-    time = np.arange(COUNT) * 0.01
-    return {"t": time, "q": 0.3 * np.sin(6 * time)}
-
-
-def _csv() -> bytes:
-    columns = _columns()
-    rows = ["t,q", *(f"{t:.4f},{q:.6f}" for t, q in zip(*columns.values(), strict=True))]
-    return "\n".join(rows).encode()
-
-
-def _npz() -> bytes:
-    buffer = io.BytesIO()
-    np.savez(buffer, **_columns())  # pyright: ignore[reportArgumentType]
-    return buffer.getvalue()
-
-
-def _mat() -> bytes:
-    buffer = io.BytesIO()
-    savemat(buffer, {"log": {"t": _columns()["t"], "q": _columns()["q"]}, "x": np.eye(3)})
-    return buffer.getvalue()
-
-
 def _table(path: Path) -> None:
     read_table(path, CsvOptions(), "it")
-
-
-def _hdf5() -> bytes:
-    buffer = io.BytesIO()
-    with h5py.File(buffer, "w") as file:
-        file["log/q"], file["log/t"] = np.ones((COUNT, 2)), _columns()["t"]
-    return buffer.getvalue()
-
-
-def _parquet() -> bytes:
-    buffer = io.BytesIO()
-    pq.write_table(pa.table({**_columns(), "list": [[1.0, 2.0]] * COUNT, "text": ["a"] * COUNT}), buffer)
-    return buffer.getvalue()
-
-
-@cache
-def _ros_bag_files(name: str) -> dict[str, bytes]:
-    """A bag of a few joint states as rosbags writes it."""
-    ros1 = name.endswith(".bag")
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
-    stamp = store.types["builtin_interfaces/msg/Time"](sec=1, nanosec=2)
-    header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="", **({"seq": 1} if ros1 else {}))
-    ones = np.ones(2)
-    message = store.types["sensor_msgs/msg/JointState"](header, ["a", "b"], ones, ones, np.array([]))
-    encode: Callable[[Any, str], Any] = store.serialize_ros1 if ros1 else store.serialize_cdr
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        writer: Any = (
-            Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
-        )
-        with writer:
-            to = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-            for k in range(3):
-                writer.write(to, k + 1, encode(message, "sensor_msgs/msg/JointState"))
-        files = [path] if ros1 else sorted(path.iterdir())
-        return {file.name: file.read_bytes() for file in files}
-
-
-def _ros_bag(name: str) -> bytes:
-    files = _ros_bag_files(name)
-    return files[name if name.endswith(".bag") else f"{name}.db3"]
-
-
-def _ros_metadata() -> bytes:
-    return _ros_bag_files("log")["metadata.yaml"]
-
-
-def _beside_database(path: Path) -> None:
-    path.parent.mkdir()
-    (path.parent / "metadata.yaml").write_bytes(_ros_metadata())
 
 
 def _topics(path: Path) -> None:
@@ -190,7 +117,7 @@ def _mapping() -> bytes:
 
 
 def _import(path: Path) -> None:
-    (path.parent / "a.csv").write_bytes(_csv())
+    (path.parent / "a.csv").write_bytes(write_csv())
     import_logs(read_mapping(path), path.parent, None)
 
 
@@ -205,7 +132,7 @@ def _bag(chunks: bool) -> bytes:
         enable_data_crcs=False,
     )
     writer.start(profile="ros2")
-    time, q = _columns().values()
+    time, q = columns().values()
     texts = {"robot_description": URDF, "controller": _controller(), "tool": '{"mass": 1, "com": [0, 0, 0]}'}
     string, states = definition("std_msgs/msg/String"), definition(JOINT_STATE)
     number = writer.register_schema(string.type, string.encoding, string.text.encode())
@@ -390,22 +317,28 @@ READERS: tuple[Reader, ...] = (
     Reader("joint messages", "message", _messages, _decode),
     Reader("messages", "fields.json", _fields, _from_fields),
     Reader("mapping", "m.yaml", lambda: [_mapping()], _import),
-    Reader("table CSV", "a.csv", lambda: [_csv(), b't,q\n1,"[1, 2]"\n2,"[3, 4]"\n'], _table),
-    Reader("table NPZ", "a.npz", lambda: [_npz()], _table),
-    Reader("table MAT", "a.mat", lambda: [_mat()], _table, share=0.1),
-    Reader("table HDF5", "a.h5", lambda: [_hdf5()], _table),
-    Reader("table Parquet", "a.parquet", lambda: [_parquet()], _table),
+    Reader("table CSV", "a.csv", lambda: [write_csv(), b't,q\n1,"[1, 2]"\n2,"[3, 4]"\n'], _table),
+    Reader("table NPZ", "a.npz", lambda: [write_npz()], _table),
+    Reader("table MAT", "a.mat", lambda: [write_mat()], _table, share=0.1),
+    Reader("table HDF5", "a.h5", lambda: [write_hdf5()], _table),
+    Reader("table Parquet", "a.parquet", lambda: [write_parquet()], _table),
     Reader("table JSON", "a.json", lambda: [b'[{"t": 1, "a": {"q": [1, 2]}}, {"t": 2}]'], _table),
-    Reader("ROS 1 bag", "a.bag", lambda: [_ros_bag("a.bag")], _topics, share=0.3),
+    Reader("ROS 1 bag", "a.bag", lambda: [write_ros_bag("a.bag")], _topics, share=0.3),
     Reader(
         "sqlite3 bag",
         "log/log.db3",
-        lambda: [_ros_bag("log")],
+        lambda: [write_ros_bag("log")],
         lambda path: _topics(path.parent),
         share=0.3,
-        prepare=_beside_database,
+        prepare=put_metadata_beside,
     ),
-    Reader("draft of a CSV", "a.csv", lambda: [_csv(), _csv().replace(b"q", b"q_deg1")], _draft, share=0.1),
+    Reader(
+        "draft of a CSV",
+        "a.csv",
+        lambda: [write_csv(), write_csv().replace(b"q", b"q_deg1")],
+        _draft,
+        share=0.1,
+    ),
     Reader(
         "formula", "f", lambda: [FORMULA, b"solve(m, x)[1] + apply(m, x)[0] + signed(q, 3)"], _text(_formula)
     ),

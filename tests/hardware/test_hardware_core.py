@@ -25,6 +25,7 @@ from samrl_ros.hardware import adapter
 from samrl_ros.hardware.driver_file import driver_named, drivers_by_part
 from samrl_ros.nodes.hardware_core import HardwareCore, HardwareLimits
 from tests.hardware.fake_controller import TrajectoryController
+from tests.outbox import KeptWords
 
 pytestmark = pytest.mark.ros
 CELL, TASK = cell_named(DEFAULT_CELL), task_named("peg_insertion")
@@ -36,12 +37,11 @@ SPEC = CELL.tool_arm
 LIMITS = HardwareLimits(0.1, 0.012, observe_only=False, judged=True, publish_tf=True)
 
 
-class Rig:
+class Rig(KeptWords):
     """The core with arms that stand where they are put; time goes on by joint states."""
 
     def __init__(self, limits: HardwareLimits = LIMITS) -> None:
-        self.said: list[tuple[str, Any]] = []
-        self.logs: list[tuple[str, str]] = []
+        super().__init__()
         self.sent: list[tuple[str, Any]] = []
         self.now_ns = BEGAN_NS
         self.position = {role: START[role].copy() for role in ROLES}
@@ -49,18 +49,6 @@ class Rig:
         self.core = HardwareCore(
             self, CELL, TASK, ARMS, limits, lambda: 1e-9 * self.now_ns, lambda r, m: self.sent.append((r, m))
         )
-
-    def publish(self, topic: str, message: Any) -> None:
-        self.said.append((topic, message))
-
-    def log(self, level: str, text: str) -> None:
-        self.logs.append((level, text))
-
-    def call(self, service: str, request: Any, on_response: Callable[[Any], None]) -> None:
-        raise AssertionError("a bridge calls no service")
-
-    def on(self, topic: str) -> list[Any]:
-        return [message for name, message in self.said if name == topic]
 
     def joint_state(self, role: str) -> JointState:
         names = list(ARMS[role].joints or {})

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -14,34 +11,25 @@ from samrl_core.cell.types.observation import ArmCommand
 from samrl_core.cell.world import make_world
 from samrl_core.common.errors import InputError
 from samrl_ros.contract.topics import cell_topic
+from tests.outbox import KeptWords
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 ACCELERATION = 1.0  # [rad/s2] of the first joint
 
 
-class Rig:
+class Rig(KeptWords):
     """A bridge on the mock world, its steady clock the simulated one."""
 
     def __init__(self) -> None:
         from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
 
+        super().__init__()
         self.cell, task = cell_named(), task_named("peg_insertion")
         self.world = make_world("mock", task, self.cell)
-        self.said: list[tuple[str, Any]] = []
-        self.logs: list[tuple[str, str]] = []
         steady = lambda: self.world.time_ns * 1e-9  # noqa: E731
         self.bridge = BridgeCore(self, self.world, self.cell, task, BridgeRates(), 0.1, None, steady)
         self.bridge.start_episode(0, 0)
-
-    def publish(self, topic: str, message: Any) -> None:
-        self.said.append((topic, message))
-
-    def log(self, level: str, text: str) -> None:
-        self.logs.append((level, text))
-
-    def call(self, service: str, request: Any, on_response: Callable[[Any], None]) -> None:
-        raise AssertionError("a bridge calls no service")
 
     def tick(self, seconds: float) -> None:
         end = self.world.time_ns + round(seconds * 1e9)
@@ -65,7 +53,7 @@ class Rig:
             self.tick(0.004)
 
     def safety(self) -> tuple[int, dict[str, str]]:
-        message = [m for topic, m in self.said if topic == cell_topic("safety_state")][-1]
+        message = self.on(cell_topic("safety_state"))[-1]
         return message.level[0], {v.key: v.value for v in message.values}
 
 

@@ -120,3 +120,31 @@ def emd(out: ModelOut = Path("out/bench-model"), rounds: Rounds = 9) -> None:
     from samrl_ros.cell.model_bench import emd_parts, measure
 
     raise typer.Exit(measure("emd", emd_parts(rounds), out))
+
+
+@bench_app.command("pictures")
+def pictures(
+    instance: Annotated[
+        list[str] | None,
+        typer.Option(help="A cell instance; repeat for more. Without it, three typical ones."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of pictures.json and pictures.png.")] = Path(
+        "out/pictures"
+    ),
+    rounds: Rounds = 60,
+    seed: Annotated[int, typer.Option(help="Seed of the episodes.", min=0)] = 0,
+) -> None:
+    """Simulated camera images of cell instances: time beside the nominal cell's, and a sheet of them."""
+    import json
+
+    from samrl_core.common.files import write_whole
+    from samrl_core.studies.speed.camera_pictures import time_pictures
+
+    names = instance or [f"typical:{k}" for k in (1, 4, 8)]
+    out.mkdir(parents=True, exist_ok=True)
+    found = time_pictures(names, rounds, out / "pictures.png", seed)
+    write_whole(out / "pictures.json", json.dumps(found, indent=1) + "\n")
+    for task, rows in found.items():
+        for name, row in rows.items():
+            typer.echo(f"{task:20} {name:24} {row['ms']:6.2f} ms  {row['ratio']:.2f}")
+    typer.echo(f"picture: {out / 'pictures.png'}")

@@ -15,7 +15,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "samrl_core/studies/speed/peers/",
         "samrl_core/diagnosis/export/scripts/",  # handed to users, run as they would
     ),
-    "pybullet_data": (),
+    "pybullet_data": ("samrl_core/cell/world/pybullet/arm_meshes.py",),  # the Panda's meshes
     "warp": (
         "samrl_core/model/rendering/",
         "samrl_core/model/physics/",

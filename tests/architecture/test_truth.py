@@ -52,6 +52,7 @@ MAY_KNOW_INSTANCES = {
     "samrl_core/cell/world/": "",
     "samrl_core/cell/tasks/": "parts.Parts",  # the type alone
     "samrl_core/studies/episodes/world_episodes.py": "",
+    "samrl_core/studies/speed/camera_pictures.py": "",
     "samrl_ros/nodes/sim_bridge.py": "",
     "samrl_ros/cell/options.py": "",
     "samrl_ros/cell/local_graph.py": "",
@@ -68,6 +69,7 @@ MAY_DRAW = {
         "samrl_ros/nodes/sim_bridge.py",
         "samrl_ros/cell/local_graph.py",
         "samrl_core/studies/episodes/world_episodes.py",
+        "samrl_core/studies/speed/camera_pictures.py",
     },
     "as_made": {"samrl_core/cell/world/true_cell.py"},
     "seal_instance": {"samrl_ros/nodes/sim_bridge.py"},

@@ -36,5 +36,5 @@ class Look:
         "contrast of the table's grain, stains and prints", "-", "share", 0.8, 1.0, _ROOM
     )
     clutter: float = difference(
-        "things that lie about, rounded to a whole number", "-", "share", 16.0, 30.0, _ROOM
+        "things that lie about, rounded to a whole number", "-", "share", 24.0, 40.0, _ROOM
     )

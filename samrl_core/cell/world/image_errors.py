@@ -62,24 +62,24 @@ class ImageErrors:
             out = np.roll(out, self._shift, axis=1)
         filled = np.where(np.isfinite(out), out, 0.0).astype(np.float32)
         low, high = cv2.erode(filled, _NEIGHBOURS), cv2.dilate(filled, _NEIGHBOURS)
-        mixed = (high - low > _EDGE) & (low > 0.0) & (rng.random(self._shape) < d.mixed_edges)
-        share = rng.random(self._shape)
-        return np.where(mixed, low + share * (high - low), out)
+        row, column = np.nonzero((high - low > _EDGE) & (low > 0.0))
+        chance, share = rng.random((2, len(row)))
+        row, column, share = (one[chance < d.mixed_edges] for one in (row, column, share))
+        out = out.copy()
+        out[row, column] = low[row, column] + share * (high - low)[row, column]
+        return out
 
     def segment(self, rng: np.random.Generator, mask: np.ndarray) -> np.ndarray:
         """Labels (H, W) uint8 with misses, merges, foreign objects and boundaries moved outwards."""
         s = self._mask
         out = self._grown(rng, mask)
-        for label in np.unique(mask):
-            if label == 0:
-                continue
+        for label in np.flatnonzero(np.bincount(mask.ravel())[1:]) + 1:
             missed, merged, foreign = rng.random(3) < (s.miss, s.merge, s.foreign)
             middle, radius = rng.random(2) * self._shape, rng.uniform(*_PATCH) * self._shape[1]
-            region = out == label
             if foreign:
                 out[(out == 0) & self._disc(middle, radius)] = label
             if merged:
-                self._take_neighbour(out, region, int(label), 2.0 * radius)
+                self._take_neighbour(out, int(label), 2.0 * radius)
             if missed:
                 out[out == label] = 0
         return out
@@ -99,8 +99,9 @@ class ImageErrors:
         v, u = np.ogrid[: self._shape[0], : self._shape[1]]
         return (v - middle[0]) ** 2 + (u - middle[1]) ** 2 < radius**2
 
-    def _take_neighbour(self, out: np.ndarray, region: np.ndarray, label: int, reach: float) -> None:
+    def _take_neighbour(self, out: np.ndarray, label: int, reach: float) -> None:
         """A label gets what another has within `reach` [px] of their common border."""
+        region = out == label
         if region.sum() < _LEAST:
             return
         border = cv2.dilate(region.astype(np.uint8), _NEIGHBOURS).astype(bool) & (out > 0) & (out != label)

@@ -13,19 +13,22 @@ TABLE_COLOR = (0.55, 0.50, 0.45)
 TABLE_FRICTION = 0.3  # ASSUMPTION [-]
 
 
-def build_table(client: int, solid: bool) -> int:
+def build_table(client: int, solid: bool, seen: bool = True) -> int:
     """Number of a new body that does not move.
 
     Args:
         client: physics client.
         solid: things rest on it; else it is there to be seen.
+        seen: its top is drawn by the camera; else somebody paints it behind the picture.
     """
     half = [0.5 * size for size in TABLE_SIZE]
     collision = -1  # PyBullet's number for none
     if solid:
         collision = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+    # Without any visual shape, a camera would draw the collision shape.
+    shown = half if seen else [1e-4] * 3
     visual = pybullet.createVisualShape(
-        pybullet.GEOM_BOX, halfExtents=half, rgbaColor=[*TABLE_COLOR, 1.0], physicsClientId=client
+        pybullet.GEOM_BOX, halfExtents=shown, rgbaColor=[*TABLE_COLOR, 1.0], physicsClientId=client
     )
     position = TABLE_IN_WORLD.position.tolist()
     return pybullet.createMultiBody(0.0, collision, visual, position, physicsClientId=client)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ import pybullet
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import ChainLink
+from samrl_core.cell.world.pybullet.arm_meshes import MeshVisual
 from samrl_core.cell.world.pybullet.body_files import PAYLOAD_LINK, Mounted, write_arm_urdf
 from samrl_core.common.errors import InputError
 
@@ -32,14 +33,15 @@ class PyBulletArm:
         chain: tuple[ChainLink, ...] = (),
         tip_in_flange: Pose | None = None,
         friction: float | np.ndarray = 0.0,
+        meshes: Mapping[str, Sequence[MeshVisual]] | None = None,
     ) -> None:
         """Load the arm with its payload; a chain hangs at `tip_in_flange`, by default the flange.
 
-        `friction` is Coulomb's, of all joints alike or of each (J,) [N m].
+        `friction` is Coulomb's, of all joints alike or of each (J,) [N m]. `meshes` by link are to be seen.
         """
         self._client = client
         self.body: int = pybullet.loadURDF(
-            str(write_arm_urdf(spec, mounted, folder, chain, tip_in_flange or Pose.identity())),
+            str(write_arm_urdf(spec, mounted, folder, chain, tip_in_flange or Pose.identity(), meshes or {})),
             base_in_world.position.tolist(),
             base_in_world.quat_xyzw.tolist(),
             useFixedBase=True,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from samrl_core.cell.robots.geometry import link_shapes
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Body, Box, Capsule, ChainLink, Part, Rgb, SurfaceMesh, Tool
+from samrl_core.cell.world.pybullet.arm_meshes import MeshVisual
 from samrl_core.common.errors import InputError
 
 PAYLOAD_LINK = "payload"
@@ -42,11 +44,17 @@ ARM_COLOR: Rgb = (0.85, 0.85, 0.85)  # of links whose shapes are meshes in the U
 
 
 def write_arm_urdf(
-    spec: RobotSpec, payload: Mounted, folder: Path, chain: tuple[ChainLink, ...], tip_in_flange: Pose
+    spec: RobotSpec,
+    payload: Mounted,
+    folder: Path,
+    chain: tuple[ChainLink, ...],
+    tip_in_flange: Pose,
+    meshes: Mapping[str, Sequence[MeshVisual]],
 ) -> Path:
     """The arm's URDF with `payload` as one more link, fixed to the flange, and a chain hanging at the tip.
 
-    Links that are drawn as meshes get the shapes of `link_shapes`, which the model has too.
+    Links that are drawn as meshes get the shapes of `link_shapes`, which the model has too. `meshes` by link
+    are shown in place of as many shapes, the last ones; an arm's link has none of its own then.
 
     Raises:
         InputError: the arm has no such flange link, or already has a link of a name to be added.
@@ -69,9 +77,18 @@ def write_arm_urdf(
                 meshed.remove(shape)
             parts = shapes.get(name := str(meshed.get("name")), ())
             _add_parts(meshed, name, parts, (ARM_COLOR,) * len(parts))
+    for meshed in robot.findall("link"):
+        if shown := meshes.get(str(meshed.get("name"))):
+            for shape in meshed.findall("visual"):
+                meshed.remove(shape)
+            _add_meshes(meshed, shown)
     link = ElementTree.SubElement(robot, "link", name=PAYLOAD_LINK)
     _add_inertial(link, payload.mass, payload.center_of_mass, payload.inertia)
     _add_parts(link, PAYLOAD_LINK, payload.parts, payload.part_colors)
+    if shown := meshes.get(PAYLOAD_LINK):
+        for shape in link.findall("visual")[-len(shown) :]:
+            link.remove(shape)
+        _add_meshes(link, shown)
     joint = ElementTree.SubElement(robot, "joint", name=f"{PAYLOAD_LINK}_joint", type="fixed")
     ElementTree.SubElement(joint, "parent", link=spec.flange)
     ElementTree.SubElement(joint, "child", link=PAYLOAD_LINK)
@@ -144,6 +161,16 @@ def _add_parts(
         material = ElementTree.SubElement(visual, "material", name=f"{name}_{i}")
         ElementTree.SubElement(material, "color", rgba=_numbers(*color, 1.0))
         _add_shape(link, "collision", part)
+
+
+def _add_meshes(link: ElementTree.Element, meshes: Sequence[MeshVisual]) -> None:
+    for i, mesh in enumerate(meshes):
+        visual = ElementTree.SubElement(link, "visual")
+        _add_origin(visual, mesh.mesh_in_link.position, mesh.mesh_in_link.rotation)
+        geometry = ElementTree.SubElement(visual, "geometry")
+        ElementTree.SubElement(geometry, "mesh", filename=str(mesh.file))
+        material = ElementTree.SubElement(visual, "material", name=f"{link.get('name')}_mesh_{i}")
+        ElementTree.SubElement(material, "color", rgba=_numbers(*mesh.color, 1.0))
 
 
 def _add_chain_link(robot: ElementTree.Element, link: ChainLink, parent: str, place: Pose) -> None:

@@ -6,13 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from samrl_core.cell.instance.cell_instance import CellInstance
+from samrl_core.cell.instance.cell_instance import STREAM, CellInstance
 from samrl_core.cell.types.camera import Camera, Intrinsics
 from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.world.bench_texture import paint_floor, paint_table
 from samrl_core.cell.world.image_errors import ImageErrors
 from samrl_core.cell.world.lens import Lens
+from samrl_core.cell.world.pybullet.bench import Bench, Caster
 from samrl_core.cell.world.pybullet.camera import Picture, TinyCamera
 from samrl_core.cell.world.true_cell import rotation_vector
+from samrl_core.common.streams import stream
 
 _SMEAR = 0.5  # a motion of the image that is worth more than one rendering [px]
 _DISTANCE = 0.35  # of what is looked at, roughly [m]
@@ -27,7 +30,8 @@ class RealCamera:
         intrinsics: nominal ones, for image size and pinhole.
         labels: see `TinyCamera`.
         light_direction: nominal, towards the light, in world.
-        shadow: see `TinyCamera`.
+        casters: shapes that cast shadows, see `Bench`.
+        fixed: further ones, which stand still during an episode.
     """
 
     def __init__(
@@ -37,13 +41,22 @@ class RealCamera:
         intrinsics: Intrinsics,
         labels: dict[tuple[int, int], int],
         light_direction: tuple[float, float, float],
-        shadow: bool,
+        casters: Sequence[Caster],
+        fixed: Sequence[Caster],
     ) -> None:
         self._lens = Lens(instance.optics, intrinsics)
         light = true_light(light_direction, instance)
-        self._tiny = TinyCamera(client, self._lens.ideal, labels, light, shadow)
+        self._tiny = TinyCamera(client, self._lens.ideal, labels, light, shadow=False)
+        rng, look = look_stream(instance), instance.look
+        table = paint_table(rng, min(look.texture, 1.5), look.bench_colour, round(0.5 * look.clutter))
+        floor = paint_floor(rng)
+        self._bench = Bench(client, self._lens.ideal, table, floor, casters, fixed, light, look.shadow)
         self._errors = ImageErrors(instance, intrinsics)
         self._nominal = intrinsics
+
+    def begin(self) -> None:
+        """An episode begins: bodies were laid anew."""
+        self._bench.begin()
 
     def take(self, exposures: Sequence[Pose], rng: np.random.Generator) -> Picture:
         """A picture without the sensor's noise.
@@ -52,7 +65,8 @@ class RealCamera:
             exposures: camera in world, in the middle of the exposure first; colours are their mean.
             rng: of the errors.
         """
-        pictures = [self._tiny.render(pose) for pose in exposures]
+        shadows = self._bench.shadows()
+        pictures = [self._bench.paint(self._tiny.render(pose), pose, shadows) for pose in exposures]
         mean = np.asarray(np.mean([p.color for p in pictures], axis=0, dtype=np.float32))
         color = self._errors.expose(self._lens.color(mean))
         depth = self._errors.measure(rng, self._lens.nearest(pictures[0].depth))
@@ -64,6 +78,11 @@ class RealCamera:
         ends = [Camera(self._nominal, pose).project(ahead)[:2] for pose in (before, after)]
         smear = float(np.linalg.norm(ends[1] - ends[0]))
         return (middle, before, after) if smear > _SMEAR else (middle,)
+
+
+def look_stream(instance: CellInstance) -> np.random.Generator:
+    """What the table is painted and littered from."""
+    return stream(instance.name.seed, STREAM, instance.name.purpose, "look", "bench")
 
 
 def true_light(nominal: tuple[float, float, float], instance: CellInstance) -> tuple[float, float, float]:

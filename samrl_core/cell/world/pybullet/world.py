@@ -30,6 +30,7 @@ from samrl_core.cell.world.pybullet.body_files import Mounted
 from samrl_core.cell.world.pybullet.camera import Picture, TinyCamera
 from samrl_core.cell.world.pybullet.chain import PyBulletChain
 from samrl_core.cell.world.pybullet.impedance import impedance_effort
+from samrl_core.cell.world.pybullet.looks import arm_meshes, build_clutter, casters_of
 from samrl_core.cell.world.pybullet.real_camera import RealCamera
 from samrl_core.cell.world.sensor_noise import RgbdSensor
 from samrl_core.cell.world.settings import WorldSettings
@@ -41,6 +42,7 @@ from samrl_core.common.errors import InputError
 ARM_LABELS = {"tool_arm": 3, "camera_arm": 4}
 # Housing of the RealSense D435 (datasheet: 90 x 25 x 25 mm); it ends short of the optical frame.
 CAMERA_HALF_EXTENTS = (0.045, 0.0125, 0.0125)  # [m]
+STILL = 0.001  # joints that move less during half an exposure, all together, smear no image [rad]
 CAMERA_COLOR = (0.8, 0.8, 0.82)
 
 
@@ -103,7 +105,9 @@ class PyBulletWorld(SimulatedWorld):
             undo.callback(self.close)  # unless all of this succeeds
             self._configure()
             self._arms, self._models = self._build_arms()
-            soften(self._client, build_table(self._client, solid=True), TABLE_FRICTION, self._settings)
+            nominal = self._instance.is_nominal
+            table = build_table(self._client, solid=True, seen=nominal)
+            soften(self._client, table, TABLE_FRICTION, self._settings)
             self._bodies = PyBulletBodies(
                 self._client, self._scene.bodies, Path(self._folder.name), self._settings
             )
@@ -154,6 +158,8 @@ class PyBulletWorld(SimulatedWorld):
                 for body in self._scene.bodies
             }
         self._bodies.place(poses)
+        if self._real_camera is not None:
+            self._real_camera.begin()
         self._commands: dict[str, ArmCommand] = {}
         self._efforts: dict[str, np.ndarray] = {}
         self._readings: dict[str, ArmReading] = {}
@@ -261,6 +267,8 @@ class PyBulletWorld(SimulatedWorld):
         """What a camera sees while its arm moves at the present joint velocities."""
         position, velocity = self._arms["camera_arm"].state()
         half = 0.5 * self._instance.optics.exposure_time
+        if float(np.abs(velocity).sum()) * half < STILL:
+            return camera.take((middle,), self._error_rng)
         before, after = (
             self._true_camera_arm.flange_in_world(position + t * velocity) @ self._true_cell.camera_in_flange
             for t in (-half, half)
@@ -276,7 +284,10 @@ class PyBulletWorld(SimulatedWorld):
             return ideal, None
         base = self._true_cell.camera_base_in_world
         self._true_camera_arm = ArmModel(cell.camera_arm, base, None)
-        return ideal, RealCamera(self._client, self._instance, cell.intrinsics, labels, light, shadow)
+        casters, fixed = casters_of(cell, self._arms, self._scene, self._bodies.index)
+        fixed += build_clutter(self._client, self._instance)
+        real = RealCamera(self._client, self._instance, cell.intrinsics, labels, light, casters, fixed)
+        return ideal, real
 
     def _tip_in_world(self) -> Pose:
         return self._arms["tool_arm"].flange_in_world() @ self._scene.tool.tip_in_flange
@@ -327,7 +338,8 @@ class PyBulletWorld(SimulatedWorld):
             folder = Path(self._folder.name)
             mass, center = true_load(role, load.mass, load.center_of_mass, self._instance)
             borne = replace(load, mass=mass, center_of_mass=center)
-            arms[role] = PyBulletArm(self._client, spec, base, borne, folder, chain, tip, friction)
+            meshes = {} if self._instance.is_nominal else arm_meshes(cell, role, tool, folder)
+            arms[role] = PyBulletArm(self._client, spec, base, borne, folder, chain, tip, friction, meshes)
             told = Payload(*told_of[role])
             models[role] = ArmModel(spec, cell.base_in_world(role), told)
         return arms, models

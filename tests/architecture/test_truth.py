@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -90,14 +91,25 @@ def called_attributes(source: str) -> set[str]:
     return names
 
 
+@cache
+def sources() -> dict[str, str]:
+    """Every file of the package."""
+    return {
+        path.relative_to(ROOT).as_posix(): path.read_text()
+        for package in ("samrl_core", "samrl_ros")
+        for path in (ROOT / package).rglob("*.py")
+    }
+
+
+@cache
+def calls() -> dict[str, set[str]]:
+    """What each file of the package calls."""
+    return {file: called_attributes(source) for file, source in sources().items()}
+
+
 def callers(name: str) -> set[str]:
     """Files of the package that call something of that name."""
-    found = set()
-    for package in ("samrl_core", "samrl_ros"):
-        for file in (ROOT / package).rglob("*.py"):
-            if name in called_attributes(file.read_text()):
-                found.add(str(file.relative_to(ROOT)))
-    return found
+    return {file for file, names in calls().items() if name in names}
 
 
 def test_only_evaluation_asks_for_truth() -> None:
@@ -140,14 +152,12 @@ def knows_instances(file: str, module: str) -> bool:
 def imports_of_instances() -> set[tuple[str, str]]:
     """Files of the package and what they import of the cell instances, lazily or not."""
     found = set()
-    for package in ("samrl_core", "samrl_ros"):
-        for path in (ROOT / package).rglob("*.py"):
-            file = path.relative_to(ROOT).as_posix()
-            for node in ast.walk(ast.parse(path.read_text())):
-                if isinstance(node, ast.ImportFrom) and not node.level:
-                    found |= {(file, f"{node.module}.{alias.name}") for alias in node.names}
-                elif isinstance(node, ast.Import):
-                    found |= {(file, alias.name) for alias in node.names}
+    for file, source in sources().items():
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                found |= {(file, f"{node.module}.{alias.name}") for alias in node.names}
+            elif isinstance(node, ast.Import):
+                found |= {(file, alias.name) for alias in node.names}
     return {(file, module) for file, module in found if module.startswith("samrl_core.cell.instance")}
 
 

@@ -24,6 +24,7 @@ OWN_WRITERS = {
     "samrl_ros/nodes/training_process.py": "log of a child process, in `room_for`",
     "samrl_core/studies/job_queue.py": "logs of child processes, in `room_for`",
     "samrl_core/blind_test/engines/engines.py": "a folder for one simulation",
+    "samrl_core/cell/world/pybullet/arm_meshes.py": "a folder for one simulation",
     "samrl_core/cell/world/pybullet/body_files.py": "a folder for one simulation",
     "samrl_core/learning/residual/replay.py": "a sparse file, in `room_for`",
     "samrl_core/blind_test/scores/study.py": "an archive in memory, then whole",

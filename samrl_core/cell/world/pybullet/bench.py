@@ -3,7 +3,7 @@
 A table takes most of an image, and TinyRenderer's time with it. So it is left out there and painted from its
 texture: where a pixel's ray meets the table's plane follows from one division, which gives depth and texture
 alike. Shadows are the outlines of simple shapes along the light, filled on the table and blurred: soft, as
-under a ceiling light, at a tenth of the price of a shadow map. Bodies cast none on each other.
+under a ceiling light, in a tenth of the time of a shadow map. Bodies cast none on each other.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -221,6 +222,25 @@ def moving_joints(urdf: str) -> tuple[str, ...]:
         for joint in parse_urdf(urdf, "the URDF").findall("joint")
         if joint.get("type") in _MOVING and joint.find("mimic") is None
     )
+
+
+def chained_joints(urdf: str, joints: Sequence[str]) -> set[str]:
+    """Moving joints between the base and some joints or behind these: all whose motion theirs depends on."""
+    root = parse_urdf(urdf, "the URDF")
+    above: dict[str, tuple[str, str]] = {}  # link -> joint that moves it, link before
+    for joint in root.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            above[str(child.get("link"))] = str(joint.get("name")), str(parent.get("link"))
+    found: set[str] = set()
+    for link in above:
+        path, at = [], link
+        while at in above and len(path) <= len(above):
+            name, at = above[at]
+            path.append(name)
+        if set(path) & set(joints):
+            found |= set(path)
+    return found & set(moving_joints(urdf))
 
 
 def _joint_order(

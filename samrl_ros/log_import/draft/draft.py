@@ -25,7 +25,7 @@ from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.log_import.tables import SUFFIXES
-from samrl_ros.recordings.read import moving_joints
+from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _MOST_EPISODES = 20  # of a dataset, that become recordings
 _FULL_TURNS = 4 * np.pi  # [rad] more than a joint of an arm turns: degrees
@@ -68,7 +68,7 @@ def draft_mapping(
         Candidate(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
     position = _measured_position(found, joints, draft)
-    order = _joints(position, joints, draft)
+    order = _joints(position, joints, urdf, draft)
     draft.recordings += _recordings(files)
     unit = _position_unit(position, draft)
     time = add_source(position.part, "states", draft)
@@ -173,13 +173,14 @@ def _measured_position(found: list[Candidate], joints: Sequence[str], draft: Dra
     return best
 
 
-def _joints(position: Candidate, joints: Sequence[str], draft: Draft) -> list[str]:
+def _joints(position: Candidate, joints: Sequence[str], urdf: str | None, draft: Draft) -> list[str]:
     """Labels of the log in the order of the recording's joints; sets the recording's names."""
     labels = position.block.labels
     there = [joint for joint in joints if joint in labels]
     if there:
         draft.joints = there
-        missing = [joint for joint in joints if joint not in labels]
+        chained = set() if urdf is None else chained_joints(urdf, there)
+        missing = [joint for joint in joints if joint not in labels and joint in chained]
         question = (
             f"{', '.join(missing)} of the URDF are not in the log; do they stand still?" if missing else ""
         )

@@ -183,6 +183,9 @@ def simulate(
     step = step or {}
     shift = step.get("delay", 0.0)
     late_q = np.stack([np.interp(time - shift, time, c) for c in q.T], 1)
+    # What a servo says of its own effort knows its command as late as the actuator does.
+    behind = shift + (float(np.max(model.actuator_delay)) if world.servo else 0.0)
+    told_q = np.stack([np.interp(time - behind, time, c) for c in q.T], 1)
     late_v = np.stack([np.interp(time - shift, time, c) for c in v.T], 1)
     apply: Callable[[], None] = lambda: None  # noqa: E731
     if "joint" in step:
@@ -219,7 +222,7 @@ def simulate(
     for k in range(len(time)):
         if world.servo:
             data.ctrl[:] = late_q[k]
-            sent = world.stiffness * (late_q[k] - data.qpos) - world.damping * data.qvel
+            sent = world.stiffness * (told_q[k] - data.qpos) - world.damping * data.qvel
         else:
             still.qpos[:] = data.qpos
             still.qvel[:] = 0

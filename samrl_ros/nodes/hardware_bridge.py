@@ -54,6 +54,11 @@ class HardwareBridgeSettings:
     preflight_time: float = setting(
         3.0, "that each topic of a driver is heard before it is judged", "s", (0.5, 60.0)
     )
+    preflight_windows: int = setting(
+        5,
+        "times that the drivers are watched for so long before they count as wrong: a start is busy",
+        range=(1, 100),
+    )
     command_timeout: float = setting(
         COMMAND_TIMEOUT_S, "age of a command, by reception, at which the arm brakes", "s", (0.01, 5.0)
     )
@@ -80,6 +85,7 @@ class HardwareBridge(CellNode):
         self._commanders: dict[str, Commanders] = {}
         self._settings = HardwareBridgeSettings()
         self._deadline = 0.0  # monotonic [s], of the pre-flight
+        self._windows = 0  # of it that have failed
 
     def publish(self, topic: str, message: Any) -> None:
         """The core's outbox."""
@@ -141,6 +147,7 @@ class HardwareBridge(CellNode):
         """See `CellNode`."""
         assert self._core is not None
         self._core.announce()
+        self._windows = 0
         self._deadline = time.monotonic() + PATIENCE * self._settings.preflight_time
 
     def halt(self) -> None:
@@ -188,6 +195,12 @@ class HardwareBridge(CellNode):
         for fault in faults:
             self.get_logger().warning(f"pre-flight: {fault}")
         if faults and not self._settings.observe_only:
+            self._windows += 1
+            late = time.monotonic() > self._deadline
+            if not late and self._windows < self._settings.preflight_windows:
+                self._core.watch_anew()
+                self._deadline = time.monotonic() + PATIENCE * self._settings.preflight_time
+                return
             raise InputError("the drivers do not agree with the cell, nothing moves: " + "; ".join(faults))
         self.get_logger().info(
             "pre-flight: names, limits, clocks, frames and rates agree" if not faults else "observing"

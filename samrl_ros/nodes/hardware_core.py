@@ -119,6 +119,10 @@ class HardwareCore:
             self._observed = None
         return faults
 
+    def watch_anew(self) -> None:
+        """Forget what the pre-flight has heard, and ask once more: a busy start loses messages."""
+        self._observed = Observed()
+
     def hear(self, part: str, stream: str, message: Any, received_s: float) -> None:
         """A message of a driver, received at `received_s` by the clock that stamps are compared with."""
         driver = self._drivers[part]

@@ -98,6 +98,17 @@ def test_nothing_is_passed_on_and_nothing_moves_before_the_preflight() -> None:
     assert rig.core.is_checking and not rig.sent and not rig.on(arm_topic("tool_arm", "joint_states"))
 
 
+def test_drivers_that_were_disturbed_are_watched_anew() -> None:
+    rig = Rig()
+    rig.position["tool_arm"] = np.rad2deg(START["tool_arm"])
+    rig.go_on(0.1)
+    assert rig.core.finish_preflight() and rig.core.is_checking
+    rig.position["tool_arm"] = START["tool_arm"].copy()
+    rig.core.watch_anew()
+    rig.go_on(0.1)
+    assert rig.core.finish_preflight() == [] and not rig.core.is_checking
+
+
 def test_an_observer_hears_and_never_speaks_to_a_driver() -> None:
     rig = Rig(replace(LIMITS, observe_only=True))
     rig.go_on(0.02)

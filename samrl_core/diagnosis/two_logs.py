@@ -94,6 +94,11 @@ def compare_logs(real: ArmRecording, simulated: ArmRecording) -> Parting:
             continue
         for j, joint in enumerate(names):
             channels.append(_channel(joint, quantity, a, b, j, order[j], grid, shift, step, speed[:, j]))
+    if abs(shift - float(real.states.time[0] - simulated.states.time[0])) > 0.98 * MOST_SHIFT_S:
+        notes.append(
+            f"the clocks agree nowhere within {MOST_SHIFT_S:g} s: the logs show other motions, or start"
+            " further apart; cut them to the same motion"
+        )
     error = _command_error(real, simulated, order, grid, shift)
     if error is not None and error > SAME_COMMAND:
         notes.append(

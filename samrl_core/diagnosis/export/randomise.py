@@ -25,6 +25,7 @@ NAMES = {
     "gazebo": {"coulomb": "friction", "viscous": "damping"},
     "urdf": {"coulomb": "dynamics friction", "viscous": "dynamics damping"},
 }
+SMOOTHING = ("coulomb_velocity",)  # of our own sign, which no target has
 _OPERATION = {"actuator_gain": "1 + value, times", "stiffness_scale": "times", "damping_scale": "times"}
 
 
@@ -41,10 +42,12 @@ def ranges_of(correction: Correction, target: str) -> dict[str, Any]:
         )
     entries, columns = [], []
     for name, samples in c.samples.items():
+        if name in SMOOTHING:
+            continue
         best = np.atleast_1d(c.fields[name])
         rows = samples.reshape(len(samples), -1)
         for k, value in enumerate(best.ravel()):
-            if np.std(rows[:, k]) == 0:
+            if np.ptp(rows[:, k]) == 0:
                 continue
             place = np.unravel_index(k, best.shape)
             whole, added = _nominal(c, name, place)

@@ -19,7 +19,7 @@ mujoco: Any = _mujoco
 STEP, LOG_STEP, DURATION = 0.001, 0.002, 8.0  # [s]
 NOISE = {"position": 2e-5, "velocity": 5e-4, "effort": 0.02, "commanded_effort": 0.005}
 KINDS = (
-    "coulomb", "damping", "armature", "mass", "gain", "payload", "stribeck", "delay", "load", "less_friction",
+    "coulomb", "damping", "mass", "stribeck", "payload", "gain", "less_friction", "armature", "delay", "load",
 )  # fmt: skip
 
 

@@ -74,6 +74,8 @@ def test_another_engine_closes_the_gap_that_was_promised(
     drawn = json.loads((tmp_path / target / "randomise.json").read_text())
     entry = next(e for e in drawn["draw"] if e["field"] == "coulomb")
     assert entry["range95"][0] < 1.6 < entry["range95"][1] and entry["place"] == "joint:lift"
+    assert [e["field"] for e in drawn["draw"]] == ["coulomb"]  # what is neutral is not drawn
+    assert np.shape(drawn["covariance"]) == (1, 1)
     page = (tmp_path / target / "export.html").read_text()
     assert "friction" in page and "data:image/png" in page
 

@@ -16,18 +16,14 @@ from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.result import Curve, Diagnosis, InputFile, NamedEffect
+from samrl_core.diagnosis.result import Curve, Diagnosis, InputFile
 from samrl_core.diagnosis.selection import verdict as rules
-from samrl_core.diagnosis.selection.confidence import (
-    estimates,
-    invariance_alarms,
-    probabilities,
-    undone_alarms,
-)
 from samrl_core.diagnosis.selection.curves import curve_of
-from samrl_core.diagnosis.selection.how_far import HowFar, how_far
-from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, on_bound
+from samrl_core.diagnosis.selection.description import Misdescription, misdescription
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit
 from samrl_core.diagnosis.selection.joint_units import with_joint_units
+from samrl_core.diagnosis.selection.judge import judge_sets
 from samrl_core.diagnosis.selection.next_experiment import next_experiment
 from samrl_core.diagnosis.selection.posterior import correction_of
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
@@ -37,7 +33,6 @@ from samrl_core.diagnosis.selection.where import heatmap, onset, timelines
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 Progress = Callable[[str], None]
-RUNNER_UPS = 5
 
 
 @dataclass(frozen=True)
@@ -50,6 +45,7 @@ class DiagnosisSettings:
     verdict: rules.VerdictSettings = field(default_factory=rules.VerdictSettings)
     simulate: bool = True  # held-out recordings in closed loop
     track: tuple[str, ...] = ()  # `family@place` whose size is told, named or not
+    doubt_description: bool = True  # look for joints in another order and torques in another unit first
     share_held_out: bool = True  # fit the first half of what is held out, where only that shows a gap
 
 
@@ -62,7 +58,7 @@ def library(families: Collection[str] | None) -> tuple[Effect, ...]:
     if families is None:
         return EFFECTS
     known = {e.family for e in EFFECTS}
-    if unknown := sorted(set(families) - known - set(NOT_BY_JOINTS)):
+    if unknown := sorted(set(families) - known - set(NOT_BY_JOINTS) - {"joint_order", "unit_error"}):
         raise InputError(f"unknown families {unknown} in the library; known are {sorted(known)}")
     chosen = tuple(e for e in EFFECTS if e.family in families)
     if not chosen:
@@ -120,6 +116,10 @@ def diagnose(
     )  # fmt: skip
     if not first.channels:
         return empty, HowFar(None, ())
+    allowed = {"joint_order", "unit_error"} & set(settings.library or ("joint_order", "unit_error"))
+    wrong = misdescription(trials) if settings.doubt_description else None
+    if wrong is not None and wrong.family in allowed:
+        return _as_described(wrong, empty, trials, held_trials, fit, held_out, settings, notes, progress)
     likelihood, held = Likelihood(trials), Likelihood(held_trials)
     done("residuals")
     selection = select(likelihood, held, effects, settings.selection, progress)
@@ -137,6 +137,49 @@ def diagnose(
     return _conclude(empty, selection, likelihood, held, effects, settings, timings, progress, done)
 
 
+def _as_described(
+    wrong: Misdescription,
+    empty: Diagnosis,
+    trials: Sequence[Trial],
+    held_trials: Sequence[Trial],
+    fit: Sequence[ArmRecording],
+    held_out: Sequence[ArmRecording],
+    settings: DiagnosisSettings,
+    notes: Sequence[str],
+    progress: Progress,
+) -> tuple[Diagnosis, HowFar]:
+    """The diagnosis of recordings with a wrong description: the error, and what is left once it is mended."""
+    remark = f"this log fits if {wrong.says}; all that follows is of the log so corrected"
+    rest, far = diagnose(
+        [wrong.corrected(r) for r in fit], [wrong.corrected(r) for r in held_out],
+        replace(settings, doubt_description=False), [*notes, remark], progress,
+    )  # fmt: skip
+    arm = trials[0].recording.arm
+    first = wrong.named(arm.role, arm.joints)
+    reasons = (
+        f"this log fits if {wrong.says}: {wrong.before:.0%} of the torque's variance contradict the"
+        f" description, {wrong.after:.0%} then",
+    )
+    left = {
+        "effect": (f"beside it: {', '.join(e.name for e in rest.effects)}",),
+        "ambiguous": ("beside it there is a gap with several possible causes",),
+        "none_of_mine": ("beside it there is a gap that no known effect explains",),
+    }
+    others = rest.effects if rest.verdict == "effect" else ()
+    diagnosis = replace(
+        rest,
+        verdict="effect",
+        reasons=(*reasons, *left.get(rest.verdict, ()), *rest.reasons),
+        effects=(first, *(replace(e, role="secondary") for e in others)),
+        gap=wrong.gap(held_trials),
+        unexplained_fraction=wrong.after / max(wrong.before, 1e-9),
+        nearest=None,
+        ambiguity_set=(),
+        inputs=empty.inputs,
+    )
+    return diagnosis, far
+
+
 def _conclude(
     empty: Diagnosis,
     selection: Selection,
@@ -149,33 +192,21 @@ def _conclude(
     done: Callable[[str], None],
 ) -> tuple[Diagnosis, HowFar]:
     """Everything that follows from the selection."""
-    rng = np.random.default_rng(settings.seed)
     evidence = Evidence(likelihood, selection.correlation_time)
     k = selection.correlation_time
     z = likelihood.whitened()
+    judged = judge_sets(
+        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, progress
+    )
+    done("how sure and how far")
+    selection, outcome, far = judged.selection, judged.outcome, judged.far
+    named, runner_ups, alarms = judged.named, judged.runner_ups, judged.alarms
     chosen = selection.chosen
+    rivals = selection.rivals if chosen is not None else ()
     does = None if chosen is None else likelihood.y - evidence.remainder(chosen)
     grid, items = heatmap(likelihood, z, k, does)
-    named: tuple[NamedEffect, ...] = ()
-    runner_ups: tuple[NamedEffect, ...] = ()
-    alarms: list[str] = []
     onsets: list[float | None] = [None] * len(likelihood.trials)
-    rivals = selection.rivals if chosen is not None else ()
     if chosen is not None:
-        progress("how sure")
-        p = probabilities([chosen, *rivals], selection.remaining)
-        named = tuple(
-            _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
-            for i in range(len(chosen.hypotheses))
-        )
-        runner_ups = tuple(
-            _named(evidence, f, 0, float(q), "runner_up", rng)
-            for f, q in zip(rivals[:RUNNER_UPS], p[1:], strict=False)
-        )
-        alarms += invariance_alarms(likelihood, held, evidence, chosen)
-        alarms += undone_alarms(evidence, chosen)
-        for h in chosen.hypotheses:
-            alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
         prediction = likelihood.prediction(chosen.hypotheses[0].regressors, chosen.amplitudes[0])
         begun = chosen.hypotheses[0].shape.get(ONSET)
         onsets = [begun or onset(likelihood, prediction, r, k) for r in range(len(likelihood.trials))]
@@ -185,12 +216,6 @@ def _conclude(
             for r, trial in enumerate(likelihood.trials)
             if trial.recording.name == i.recording
         )
-        done("how sure")
-    progress("how far")
-    far = how_far(held, selection, settings.simulate, rng, progress)
-    alarms += list(far.alarms)
-    done("how far")
-    outcome = rules.decide(selection, named, runner_ups, alarms, far, settings.verdict)
     shown = {e.name for e in named} if outcome.verdict in ("effect", "ambiguous") else set()
     unnamed = [name for name in settings.track if name not in shown]
     rest = evidence.remainder(chosen) if chosen is not None else likelihood.y
@@ -219,7 +244,7 @@ def _conclude(
         heatmap=grid,
         timelines=timelines(likelihood, z, k, onsets, does),
         curves=_curves(evidence, chosen),
-        tracked=track(evidence, chosen, unnamed, rng) if unnamed else (),
+        tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed)) if unnamed else (),
         overlays=far.overlays,
         timings=timings,
         settings={
@@ -276,16 +301,6 @@ def _check_same_arm(recordings: Sequence[ArmRecording]) -> None:
                 f"{other.name} has joints {other.arm.joints}, {recordings[0].name} has {first.joints}; "
                 "diagnose one arm at a time"
             )
-
-
-def _named(
-    evidence: Evidence, fit: Fit, index: int, probability: float, role: str, rng: np.random.Generator
-) -> NamedEffect:
-    h = fit.hypotheses[index]
-    return NamedEffect(
-        h.effect.family, h.place, probability, estimates(evidence, fit, index, rng), fit.log_evidence,
-        h.form.name, role,
-    )  # fmt: skip
 
 
 def _version() -> str:

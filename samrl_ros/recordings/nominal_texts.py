@@ -14,6 +14,7 @@ import numpy as np
 
 from samrl_core.cell.robots.urdf_text import MOST_KG
 from samrl_core.cell.types.arm_description import (
+    HALF_WIDTH,
     ArmController,
     ArmDescription,
     NominalTool,
@@ -31,8 +32,9 @@ _CENTER = ("center_of_mass", "centre_of_mass", "com")
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 TOLERANCE_FILE = """\
-# How far the real arm may be from its nominal model and still count as nominal: half widths, all optional.
-# The diagnosis takes each as the standard deviation of a Gaussian. Values below are the defaults.
+# How far the real arm may be from its nominal model and still count as nominal: half widths of
+# what is plausible, unless stated_as says that they are standard deviations. All optional; values below are
+# the defaults.
 # A value is one number for all joints, or (last group) a list with one per joint.
 mass: 0.02              # of each link, fraction
 center_of_mass: 0.002   # of each link, per axis [m]
@@ -45,6 +47,7 @@ torque_offset: 0.004    # of drive and sensor, fraction of the joint's effort li
 coulomb_friction: 0.001 # fraction of the joint's effort limit
 viscous_friction: 0.001 # fraction of effort limit over velocity limit
 motor_constant: 0.01    # of a motor: torque per volt or ampere, fraction
+stated_as: half_width   # or standard_deviation, of all of them
 """
 
 
@@ -61,6 +64,8 @@ class ControllerText:
 def controller_text(arm: ArmDescription) -> str:
     """The contract's JSON; without a controller, joints and tolerances alone."""
     controller, tolerances = arm.controller, asdict(arm.tolerances)
+    if tolerances["stated_as"] == HALF_WIDTH:
+        del tolerances["stated_as"]  # as it always was
     if controller is None:
         return json.dumps({"type": UNDESCRIBED, "joints": list(arm.joints), "tolerances": tolerances})
     about: dict[str, Any] = {

@@ -13,7 +13,6 @@ import json
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.robots.urdf import description_of
-from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool, Tolerances
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, NominalTool
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects import EFFECTS
@@ -116,12 +115,7 @@ def main() -> None:
 
 def _wider(trial: Trial, scale: float) -> Trial:
     """The trial with wider tolerances, for sampling only."""
-    known = trial.recording.arm.tolerances
-    wider: dict[str, Any] = {
-        name: tuple(scale * v for v in value) if isinstance(value, tuple) else scale * value
-        for name, value in vars(known).items()
-    }
-    wide = Tolerances(**wider)
+    wide = trial.recording.arm.tolerances.scaled(scale)
     arm = replace(trial.recording.arm, tolerances=wide)
     return Trial(replace(trial.recording, arm=arm), trial.rigid)
 

@@ -40,6 +40,7 @@ _FILES = (
     "load.base_tilt",
     "load.mount_compliance",
     "load.cable",
+    "description.model_scale",
 )
 
 EFFECTS: tuple[Effect, ...] = tuple(import_module(f"{__name__}.{file}").EFFECT for file in _FILES)

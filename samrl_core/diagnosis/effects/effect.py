@@ -38,6 +38,7 @@ class Effect(ABC):
     experiment: ClassVar[str] = "slow"  # the excitation trajectory of the catalogue that shows it best
     curve_over: ClassVar[str] = "effort"  # what the report plots it against: a key of `curves.AXES`
     confounded_with: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()  # families that are this one with a term less
     parameters: ClassVar[tuple[Parameter, ...]]
     renamed_shapes: ClassVar[tuple[str, ...]] = ()  # shapes that are reported under another name
     place_kind: ClassVar[str] = "joint"  # joint, link or arm
@@ -45,6 +46,8 @@ class Effect(ABC):
     least_share: ClassVar[float] = 0.0  # of its prediction that must be seen, and not undone by tolerances
     at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
     simulated: ClassVar[bool] = True  # some form has a simulation in closed loop
+    limits_motion: ClassVar[bool] = False  # fits any torque a little, so motion must show it
+    of_description: ClassVar[bool] = False  # no machine has it, and no sealed world
     by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
 
     @property

@@ -1,4 +1,5 @@
-"""Families of the contract that have no effect in the library: joint channels cannot show them.
+"""Families of the contract that have no effect in the library: joint channels cannot show them, or they are
+errors of a description, which `selection.description` looks for before any effect.
 
 An entry leaves this list when the family gets an effect of its own.
 """
@@ -175,5 +176,19 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Geometry of the object",
         "The object's shape or size differs from its mesh.",
         "Measure or scan the object and correct its mesh; check the segmentation at its edges.",
+    ),
+    UnmodelledFamily(
+        51,
+        "joint_order",
+        "Order of the joints",
+        "Two or more joints of the log stand under each other's names: an error of the description.",
+        "Exchange the columns named in the report, in the mapping or in the driver.",
+    ),
+    UnmodelledFamily(
+        52,
+        "unit_error",
+        "Unit of the torques",
+        "The logged torques are in another unit than the description says: an error of the description.",
+        "Correct the unit of the effort columns in the mapping, or in the driver.",
     ),
 )

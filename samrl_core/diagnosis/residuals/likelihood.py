@@ -39,9 +39,10 @@ class Likelihood:
         blocks: slices of `y`.
     """
 
-    def __init__(self, trials: Sequence[Trial]) -> None:
-        """Stack the residuals and factor the tolerances."""
+    def __init__(self, trials: Sequence[Trial], widened: float = 1.0) -> None:
+        """Stack the residuals and factor the tolerances, `widened` times as stated."""
         self.trials = tuple(trials)
+        self._widened = widened
         self.blocks: dict[Block, slice] = {}
         parts, start = [], 0
         for r, trial in enumerate(self.trials):
@@ -58,7 +59,7 @@ class Likelihood:
 
     def _factor(self) -> tuple[np.ndarray, np.ndarray]:
         """Orthonormal basis (N, k) of U / D and its squared singular values (k,)."""
-        lists = [tolerance_columns(trial) for trial in self.trials]
+        lists = [tolerance_columns(trial, self._widened) for trial in self.trials]
         count = len(lists[0]) if lists else 0
         u = np.zeros((len(self.y), count))
         for r, (trial, items) in enumerate(zip(self.trials, lists, strict=True)):

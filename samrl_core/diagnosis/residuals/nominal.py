@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
+from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.control_law import WOUND
 from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, Columns
@@ -22,10 +23,14 @@ COMPLIANCE = 1e-4  # [rad] twist at the effort limit: no joint is quite rigid
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 
-def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
-    """Regressors (one row each) and standard deviations; the same list for every recording of an arm."""
+def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns, float]]:
+    """Regressors (one row each) and standard deviations; the same list for every recording of an arm.
+
+    `widened` times the stated tolerances.
+    """
     out: list[tuple[Columns, float]] = []
-    motion, tolerances = trial.motion, trial.recording.arm.tolerances
+    plausible = trial.recording.arm.tolerances
+    motion, tolerances = trial.motion, plausible.scaled(widened * plausible.deviation)
     ones, joints = np.ones((1, len(motion.time))), range(trial.joints)
     flat = np.ones((1, len(trial)))
     if "tracking" in trial.channels:
@@ -59,12 +64,12 @@ def tolerance_columns(trial: Trial) -> list[tuple[Columns, float]]:
             rotor = motion.full_acceleration[:, j][None]
             out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j]))
     if {"link", "dynamics"} & set(trial.channels):
-        out += _bodies(trial)
+        out += _bodies(trial, tolerances)
         out += [(trial.link(axis[None]), tolerances.base_tilt) for axis in trial.tilt]
         for j in joints:
             soft = trial.link(trial.deflection(j, trial.transmitted[None, :, j]))
             out.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
-    out += _stamps(trial) + _motors(trial)
+    out += _stamps(trial, tolerances) + _motors(trial, tolerances)
     return [(columns, std) for columns, std in out if std > 0]
 
 
@@ -72,9 +77,9 @@ def _per_joint(value: float | tuple[float, ...], trial: Trial) -> np.ndarray:
     return np.broadcast_to(np.asarray(value, dtype=float), (trial.joints,))
 
 
-def _bodies(trial: Trial) -> list[tuple[Columns, float]]:
+def _bodies(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
     """Mass, centre of mass and inertia of every link, and the tool's mass."""
-    rigid, tolerances = trial.rigid, trial.recording.arm.tolerances
+    rigid = trial.rigid
     assert rigid is not None
     out: list[tuple[Columns, float]] = []
     for link, p in enumerate(rigid.inertial_parameters):
@@ -106,10 +111,10 @@ def _bodies(trial: Trial) -> list[tuple[Columns, float]]:
     return out
 
 
-def _stamps(trial: Trial) -> list[tuple[Columns, float]]:
+def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
     """Channels that are stamped early or late against one another, within half a sample or the tolerance."""
     motion = trial.motion
-    stamp = max(trial.recording.arm.tolerances.stamp, 0.5 / motion.rate)
+    stamp = max(tolerances.stamp, 0.5 / motion.rate)
     out: list[tuple[Columns, float]] = []
     if motion.u is not None and motion.tau is not None:
         columns = {("drive", j): motion.derivative(motion.u[:, j])[None] for j in range(trial.joints)}
@@ -138,14 +143,14 @@ def _stamps(trial: Trial) -> list[tuple[Columns, float]]:
     return out
 
 
-def _motors(trial: Trial) -> list[tuple[Columns, float]]:
+def _motors(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
     """Torque per volt or ampere of each motor, and what integrals held when the recording began."""
     motion, controller = trial.motion, trial.recording.arm.controller
     if controller is None:
         return []
     law, out = controller.law, []
     known = law.of_joints("torque_per_volt", trial.joints) + law.of_joints("torque_per_ampere", trial.joints)
-    spread = _per_joint(trial.recording.arm.tolerances.motor_constant, trial)
+    spread = _per_joint(tolerances.motor_constant, trial)
     torque = motion.raw_commanded
     for j in range(trial.joints):
         if known[j] > 0 and torque is not None:

@@ -1,4 +1,4 @@
-"""How far the gap shrinks on held-out recordings: in closed loop if possible, else along the log."""
+"""How far the gap shrinks on held-out recordings: simulated again if possible, else along the log."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.residuals.equations import UNITS as CHANNEL_UNITS
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
+from samrl_core.diagnosis.selection.contenders import MOTION
+from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
 from samrl_core.diagnosis.selection.gap_metric import shrink
 from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.resimulation import (
@@ -21,6 +23,7 @@ from samrl_core.diagnosis.selection.resimulation import (
     begins,
     gap,
     plant_of,
+    resimulable,
     resimulate,
     shrink_interval,
     simulable,
@@ -31,6 +34,7 @@ from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 OVERLAYS = 6  # joint and quantity pairs that are plotted
 SIZES = (0.5, 0.75, 1.0, 1.3, 1.7)  # of the fitted effect, tried in closed loop
 DISAGREE = (0.6, 1.5)  # a closed-loop size outside of it contradicts the regression
+CONFIRMED = 0.2  # share of the torque left, below which the regression needs no simulation to agree
 VISIBLE_SHRINK = 0.05  # below it closed loop cannot weigh sizes
 
 
@@ -43,6 +47,8 @@ class HowFar:
     overlays: tuple[Overlay, ...] = ()
     alarms: tuple[str, ...] = ()
     correction: Correction | None = None  # of the model, where something was named
+    motion: float | None = None  # shrink of position and velocity alone, where it was simulated
+    size: float | None = None  # of the fitted first effect, that simulation would have best
 
 
 def how_far(
@@ -55,14 +61,14 @@ def how_far(
     """Nominal model, named effect and runner-up on recordings that were never fitted."""
     if not held_out.trials or not held_out.blocks:
         return HowFar(None, ())
-    if simulate and all(simulable(t) for t in held_out.trials):
-        found = _closed_loop(held_out, selection, rng)
+    if simulate and all(resimulable(t) for t in held_out.trials):
+        found = _simulated(held_out, selection, rng)
         if found is not None:
             return found
     return _along_the_log(held_out, selection, rng)
 
 
-def _closed_loop(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar | None:
+def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar | None:
     """Re-simulation; None where an effect has no simulation or diverges."""
     chosen = selection.chosen
     first = held_out.trials[0]
@@ -94,31 +100,41 @@ def _closed_loop(held_out: Likelihood, selection: Selection, rng: np.random.Gene
     other = gap(runs, "runner_up") if "runner_up" in plants else None
     other = other if other is not None and np.isfinite(other) else None
     share = None if with_effect is None else shrink(nominal, with_effect)
+    closed = all(simulable(t) for t in held_out.trials)
+    way = "closed-loop re-simulation" if closed else f"simulation forward over windows of {WINDOW_S:g} s"
     held = HeldOutGap(
-        "closed-loop re-simulation, RMS over joints and channels in tolerances",
+        f"{way}, RMS over joints and channels in tolerances",
         "1", nominal, with_effect, other, runner_up if other is not None else None, share,
         None if with_effect is None else shrink_interval(runs, "with_effect", rng),
         None if share is None or other is None else share - shrink(nominal, other),
         tuple(_channel(runs, q, "with_effect" in plants) for q in quantities),
         tuple(r.trial.recording.name for r in runs),
     )  # fmt: skip
-    alarms = _size_alarm(runs, chosen, plants, share) if chosen is not None else ()
-    return HowFar(held, runs, _overlays(runs, plants), alarms)
+    if chosen is None:
+        return HowFar(held, runs, _overlays(runs, plants))
+    size, alarms = _size(runs, chosen, plants, share)
+    if selection.held_out_unexplained < CONFIRMED and selection.unexplained < CONFIRMED:
+        alarms = ()  # the torque of motions that were never fitted says more than a gap of many causes
+    motion = shrink(gap(runs, "nominal", MOTION), gap(runs, "with_effect", MOTION))
+    return HowFar(held, runs, _overlays(runs, plants), alarms, motion=motion, size=size)
 
 
 def _scaled(fit: Fit, size: float) -> Fit:
-    """The fit with its first effect smaller or larger."""
-    mean = fit.hypotheses[0].mean
-    first = mean + (fit.amplitudes[0] - mean) * size if np.any(mean) else fit.amplitudes[0] * size
-    return replace(fit, amplitudes=(first, *fit.amplitudes[1:]))
+    """The fit with its effects smaller or larger, all of them alike: one may stand in for another."""
+
+    def changed(mean: np.ndarray, a: np.ndarray) -> np.ndarray:
+        return mean + (a - mean) * size if np.any(mean) else a * size
+
+    pairs = zip(fit.hypotheses, fit.amplitudes, strict=True)
+    return replace(fit, amplitudes=tuple(changed(h.mean, a) for h, a in pairs))
 
 
-def _size_alarm(
+def _size(
     runs: tuple[Resimulation, ...], chosen: Fit, plants: dict[str, PlantParameters], share: float | None
-) -> tuple[str, ...]:
-    """Regression and closed loop must agree on the size of the effect, where closed loop can see it."""
+) -> tuple[float | None, tuple[str, ...]]:
+    """Size that simulation prefers; regression must agree with it where simulation can see it."""
     if np.any(chosen.hypotheses[0].mean) or share is None or share < VISIBLE_SHRINK:
-        return ()
+        return None, ()
     errors = {1.0: gap(runs, "with_effect"), 0.0: gap(runs, "nominal")}
     errors |= {s: gap(runs, f"size {s}") for s in SIZES if f"size {s}" in plants}
     usable = {s: e**2 for s, e in errors.items() if np.isfinite(e)}
@@ -128,11 +144,11 @@ def _size_alarm(
     gain = usable[1.0] - float(np.min(values))
     # Only a clear preference counts: the nominal remainder moves the minimum a little.
     if gain > 0.25 * usable[1.0] and not DISAGREE[0] <= best <= DISAGREE[1]:
-        return (
-            f"{chosen.hypotheses[0].name}: closed-loop simulation wants {best:.2g} times the size that "
+        return best, (
+            f"{chosen.hypotheses[0].name}: simulation wants {best:.2g} times the size that "
             "regression gives; its formula is not what happens",
         )
-    return ()
+    return best, ()
 
 
 def _channel(

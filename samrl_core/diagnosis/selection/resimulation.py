@@ -1,4 +1,4 @@
-"""How far: held-out recordings simulated again in closed loop, with and without what was found."""
+"""Recordings simulated again with and without what was found: in closed loop, or forward without a law."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError, LimitError
 from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.forward_windows import drivable, drive_forward, has_no_law
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, channel_scales, shrink
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
@@ -22,7 +23,7 @@ RESAMPLES = 400
 
 @dataclass(frozen=True, eq=False)
 class Resimulation:
-    """One held-out recording: time (N,), and channels (N, J) as measured and per simulated plant."""
+    """One recording: time (N,), and channels (N, J) as measured and per simulated plant."""
 
     trial: Trial
     time: np.ndarray
@@ -39,6 +40,11 @@ def simulable(trial: Trial) -> bool:
         and trial.recording.arm.controller is not None
         and trial.motion.drive_input is not None
     )
+
+
+def resimulable(trial: Trial) -> bool:
+    """Whether the recording can be simulated again, in closed loop or forward from its efforts."""
+    return simulable(trial) or drivable(trial)
 
 
 def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
@@ -61,9 +67,10 @@ def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:
             merged = np.where(now != base, now, before)
             changes[name] = np.where(additive, before + now, merged)
     try:
-        return replace(neutral, **changes)
+        plant = replace(neutral, **changes)
     except InputError:
         return None  # a fit so far out that no plant is like it; its interval and alarms say so
+    return plant if simulable(trial) or has_no_law(plant) else None
 
 
 def from_start(signal: JointSignal | None, start: float) -> JointSignal | None:
@@ -95,6 +102,8 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
 
     Before `onset` [s] every plant is nominal.
     """
+    if not simulable(trial):
+        return Resimulation(trial, *drive_forward(trial, plants, onset))
     arm, motion = trial.recording.arm, trial.motion
     command = motion.drive_input
     assert trial.rigid is not None and command is not None and arm.controller is not None
@@ -195,9 +204,9 @@ def pointwise(resimulation: Resimulation, plant: str, quantities: Sequence[str] 
     return np.mean(np.concatenate(parts, axis=1), axis=1)
 
 
-def gap(resimulations: Sequence[Resimulation], plant: str) -> float:
-    """The gap metric over all held-out recordings; infinite where the simulation diverged."""
-    errors = np.concatenate([pointwise(r, plant) for r in resimulations])
+def gap(resimulations: Sequence[Resimulation], plant: str, quantities: Sequence[str] = QUANTITIES) -> float:
+    """The gap metric over all recordings; infinite where the simulation diverged."""
+    errors = np.concatenate([pointwise(r, plant, quantities) for r in resimulations])
     return float(np.sqrt(np.mean(errors))) if np.isfinite(errors).all() else float("inf")
 
 

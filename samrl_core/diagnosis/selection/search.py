@@ -105,9 +105,12 @@ def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit)
     return sorted(refined, key=lambda f: -f.log_evidence)
 
 
-def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> Fit:
-    """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS)."""
-    for index in range(len(chosen.hypotheses) - 1):
+def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, first: int = 0) -> Fit:
+    """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS).
+
+    Members before `first` stay, and so does the last, which was just found.
+    """
+    for index in range(first, len(chosen.hypotheses) - 1):
         others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
         taken = {h.name for h in others}
         best = chosen
@@ -118,7 +121,9 @@ def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) ->
             fit = evidence.fit([*others[:index], h, *others[index:]])
             if fit.log_evidence > best.log_evidence:
                 best = fit
-        chosen = evidence.refine(best, index)
+        refined = evidence.refine(best, index)
+        if best is chosen or not on_bound(refined.hypotheses[index]):
+            chosen = refined
     return chosen
 
 

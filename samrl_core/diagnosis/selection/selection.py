@@ -5,14 +5,15 @@ recordings.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis, on_bound
+from samrl_core.diagnosis.selection.contenders import contend
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
 from samrl_core.diagnosis.selection.search import (
     best_singles,
@@ -23,6 +24,9 @@ from samrl_core.diagnosis.selection.search import (
 )
 
 MOST_EFFECTS = 3
+CLEARLY_MORE = 1.5  # times what the first member adds to the others
+SURELY = 8.0  # times the threshold: beyond, no width of tolerances explains it
+WIDE = 2.0  # times the stated tolerances: many a machine is so far off, and that alone is no effect
 SEEN_THERE = 0.1  # of the fitted excess: held-out recordings with less hardly show the effect
 
 
@@ -33,11 +37,13 @@ class SelectionSettings:
     threshold: float = 12.0  # log evidence that a first effect needs at least against nothing [nat]
     null_simulations: int = 0  # as many without an effect, whose evidence may raise the threshold
     cache: Path | None = None  # folder that caches their log evidence
+    wide_threshold: float = 9.0  # that it needs if tolerances were stated `WIDE` times too narrow
     second_threshold: float = 16.0  # that each further effect needs on top
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
     onset_remainder: float = 0.05  # share left by the best effect from which on it may have been switched on
     same_share: float = 0.12  # of all there was, where the first effects act on the same channels and joints
+    simulate: bool = True  # candidates within reach of the best are weighed by the simulated motion too
     local_remainder: float = 0.2  # less left than this share of what there was: the first effect's formula
 
 
@@ -54,6 +60,8 @@ class Selection:
     held_out_excess: float
     held_out_remaining: float
     correlation_time: float
+    contenders: tuple[Fit, ...] = ()  # further first effects, in the order in which they are tried
+    again: Callable[[Fit], Selection] | None = None  # the set that grows from another first effect
 
     @property
     def unexplained(self) -> float:
@@ -97,7 +105,7 @@ def select(
         singles = best_singles(evidence, pool)
     k = evidence.correlation_time
     excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
-    if not singles or singles[0].log_evidence < least:
+    if not singles or singles[0].log_evidence < least or not _stands_wide(evidence, singles[0], settings):
         # Nothing explains it: then all that lasts counts as one, as in any residual of unknown cause.
         k = max(2.0, min(likelihood.correlation_time(likelihood.y), 25.0))
         excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
@@ -105,13 +113,54 @@ def select(
             None, tuple(singles), (), least, excess, excess, held_excess, held_excess,
             evidence.correlation_time,
         )  # fmt: skip
-    chosen = singles[0]
+    progress("weighing candidates")
+    firsts = contend(evidence, singles, excess) if settings.simulate else singles[:1]
+    chosen = firsts[0]
+    singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
     progress("looking for an onset")
     left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, 1e-9)
     if left > settings.onset_remainder and (switched := find_onset(evidence, singles)) is not None:
-        if switched.log_evidence > chosen.log_evidence + settings.second_threshold:
-            chosen = switched
-            singles = [switched, *(f for f in singles if f.hypotheses[0].name != switched.hypotheses[0].name)]
+        if (
+            switched.log_evidence
+            > max(chosen.log_evidence, singles[0].log_evidence) + settings.second_threshold
+        ):
+            firsts = [switched, *firsts]
+
+    def grown(first: Fit) -> Selection:
+        found = _grow(evidence, held_out, pool, first, singles, settings, progress)
+        others = tuple(f for f in firsts if f is not first)
+        return replace(
+            found, threshold=least, excess=excess, held_out_excess=held_excess, contenders=others, again=grown
+        )
+
+    return grown(firsts[0])
+
+
+def _stands_wide(evidence: Evidence, fit: Fit, settings: SelectionSettings) -> bool:
+    """Whether an effect of little evidence is believed with wider tolerances too."""
+    if fit.log_evidence > SURELY * settings.threshold:
+        return True
+    wide = Evidence(Likelihood(evidence.likelihood.trials, WIDE), evidence.correlation_time)
+    made = [hypothesis(wide.likelihood, h.effect, h.form, h.shape) for h in fit.hypotheses]
+    there = [replace(m, tried=h.tried) for m, h in zip(made, fit.hypotheses, strict=True) if m is not None]
+    return bool(there) and wide.fit(there).log_evidence >= settings.wide_threshold
+
+
+def _grow(
+    evidence: Evidence,
+    held_out: Likelihood,
+    pool: Sequence[Hypothesis],
+    first: Fit,
+    singles: Sequence[Fit],
+    settings: SelectionSettings,
+    progress: Callable[[str], None],
+) -> Selection:
+    """The set that begins with one effect, its rivals and what both leave."""
+    chosen, k, likelihood = first, evidence.correlation_time, evidence.likelihood
+    name = first.hypotheses[0].name
+    # What was put first for the motion that it explains is not exchanged for torque that it does not.
+    kept = max(f.log_evidence for f in singles) > first.log_evidence
+    singles = [first, *(f for f in singles if f.hypotheses[0].name != name)]
     for _ in range(MOST_EFFECTS - 1):
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
         # The best addition may only mend the first effect's formula; then a weaker one elsewhere may be real.
@@ -121,18 +170,65 @@ def select(
         worth = (w for w in inside if _worth(evidence, held_out, chosen, held_left, w, settings))
         if (wider := next(worth, None)) is None:
             break
-        chosen = swap_members(evidence, pool, wider)
+        chosen = swap_members(evidence, pool, wider, 1 if kept else 0)
+    chosen = _greatest_first(evidence, chosen, kept)
     rivals = find_rivals(evidence, pool, chosen, singles)
-    if rivals and rivals[0].log_evidence > chosen.log_evidence:
+    beaten = bool(rivals) and rivals[0].log_evidence > chosen.log_evidence
+    if len(chosen.hypotheses) > 1 and beaten and not kept and not on_bound(rivals[0].hypotheses[0]):
         better, rivals = rivals[0], [chosen, *rivals[1:]]
         chosen = better
     remaining = likelihood.deficit(evidence.remainder(chosen), k)
-    held_rest = held_out_remainder(held_out, chosen)
-    held_remaining = held_out.deficit(held_rest, k)
-    return Selection(
-        chosen, tuple(singles), tuple(rivals), least, excess, remaining, held_excess,
-        held_remaining, evidence.correlation_time,
-    )  # fmt: skip
+    held_remaining = held_out.deficit(held_out_remainder(held_out, chosen), k)
+    return Selection(chosen, tuple(singles), tuple(rivals), 0.0, 0.0, remaining, 0.0, held_remaining, k)
+
+
+def _greatest_first(evidence: Evidence, fit: Fit, keep_first: bool) -> Fit:
+    """The set with the member in front that adds most to the others, where it clearly does, and elsewhere.
+
+    At one place two formulas share what they explain: there the one that was best alone stays in front.
+    """
+    count = len(fit.hypotheses)
+    if count < 2 or keep_first:
+        return fit
+    adds = [
+        fit.log_evidence - evidence.fit([h for k, h in enumerate(fit.hypotheses) if k != i]).log_evidence
+        for i in range(count)
+    ]
+    most = int(np.argmax(adds))
+    same_place = fit.hypotheses[most].place == fit.hypotheses[0].place
+    if most == 0 or same_place or adds[most] < CLEARLY_MORE * adds[0]:
+        return fit
+    order = [most, *(i for i in range(count) if i != most)]
+    return evidence.fit([fit.hypotheses[i] for i in order])
+
+
+def without_member(
+    likelihood: Likelihood, held_out: Likelihood, selection: Selection, members: Sequence[int]
+) -> Selection:
+    """The set without some of its further members, fitted again."""
+    assert selection.chosen is not None
+    evidence = Evidence(likelihood, selection.correlation_time)
+
+    def fewer(fit: Fit) -> Fit:
+        return evidence.fit([h for i, h in enumerate(fit.hypotheses) if i not in members])
+
+    chosen = fewer(selection.chosen)
+    rivals = tuple(sorted((fewer(f) for f in selection.rivals), key=lambda f: -f.log_evidence))
+    return with_chosen(likelihood, held_out, selection, chosen, rivals)
+
+
+def with_chosen(
+    likelihood: Likelihood, held_out: Likelihood, selection: Selection, chosen: Fit, rivals: tuple[Fit, ...]
+) -> Selection:
+    """The selection with another set in front."""
+    evidence, k = Evidence(likelihood, selection.correlation_time), selection.correlation_time
+    return replace(
+        selection,
+        chosen=chosen,
+        rivals=rivals,
+        remaining=likelihood.deficit(evidence.remainder(chosen), k),
+        held_out_remaining=held_out.deficit(held_out_remainder(held_out, chosen), k),
+    )
 
 
 def held_out_remainder(held_out: Likelihood, fit: Fit) -> np.ndarray:

@@ -1,11 +1,17 @@
-"""The rules by which a selection becomes a verdict."""
+"""The rules by which a selection becomes a verdict.
+
+A formula that leaves much of the torque unexplained is refused, as an unknown effect would be the reason. A
+real machine, though, has smaller effects beside its dominant one. That one is named, with the share that it
+leaves, where simulation says the same as the regression: the motion on held-out recordings comes much closer,
+closer than with the runner-up, at the size that the regression gave.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from samrl_core.diagnosis.result import NamedEffect
+from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.selection import Selection
 
@@ -20,6 +26,13 @@ class VerdictSettings:
     worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings
     tie: float = 0.6  # a probability below it is no name
     rival: float = 0.15  # a rival's probability from which on it belongs to the ambiguity set
+    dominant: float = 0.3  # simulated shrink from which on an effect stands although much stays unexplained
+    surely: float = 0.15  # lower end of that shrink's interval, likewise
+    margin: float = 0.03  # shrink beyond the runner-up's, likewise
+    sizes: tuple[float, float] = (0.7, 1.4)  # of the fitted effect that simulation may prefer, likewise
+    limits: float = 0.25  # simulated shrink below which a limit of the drive is none
+    hardly: float = 0.9  # share of the excess left beyond which it must shrink by `half`
+    half: float = 0.5
     no_gap: float = 250.0  # [nat] excess without any effect above threshold that still counts as no gap
 
 
@@ -70,8 +83,9 @@ def decide(
             unexplained=1.0,
         )
     reasons, refusals = [], []
+    much_left = []
     if selection.excess > settings.visible and selection.unexplained > settings.unexplained:
-        refusals.append(
+        much_left.append(
             f"{selection.unexplained:.0%} of the gap stays unexplained with {named[0].name}, "
             f"more than {settings.unexplained:.0%}"
         )
@@ -79,7 +93,7 @@ def decide(
     if selection.held_out_excess > settings.visible and not by_chance:
         left = selection.held_out_unexplained
         if left > settings.held_out_unexplained:
-            refusals.append(
+            much_left.append(
                 f"on held-out recordings {left:.0%} stay unexplained,"
                 f" more than {settings.held_out_unexplained:.0%}"
             )
@@ -87,9 +101,19 @@ def decide(
         refusals.append("with it, held-out recordings fit worse than without")
     if far.gap is not None and far.gap.shrink is not None and far.gap.shrink < settings.worse:
         refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
+    if selection.chosen.hypotheses[0].effect.limits_motion and 0.0 <= _moves(far) < settings.limits:
+        refusals.append(f"{named[0].name} is no limit: without it the motion is hardly simulated worse")
     refusals += list(alarms)
+    stands = bool(much_left) and not refusals and is_dominant(selection, far, settings)
+    if much_left and not stands:
+        refusals = [*much_left, *refusals]
     if refusals:
         return Decision("none_of_mine", (*refusals, f"nearest is {named[0].name}, which would be wrong"))
+    if stands:
+        reasons.append(
+            f"{selection.unexplained:.0%} of the torque residual stays unexplained: there is more, and"
+            f" smaller; {named[0].name} is named for the motion, which it brings closer at the size found"
+        )
     tied = [r.name for r in runner_ups if r.probability > settings.rival]
     if named[0].probability < settings.tie and tied:
         reasons.append(
@@ -105,6 +129,37 @@ def decide(
     if far.gap is not None and far.gap.shrink is not None:
         reasons.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
     return Decision("effect", tuple(reasons))
+
+
+def is_dominant(selection: Selection, far: HowFar, settings: VerdictSettings) -> bool:
+    """Whether simulation on held-out recordings says the same as the regression, clearly."""
+    gap = far.gap
+    if gap is None or gap.shrink is None or gap.ci95 is None or far.motion is None or far.size is None:
+        return False
+    most = max(selection.unexplained, selection.held_out_unexplained)
+    least = settings.half if most > settings.hardly else settings.dominant
+    return (
+        most < 1.0
+        and max(gap.shrink, far.motion) >= least
+        and min(gap.shrink, far.motion) > 0.0
+        and gap.ci95[0] >= settings.surely
+        and (gap.margin is None or gap.margin >= settings.margin or _by_a_twin(selection, gap))
+        and settings.sizes[0] <= far.size <= settings.sizes[1]
+    )
+
+
+def _by_a_twin(selection: Selection, gap: HeldOutGap) -> bool:
+    """Whether the runner-up is one that these recordings may not tell apart."""
+    assert selection.chosen is not None
+    family = (gap.runner_up_effect or "").partition("@")[0]
+    return family in selection.chosen.hypotheses[0].effect.confounded_with
+
+
+def _moves(far: HowFar) -> float:
+    """Shrink of the simulated gap; -1 where nothing was simulated."""
+    if far.gap is None or far.gap.shrink is None or far.motion is None:
+        return -1.0
+    return max(0.0, far.gap.shrink, far.motion)
 
 
 def only_held_out(selection: Selection, settings: VerdictSettings) -> bool:

@@ -32,6 +32,8 @@ class TorqueSaturation(DriveEffect):
     excitation = "fast moves with high torques"
     confounded_with = ("torque_rate_limit", "actuator_gain")
     parameters = (Parameter("L", "N m", 1.0, 87.0, "torque limit"),)
+    limits_motion = True
+    renamed_shapes = ("p",)  # a knee as soft as may be is no limit
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         (joint,) = place.joints

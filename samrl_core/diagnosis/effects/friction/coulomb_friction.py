@@ -101,6 +101,8 @@ class SmoothSign(ShaftForm):
         return name_sizes(trial, self.place, "Fc", amplitudes, self.shaft)
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        if self.shaft is not None:
+            return None  # the simulated drives share no shaft
         return {
             "coulomb": self.at_joints(trial, amplitudes),
             "coulomb_velocity": self.at_joints(trial, shape.get("v", 0.003), 0.005),

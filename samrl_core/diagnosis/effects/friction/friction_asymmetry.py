@@ -26,6 +26,7 @@ class FrictionAsymmetry(DriveEffect):
     excitation = "the same poses in both directions"
     curve_over = "velocity"
     confounded_with = ("torque_sensor_error", "coulomb_friction")
+    contains = ("coulomb_friction",)
     parameters = (
         Parameter("mean", "N m", 0.0, 1.5, "(Fp + Fn) / 2"),
         Parameter("difference", "N m", 0.05, 1.0, "(Fp - Fn) / 2"),

@@ -36,6 +36,7 @@ class Presliding(DriveEffect):
     curve_over = "velocity"
     renamed_shapes = ("xs",)
     confounded_with = ("coulomb_friction", "joint_elasticity", "transmission_hysteresis", "backlash")
+    contains = ("coulomb_friction",)
     parameters = (
         Parameter("Fc", "N m", 0.05, 1.5, "level when sliding"),
         Parameter("sigma0", "N m/rad", 50.0, 10000.0, "stiffness of the contact, Fc / xs"),

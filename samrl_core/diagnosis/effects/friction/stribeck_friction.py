@@ -29,6 +29,7 @@ class StribeckFriction(DriveEffect):
     excitation = "crawl at 0.01-0.2 rad/s"
     curve_over = "velocity"
     confounded_with = ("coulomb_friction", "presliding")
+    contains = ("coulomb_friction",)
     parameters = (
         Parameter("Fc", "N m", 0.0, 1.5, "level at speed"),
         Parameter("drop", "N m", 0.05, 0.6, "Fs - Fc, rise towards rest"),

@@ -32,6 +32,7 @@ class ThermalFriction(DriveEffect):
     excitation = "the same move, cold and warm"
     curve_over = "velocity"
     confounded_with = ("coulomb_friction", "payload")
+    contains = ("coulomb_friction",)
     parameters = (
         Parameter("Finf", "N m", 0.0, 1.5, "level when warm"),
         Parameter("F0", "N m", 0.1, 2.0, "level when cold"),

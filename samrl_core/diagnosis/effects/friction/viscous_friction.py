@@ -53,6 +53,8 @@ class ProportionalToSpeed(ShaftForm):
         return name_sizes(trial, self.place, "Fv", amplitudes, self.shaft)
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        if self.shaft is not None:
+            return None  # the simulated drives share no shaft
         return {"viscous": self.at_joints(trial, amplitudes)}
 
 

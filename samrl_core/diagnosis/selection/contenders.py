@@ -1,0 +1,115 @@
+"""Which effect first: weighed by the torque that it explains and by the motion that it explains.
+
+The equation of torques and the simulated motion weigh the same effect differently: friction at low speed is a
+small part of the torque and most of the position error; a clip of peaks is the reverse. On a machine with
+several small effects beside a large one the best formula for the torque need not be what moves it otherwise.
+Candidates whose equation is not much worse than the best one's are therefore simulated on the fitted
+recordings, and what both leave is multiplied: two views of one cause, each a share of squared error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
+from samrl_core.diagnosis.selection.resimulation import begins, gap, plant_of, resimulable, resimulate
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+
+LEAST_EVIDENCE = 0.2  # of the best one's: below it a candidate is out of reach
+REACH = 2.0  # times the share of the equation that the best leaves, likewise
+MOST = 6  # candidates that are simulated
+OF_A_FAMILY = 2  # of them
+CLEARLY = 0.75  # times what the best by evidence leaves: from here on another one goes first
+SIMULATED_S = 40.0  # of recordings, at most, per comparison
+MOTION = ("position", "velocity")
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A fit with the shares of squared error that it leaves on the fitted recordings."""
+
+    fit: Fit
+    equation_left: float
+    motion_left: float | None = None  # None where it cannot be simulated
+
+    @property
+    def left(self) -> float:
+        """Both together; where there is no simulation, the motion counts as not explained."""
+        return self.equation_left * (1.0 if self.motion_left is None else self.motion_left)
+
+    @property
+    def on_bound(self) -> bool:
+        """Whether a shape of it ended on the bound of its search."""
+        return any(on_bound(h) for h in self.fit.hypotheses)
+
+
+def contend(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[Fit]:
+    """Candidates for the first effect, in the order in which they are tried; never empty.
+
+    The best by evidence stays first unless another leaves clearly less. A shape on the bound of its search
+    means another formula: such candidates come last.
+    """
+    within = _within_reach(evidence, singles, excess)
+    if len(within) < 2:
+        return [c.fit for c in within] or list(singles[:1])
+    lefts = motion_left(evidence.likelihood.trials, [c.fit for c in within])
+    within = [Contender(c.fit, c.equation_left, m) for c, m in zip(within, lefts, strict=True)]
+    inside = [c for c in within if not c.on_bound]
+    if not inside:
+        return [c.fit for c in within]
+    first, *others = inside
+    better = [c for c in others if c.left < CLEARLY * first.left]
+    rest = [c for c in others if c not in better]
+    ranked = [*sorted(better, key=lambda c: c.left), first, *sorted(rest, key=lambda c: c.left)]
+    return [c.fit for c in [*ranked, *(c for c in within if c.on_bound)]]
+
+
+def motion_left(trials: Sequence[Trial], fits: Sequence[Fit]) -> list[float | None]:
+    """Share of the squared simulated gap of motion that each fit leaves; None without a simulation."""
+    out: list[float | None] = [None] * len(fits)
+    if not trials or not all(resimulable(t) for t in trials):
+        return out
+    plants = {str(k): p for k, fit in enumerate(fits) if (p := plant_of(trials[0], fit)) is not None}
+    if not plants:
+        return out
+    used, seconds = [], 0.0
+    for trial in trials:
+        seconds += float(trial.motion.time[-1] - trial.motion.time[0])
+        if used and seconds > SIMULATED_S:
+            break
+        used.append(trial)
+    onsets = {begins(fit) for fit in fits}
+    for onset in onsets:
+        group = {name: p for name, p in plants.items() if begins(fits[int(name)]) == onset}
+        runs = [resimulate(t, {"nominal": PlantParameters(), **group}, onset) for t in used]
+        nominal = gap(runs, "nominal", MOTION)
+        for name in group:
+            with_effect = gap(runs, name, MOTION)
+            if np.isfinite(nominal) and nominal > 0:
+                out[int(name)] = float(min(4.0, (with_effect / nominal) ** 2))
+    return out
+
+
+def _within_reach(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[Contender]:
+    likelihood, k = evidence.likelihood, evidence.correlation_time
+    out: list[Contender] = []
+    families: dict[str, int] = {}
+    least = LEAST_EVIDENCE * singles[0].log_evidence
+    for fit in singles:
+        family = fit.hypotheses[0].effect.family
+        if fit.log_evidence < least or len(out) == MOST:
+            break
+        if families.get(family, 0) == OF_A_FAMILY:
+            continue
+        left = likelihood.deficit(evidence.remainder(fit), k) / max(excess, 1e-9)
+        if out and left > REACH * out[0].equation_left:
+            continue
+        families[family] = families.get(family, 0) + 1
+        if not np.isfinite(fit.log_evidence):
+            continue
+        out.append(Contender(evidence.refine(fit, 0) if out else fit, left))
+    return out

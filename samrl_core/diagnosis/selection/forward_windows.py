@@ -1,0 +1,110 @@
+"""A recording without a described controller, simulated forward from the efforts that were logged.
+
+An open loop runs away from the log within seconds, whatever the model; over a short window it does not. Each
+window starts where the log was, is driven by the logged effort alone, and its errors of position and velocity
+count in units of what tolerated torques and the start's noise would cause over the same time. This is the
+simulated gap where no law is known: it weighs effects by what they do to the motion, and not by the torque
+that they explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from samrl_core.cell.types.arm_description import ArmController
+from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
+from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+
+WINDOW_S = 0.4
+MOST_WINDOWS = 16  # of a recording, spread evenly
+LONGEST_STEP_S = 0.002
+BY_THE_LAW = ("stiffness_scale", "damping_scale", "command_delay", "command_cutoff")  # fields of a controller
+
+
+def drivable(trial: Trial) -> bool:
+    """Whether the recording has a model and the efforts that moved it."""
+    return (
+        trial.rigid is not None
+        and trial.motion.dynamic
+        and trial.motion.raw_commanded is not None
+        and float(trial.motion.time[-1] - trial.motion.time[0]) > 3 * WINDOW_S
+    )
+
+
+def has_no_law(plant: PlantParameters) -> bool:
+    """Whether nothing of the plant acts in the controller, which these windows do without."""
+    neutral = PlantParameters()
+    return all(np.array_equal(getattr(plant, name), getattr(neutral, name)) for name in BY_THE_LAW)
+
+
+def drive_forward(
+    trial: Trial, plants: Mapping[str, PlantParameters], onset: float | None = None
+) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, dict[str, np.ndarray]], dict[str, np.ndarray]]:
+    """Time (N,) of all windows one after another, measured and simulated channels (N, J), scales (J,).
+
+    Plants that diverge are NaN from there on; before `onset` [s] every plant is the first of them.
+    """
+    motion, arm = trial.motion, trial.recording.arm
+    assert trial.rigid is not None and motion.raw_commanded is not None and motion.raw_position is not None
+    zeros, period = np.zeros(trial.joints), 1.0 / motion.rate
+    law = ArmController(
+        arm.joints, zeros, zeros, period, gravity_compensation=False,
+        gravity=tuple(trial.rigid.gravity_vector), effort_limit=np.full(trial.joints, np.inf),
+        armature=trial.rotor, tolerances=arm.tolerances,
+    )  # fmt: skip
+    substeps = max(1, int(np.ceil(period / LONGEST_STEP_S)))
+    loop = ClosedLoop(replace(arm, controller=law), substeps=substeps)
+    length = round(WINDOW_S * motion.rate)
+    edge = max(motion.edge, 3)
+    last = len(motion.time) - edge - length - 1
+    count = int(np.clip((last - edge) // length, 1, MOST_WINDOWS))
+    nominal, *_ = plants.values()
+    times, measured, simulated = [], {"position": [], "velocity": []}, {name: {} for name in plants}
+    for start in np.linspace(edge, last, count).astype(int):
+        part = slice(start, start + length + 1)
+        time = motion.time[part] - motion.time[start]
+        idle = np.zeros((length + 1, trial.joints))
+        driven = JointSignal(time, idle, idle, None, motion.raw_commanded[part])
+        early = onset is not None and motion.time[start] - motion.time[0] < onset
+        runs = loop.rollout(
+            driven,
+            motion.full_position[start],
+            motion.full_velocity[start],
+            [nominal if early else plant for plant in plants.values()],
+            float(time[-1]),
+            keep_diverged=True,
+        )
+        kept = min(len(runs.time), length + 1)
+        times.append(motion.time[part][:kept] - motion.time[0])
+        measured["position"].append(motion.full_position[part][:kept])
+        measured["velocity"].append(motion.full_velocity[part][:kept])
+        for k, name in enumerate(plants):
+            for quantity in measured:
+                simulated[name].setdefault(quantity, []).append(getattr(runs, quantity)[k][:kept])
+    return (
+        np.concatenate(times),
+        {q: np.concatenate(x) for q, x in measured.items()},
+        {name: {q: np.concatenate(x) for q, x in parts.items()} for name, parts in simulated.items()},
+        _scales(trial),
+    )
+
+
+def _scales(trial: Trial) -> dict[str, np.ndarray]:
+    """Error (J,) that a tolerated torque and the start's noise cause over a window, typically."""
+    motion, tolerances = trial.motion, trial.recording.arm.tolerances
+    limit = np.asarray(trial.scale)
+    torque = limit * np.hypot(np.asarray(tolerances.torque_offset), np.asarray(tolerances.coulomb_friction))
+    inertia = np.mean(np.diagonal(trial.mass, axis1=1, axis2=2), axis=0) + trial.rotor
+    acceleration = np.maximum(torque, 1e-4 * limit) / inertia
+    speed = np.sqrt(np.maximum(motion.velocity_noise(), 0.0))
+    if motion.raw_velocity is not None:
+        speed = np.sqrt(motion.band_share) * motion.noise.velocity
+    return {
+        "position": np.hypot(acceleration * WINDOW_S**2 / 4.0, speed * WINDOW_S / 2.0),
+        "velocity": np.hypot(acceleration * WINDOW_S / 2.0, speed),
+    }

@@ -1,0 +1,170 @@
+"""A verdict on one candidate after another, until one is not refused.
+
+The first is the set that the search preferred. If only a further member of it is contradicted, the set
+without that member is tried; if the whole is refused, the set that grows from the next candidate for the
+first effect. What comes later must bring held-out recordings as close as the refused one did. Where all are
+refused, the first is the nearest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.result import NamedEffect
+from samrl_core.diagnosis.selection import verdict as rules
+from samrl_core.diagnosis.selection.confidence import (
+    estimates,
+    invariance_alarms,
+    probabilities,
+    undone_alarms,
+)
+from samrl_core.diagnosis.selection.how_far import HowFar, how_far
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
+from samrl_core.diagnosis.selection.selection import Selection, with_chosen, without_member
+
+RUNNER_UPS = 5
+ATTEMPTS = 4  # sets that are judged at most
+ABOUT = 0.05  # difference of two shrinks that says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A set, what is said of it, and the verdict."""
+
+    selection: Selection
+    named: tuple[NamedEffect, ...]
+    runner_ups: tuple[NamedEffect, ...]
+    alarms: tuple[str, ...]
+    far: HowFar
+    outcome: rules.Decision
+
+
+def judge_sets(
+    likelihood: Likelihood,
+    held: Likelihood,
+    selection: Selection,
+    settings: rules.VerdictSettings,
+    simulate: bool,
+    seed: int,
+    progress: Callable[[str], None],
+) -> Judged:
+    """The first set that is not refused, or else the nearest."""
+    nearest: Judged | None = None
+    attempts = _attempts(likelihood, held, selection)
+    contradicted: tuple[int, ...] = ()
+    for _ in range(ATTEMPTS):
+        try:
+            tried = attempts.send(contradicted if nearest is not None else None)
+        except StopIteration:
+            break
+        one, contradicted = judge_set(likelihood, held, tried, settings, simulate, seed, progress)
+        if (plainer := _plainer(likelihood, held, one)) is not None:
+            simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress)
+            if simple.outcome.verdict != "none_of_mine":
+                one, contradicted = simple, denied
+        if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
+            return one
+        nearest = nearest or one
+    assert nearest is not None
+    return nearest
+
+
+def _attempts(
+    likelihood: Likelihood, held: Likelihood, selection: Selection
+) -> Generator[Selection, tuple[int, ...] | None, None]:
+    """Sets in the order in which they are judged; is sent the members of the last that were contradicted."""
+    waiting = list(selection.contenders)
+    tried = selection
+    while True:
+        contradicted = yield tried
+        if contradicted and tried.chosen is not None and 0 not in contradicted:
+            tried = without_member(likelihood, held, tried, contradicted)
+            continue
+        if not waiting or selection.again is None:
+            return
+        tried = selection.again(waiting.pop(0))
+
+
+def _plainer(likelihood: Likelihood, held: Likelihood, one: Judged) -> Selection | None:
+    """The set with the family that all tied ones contain: with or without their further term, it is there."""
+    selection, chosen = one.selection, one.selection.chosen
+    if one.outcome.verdict != "ambiguous" or chosen is None:
+        return None
+    tied = [f for f in selection.rivals if f.hypotheses[0].name in one.outcome.tied]
+    group = [chosen, *tied]
+    for fit in group:
+        first = fit.hypotheses[0]
+        others = [f.hypotheses[0] for f in group if f is not fit]
+        if all(h.place == first.place and first.effect.family in h.effect.contains for h in others):
+            rest = tuple(f for f in (chosen, *selection.rivals) if f not in group)
+            return with_chosen(likelihood, held, selection, fit, rest)
+    return None
+
+
+def _replaces(one: Judged, nearest: Judged) -> bool:
+    """Whether a set may be named although another was refused: held-out recordings come as close with it.
+
+    With the refused effect as a further member it would be the refused set in another order.
+    """
+    first = nearest.named[0].name
+    if one.named[0].name != first and first in {n.name for n in one.named}:
+        return False
+    a, b = one.far.gap, nearest.far.gap
+    if a is None or b is None or a.shrink is None or b.shrink is None:
+        return one.named[0].name == first  # without a member that was contradicted
+    return a.shrink >= b.shrink - ABOUT
+
+
+def judge_set(
+    likelihood: Likelihood,
+    held: Likelihood,
+    selection: Selection,
+    settings: rules.VerdictSettings,
+    simulate: bool,
+    seed: int,
+    progress: Callable[[str], None],
+) -> tuple[Judged, tuple[int, ...]]:
+    """A set with its verdict, and the indices of members that an alarm contradicts."""
+    rng = np.random.default_rng(seed)
+    evidence = Evidence(likelihood, selection.correlation_time)
+    chosen = selection.chosen
+    named: tuple[NamedEffect, ...] = ()
+    runner_ups: tuple[NamedEffect, ...] = ()
+    alarms: list[str] = []
+    if chosen is not None:
+        progress("how sure")
+        p = probabilities([chosen, *selection.rivals], selection.remaining)
+        named = tuple(
+            _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
+            for i in range(len(chosen.hypotheses))
+        )
+        runner_ups = tuple(
+            _named(evidence, f, 0, float(q), "runner_up", rng)
+            for f, q in zip(selection.rivals[:RUNNER_UPS], p[1:], strict=False)
+        )
+        alarms += invariance_alarms(likelihood, held, evidence, chosen)
+        alarms += undone_alarms(evidence, chosen)
+        for h in chosen.hypotheses:
+            alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
+    progress("how far")
+    far = how_far(held, selection, simulate, rng, progress)
+    alarms += list(far.alarms)
+    outcome = rules.decide(selection, named, runner_ups, alarms, far, settings)
+    contradicted = tuple(
+        i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)
+    )
+    return Judged(selection, named, runner_ups, tuple(alarms), far, outcome), contradicted
+
+
+def _named(
+    evidence: Evidence, fit: Fit, index: int, probability: float, role: str, rng: np.random.Generator
+) -> NamedEffect:
+    h = fit.hypotheses[index]
+    return NamedEffect(
+        h.effect.family, h.place, probability, estimates(evidence, fit, index, rng), fit.log_evidence,
+        h.form.name, role,
+    )  # fmt: skip

@@ -26,6 +26,7 @@ from samrl_core.diagnosis.selection.joint_units import with_joint_units
 from samrl_core.diagnosis.selection.judge import judge_sets
 from samrl_core.diagnosis.selection.next_experiment import next_experiment
 from samrl_core.diagnosis.selection.posterior import correction_of
+from samrl_core.diagnosis.selection.resimulation import simulable
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.selection.signature import couplings, signatures
 from samrl_core.diagnosis.selection.tracking import track
@@ -258,7 +259,8 @@ def _conclude(
     )
     if chosen is not None and diagnosis.effects:
         rng = np.random.default_rng([settings.seed, 1])  # draws of its own: the report's stay as they are
-        correction = correction_of(evidence, chosen, far.resimulations, far.gap, rng)
+        closed = tuple(r for r in far.resimulations if simulable(r.trial))  # an export replays the law
+        correction = correction_of(evidence, chosen, closed, far.gap, rng)
         far = replace(far, correction=correction)
     done("report")
     return with_joint_units(diagnosis, likelihood.trials[0].recording.arm), far

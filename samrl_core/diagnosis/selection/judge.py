@@ -28,6 +28,8 @@ from samrl_core.diagnosis.selection.selection import Selection, with_chosen, wit
 
 RUNNER_UPS = 5
 ATTEMPTS = 4  # sets that are judged at most
+LATER_LEAVES = 0.25  # of the torque, at most, unless it shrinks the held-out gap by
+LATER_SHRINKS = 0.5  # where a known effect is the second choice, an unknown one is more probable
 ABOUT = 0.05  # difference of two shrinks that says nothing
 
 
@@ -114,6 +116,10 @@ def _replaces(one: Judged, nearest: Judged) -> bool:
     if one.named[0].name != first and first in {n.name for n in one.named}:
         return False
     a, b = one.far.gap, nearest.far.gap
+    if one.named[0].name != first:
+        left = max(one.selection.unexplained, one.selection.held_out_unexplained)
+        if left > LATER_LEAVES and (a is None or a.shrink is None or a.shrink < LATER_SHRINKS):
+            return False
     if a is None or b is None or a.shrink is None or b.shrink is None:
         return one.named[0].name == first  # without a member that was contradicted
     return a.shrink >= b.shrink - ABOUT

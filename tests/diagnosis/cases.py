@@ -164,6 +164,10 @@ CASES: tuple[Case, ...] = (
         "command_low_pass", "arm:tool_arm", "effort", {"effort_cutoff": 25.0}, {"fc": 25.0}, (1.0,),
         {"fc": 25.0},
     ),
+    Case(
+        "dead_band", "joint:lift", "", {"dead_band": {LIFT: 0.001}}, {"width": 0.001}, (1.0,),
+        {"width": 0.001},
+    ),
     Case("command_delay", "joint:lift", "command", {"command_delay": {LIFT: 0.0065}}, {"T": 0.0065}, (1.0,),
          {"T": 0.0065}),
     Case("command_delay", "arm:tool_arm", "effort", {"effort_delay": 0.004}, {"T": 0.004}, (1.0,),

@@ -29,6 +29,7 @@ NEUTRAL_SHAPES = {
     ("command_delay", "effort"): {"T": 1e-12},
     ("command_low_pass", "command"): {"fc": 1e9},
     ("command_low_pass", "effort"): {"fc": 1e9},
+    ("dead_band", ""): {"width": 1e-15},
     ("torque_saturation", "drive"): {"L": 1e6},
     ("torque_saturation", "soft"): {"L": 1e6, "p": 14.0},
     ("torque_saturation", "controller"): {"L": 1e6},

@@ -29,6 +29,7 @@ class DriveLaw:
     velocity_share: PerJoint = 1.0  # of the commanded velocity that damping compares with
     integral: PerJoint = 0.0  # of the position error [N m/(rad s)]
     velocity_integral: PerJoint = 0.0  # of the velocity error [N m/rad]
+    cascaded: bool = False  # the position gain stands before the integral as well
     dead_band: PerJoint = 0.0  # half width of the error that is ignored [rad]
     punch: PerJoint = 0.0  # torque that sets in beyond the dead band [N m]
     command_step: PerJoint = 0.0  # the command is rounded to multiples; 0 is off [rad]

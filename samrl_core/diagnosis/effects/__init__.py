@@ -41,6 +41,7 @@ _FILES = (
     "load.mount_compliance",
     "load.cable",
     "description.model_scale",
+    "drive.dead_band",
 )
 
 EFFECTS: tuple[Effect, ...] = tuple(import_module(f"{__name__}.{file}").EFFECT for file in _FILES)

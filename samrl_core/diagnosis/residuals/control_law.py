@@ -22,6 +22,7 @@ class LawTerms:
     spring: np.ndarray
     damper: np.ndarray
     integral: np.ndarray
+    stiff_integral: np.ndarray  # the part of the integral that the stiffness scales too
     rest: np.ndarray  # feed-forward and gravity
 
     @property
@@ -82,7 +83,10 @@ def law_terms(
     for j in np.flatnonzero(np.any(rate != 0.0, axis=0)):
         others = spring[:, j] + damper[:, j] + rest[:, j]
         integral[:, j] = _integrated(rate[:, j] * period_s, others, float(limit[j]), enabled[:, j])
-    return LawTerms(spring, damper, integral, rest)
+    stiff = np.zeros_like(spring)
+    if law.cascaded:
+        stiff = np.cumsum(law.of_joints("integral", joints) * error * period_s, axis=0)
+    return LawTerms(spring, damper, integral, stiff, rest)
 
 
 def _integrated(steps: np.ndarray, others: np.ndarray, limit: float, enabled: np.ndarray) -> np.ndarray:

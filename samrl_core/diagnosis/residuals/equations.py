@@ -110,7 +110,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     # The friction that tolerances allow is of no formula either.
     friction = FRICTION_FLOOR * np.asarray(arm.tolerances.coulomb_friction) * scale
     if motion.computed:
-        law = motion.law().total
+        law = motion.described_law.total
     elif motion.command is not None and _has_loop(arm) and u is not None:
         law, lag, raw = _controller_residual(motion)
         residual["controller"] = motion.reduce(raw)
@@ -221,7 +221,18 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:
-    """Friction at rest is anything between its bounds: such samples say little about the drive."""
+    """Friction at rest is anything between its bounds: such samples say little about the drive.
+
+    Nor do those at which torque was switched: within a sample nobody knows when.
+    """
     speed = motion.full_velocity
-    resting = np.exp(-((speed / REST_SPEED) ** 2))
-    return np.hypot(sigma, REST_SHARE * scale * np.clip(motion.reduce(resting), 0.0, 1.0))
+    slow = REST_SPEED
+    if motion.raw_velocity is None:  # a differenced position says no more of a speed than its noise allows
+        slow = np.hypot(slow, 2.0 * np.sqrt(motion.velocity_noise()))
+    resting = np.exp(-((speed / slow) ** 2))
+    sigma = np.hypot(sigma, REST_SHARE * scale * np.clip(motion.reduce(resting), 0.0, 1.0))
+    switched = np.abs(np.diff(motion.enabled, axis=0, prepend=motion.enabled[:1]))
+    if not np.any(switched):
+        return sigma
+    near = switched + np.roll(switched, 1, axis=0) + np.roll(switched, -1, axis=0)
+    return np.hypot(sigma, scale * np.abs(motion.reduce(near)))

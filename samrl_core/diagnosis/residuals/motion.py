@@ -22,6 +22,7 @@ BAND_HZ = 25.0  # what is compared; above it sensor noise in accelerations outwe
 DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 MAX_RATE_HZ = 1000.0
+SLOW_PERIOD_S = 0.003  # of a controller, from which on it matters when within it a torque acts
 TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
 
 
@@ -79,8 +80,8 @@ class RecordedMotion:
         self.computed = self.given is None and self._law_gives_torque()
         if self.computed:
             limit = self.limit()
-            self.given = np.clip(self.law().total, -limit, limit)
-        self.raw_commanded = None if self.given is None else self.motor_torque(self.given)
+            self.given = np.clip(self.described_law.total, -limit, limit)
+        self.raw_commanded = None if self.given is None else self.motor_torque(self._held(self.given))
 
         self.t = self._pick(self.time)  # (N,)
         self.q = self.reduce(position)
@@ -190,13 +191,15 @@ class RecordedMotion:
             limit = np.minimum(limit, self.controller.effort_limit)
         return limit
 
-    def law(self, command: JointSignal | None = None, lag: int = 0) -> LawTerms:
-        """The described law at the measured states, of another command where one is given.
+    def law(
+        self, command: JointSignal | None = None, lag: int = 0, described: ArmController | None = None
+    ) -> LawTerms:
+        """The described law at the measured states, or that of another command or controller.
 
         `lag` shifts the states by samples, but for their weight.
         """
-        command = command or self.command
-        assert command is not None and self.controller is not None and self.raw_position is not None
+        command, controller = command or self.command, described or self.controller
+        assert command is not None and controller is not None and self.raw_position is not None
         velocity = self.raw_velocity if self.raw_velocity is not None else self.full_velocity
         position = self.raw_position
         if lag:
@@ -207,7 +210,7 @@ class RecordedMotion:
             at = [None if part is None else part[ticks] for part in parts]
             command = JointSignal(self.time, at[0], at[1], None, at[2])
         return law_terms(
-            self.controller, command, position, velocity, self._compensated, self.limit(), 1.0 / self.rate,
+            controller, command, position, velocity, self._compensated, self.limit(), 1.0 / self.rate,
             self.enabled,
         )  # fmt: skip
 
@@ -226,14 +229,15 @@ class RecordedMotion:
 
         Within its limits where the law stands for the torque; a recorded one tells where it was clipped.
         """
-        own, other = self._own_law.total, self.law(command).total
+        own, other = self.described_law.total, self.law(command).total
         if not self.computed:
             return own - other
         limit = self.limit()
         return np.clip(own, -limit, limit) - np.clip(other, -limit, limit)
 
     @cached_property
-    def _own_law(self) -> LawTerms:
+    def described_law(self) -> LawTerms:
+        """The described law along the recording."""
         return self.law()
 
     @cached_property
@@ -244,16 +248,30 @@ class RecordedMotion:
             self.arm.gravity(self.raw_position) if self.arm and self.controller.gravity_compensation else 0.0
         )
 
+    def _held(self, asked: np.ndarray) -> np.ndarray:
+        """Torque (F, J) as it acts: held over the controller's period, so half of that later."""
+        if self.controller is None or self._ticks is not None or np.any(self.controller.law.pole_pitch):
+            return asked
+        period = self.controller.period_s
+        return self.delayed(asked, 0.5 * period) if self.computed or period > SLOW_PERIOD_S else asked
+
     def motor_torque(self, asked: np.ndarray) -> np.ndarray:
         """Torque (F, J) of the motors at what is asked of them: switched, less what their speed takes."""
         if self.controller is None:
             return asked
         law = self.controller.law
-        loss = law.of_joints("back_emf", self.joints)
-        powered = np.ones_like(self.enabled) if law.braked else self.enabled
         if self.recording.commanded_effort is not None and law.after_back_emf:
-            return np.where(self.enabled > 0, asked, -loss * self.full_velocity * (powered - self.enabled))
-        return self.enabled * asked - loss * powered * self.full_velocity
+            return np.where(self.enabled > 0, asked, -self.back_emf_loss)
+        return self.enabled * asked - self.back_emf_loss
+
+    @cached_property
+    def back_emf_loss(self) -> np.ndarray:
+        """Torque (F, J) that the motors lose to their speed."""
+        if self.controller is None:
+            return np.zeros_like(self.full_velocity)
+        law = self.controller.law
+        powered = np.ones_like(self.enabled) if law.braked else self.enabled
+        return law.of_joints("back_emf", self.joints) * powered * self.full_velocity
 
     def _enabled(self) -> np.ndarray:
         assert self.raw_position is not None
@@ -276,12 +294,16 @@ class RecordedMotion:
     @cached_property
     def noise(self) -> Noise:
         """White noise levels of the raw channels."""
-        return Noise(
-            *(
-                np.zeros(self.joints) if x is None else white_noise(x, self.rate)
-                for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
-            )
+        position, *others = (
+            np.zeros(self.joints) if x is None else white_noise(x, self.rate)
+            for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
         )
+        assert self.raw_position is not None
+        # While a coarse encoder rests it is silent: rests must not speak for the motion.
+        position = np.maximum(position, quantum(self.raw_position) / np.sqrt(12.0))
+        if self.computed and self.controller is not None:
+            others[-1] = np.maximum(others[-1], self.controller.stiffness * position)
+        return Noise(position, *others)
 
     def velocity_noise(self) -> np.ndarray:
         """Variance (J,) [rad2/s2] that white position noise has in velocities within the band."""
@@ -326,6 +348,20 @@ def regular(time: np.ndarray) -> np.ndarray:
     period, start = np.polyfit(index, time, 1)
     fitted = start + period * index
     return fitted if float(np.max(np.abs(fitted - time))) < 0.45 * period else time
+
+
+def quantum(position: np.ndarray) -> np.ndarray:
+    """Step (J,) of the grid that readings (F, J) lie on; 0 where they lie on none."""
+    out = np.zeros(position.shape[1])
+    for j, steps in enumerate(np.abs(np.diff(position, axis=0)).T):
+        some = steps[steps > 1e-9]
+        if len(some) < 10:
+            continue
+        counts = some / np.min(some)
+        # A float's smallest difference is no grid: most steps would be thousands of it.
+        if np.median(counts) < 100.0 and np.all(np.abs(counts - np.round(counts)) < 0.02):
+            out[j] = np.min(some)
+    return out
 
 
 def white_noise(x: np.ndarray, rate: float) -> np.ndarray:

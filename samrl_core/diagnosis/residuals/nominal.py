@@ -137,9 +137,10 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
         rate = controller.stiffness * np.gradient(command.position, 1 / motion.rate, axis=0)
         rate = rate + controller.damping * share * np.gradient(command.velocity, 1 / motion.rate, axis=0)
         out.append((add(*(trial.controller(j, rate[None, :, j]) for j in range(trial.joints))), stamp))
-        spring = motion.law().spring
-        for j in range(trial.joints):
-            out.append((trial.controller(j, spring[None, :, j]), CONTROLLER_GAIN))
+        law = motion.described_law
+        for part in (law.spring, law.damper):
+            for j in range(trial.joints):
+                out.append((trial.controller(j, part[None, :, j]), CONTROLLER_GAIN))
     return out
 
 

@@ -140,13 +140,44 @@ class Trial:
         Not the sensor's reading: its noise is in the link residual as well, and would seem to explain it.
         Not the model's: it misses the resonance that an elastic joint is recognised by.
         """
-        if self.motion.u is None:
+        if self.motion.u is None or self.motion.computed:  # a law multiplies the noise of what it reads
             return self.model_torque
-        return self.motion.u - self.motion.reduce(self.rotor_share)
+        if self.motion.tau is not None:
+            return self.motion.u - self.motion.reduce(self.rotor_share)
+        return self.motion.reduce(self._calm_torque - self.rotor_share)
+
+    @cached_property
+    def _calm_torque(self) -> np.ndarray:
+        """Motors' torque (F, J) without fast parts that are noise.
+
+        Where it is the only torque, its noise is in the residual too: as with accelerations (`rotor_share`).
+        """
+        assert self.motion.raw_commanded is not None
+        calm, swings = self._slow_torque
+        return np.where(swings, self.motion.raw_commanded, calm)
+
+    @cached_property
+    def _slow_torque(self) -> tuple[np.ndarray, np.ndarray]:
+        """Motors' torque (F, J) below `ROTOR_HZ`, and which joints' fast torque is more than noise, (J,)."""
+        motion, torque = self.motion, self.motion.raw_commanded
+        assert torque is not None
+        low = min(ROTOR_HZ, 0.5 * motion.band)
+        slow = signal.butter(3, low, fs=motion.rate, output="sos")
+        calm = np.asarray(signal.sosfiltfilt(slow, torque, axis=0))
+        fast = np.var(motion.reduce(torque - calm), axis=0)
+        noise = motion.noise.commanded_effort**2 * 2.0 * (motion.band - low) / motion.rate
+        return calm, fast > SWINGS * noise
 
     @cached_property
     def rotor_share(self) -> np.ndarray:
-        """Nominal torque (F, J) of rotor and friction at full rate; of accelerations more than noise.
+        """Nominal torque (F, J) of rotor and friction at full rate; of accelerations more than noise."""
+        motion = self.motion
+        friction = nominal_friction(self.recording.arm, motion.full_velocity)
+        return self.rotor * self.sure_acceleration + friction
+
+    @cached_property
+    def sure_acceleration(self) -> np.ndarray:
+        """Accelerations (F, J) at full rate, their fast parts only where they are more than noise.
 
         The noise of measured accelerations is in the link residual too: twisted through a spring it comes
         back with the sign of a resonance, and a rigid joint would seem to give. Only where a joint swings
@@ -159,14 +190,15 @@ class Trial:
         calm = np.asarray(signal.sosfiltfilt(slow, acceleration, axis=0))
         fast = np.var(motion.reduce(acceleration - calm), axis=0)
         swings = fast > SWINGS * motion.acceleration_noise(low, motion.band)
-        friction = nominal_friction(self.recording.arm, motion.full_velocity)
-        return self.rotor * np.where(swings, acceleration, calm) + friction
+        return np.where(swings, acceleration, calm)
 
     @cached_property
     def transmitted_finely(self) -> np.ndarray | None:
         """`transmitted` (G, J) before the band, decimated: a loop is plotted by its turning points."""
         motion = self.motion
         if motion.raw_commanded is None or motion.rate < 4.0 * FINE_HZ:
+            return None
+        if motion.computed or (motion.tau is None and not np.all(self._slow_torque[1])):
             return None
         torque = motion.raw_commanded - self.rotor_share
         low = signal.butter(3, FINE_HZ, fs=motion.rate, output="sos")
@@ -181,6 +213,11 @@ class Trial:
     @property
     def _fine_step(self) -> int:
         return max(1, int(self.motion.rate / (6.0 * FINE_HZ)))
+
+    @cached_property
+    def delivered_torque(self) -> np.ndarray:
+        """Torque (F, J) that the motors must have delivered, by the nominal model along the motion."""
+        return self.rigid_torque + self.rotor_share
 
     @cached_property
     def rigid_torque(self) -> np.ndarray:

@@ -16,6 +16,7 @@ from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
+PIECE_S = 1.0  # of what has no loop: errors of an open loop grow without bound, whatever their cause
 BLOCK_S = 0.5  # of the bootstrap; longer than residuals stay correlated
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m", "commanded_effort": "N m"}
 RESAMPLES = 400
@@ -78,6 +79,35 @@ def from_start(signal: JointSignal | None, start: float) -> JointSignal | None:
     return None if signal is None else replace(signal, time=signal.time - start)
 
 
+def _in_pieces(
+    loop: ClosedLoop,
+    trial: Trial,
+    command: JointSignal,
+    enabled: JointSignal | None,
+    plants: list[PlantParameters],
+    duration: float,
+    every: int,
+) -> Rollouts:
+    """Rollouts that begin anew from the measured state every `PIECE_S`: nothing else keeps them near it."""
+    motion = trial.motion
+    period = every * loop.model.step_s * loop.model.substeps
+    length = max(1, round(PIECE_S / period)) * period
+    parts = []
+    for begin in np.arange(0.0, duration - 0.5 * length, length):
+        last = begin + 1.5 * length > duration
+        k = int(np.searchsorted(motion.time - motion.time[0], begin - 1e-9))
+        later = replace(command, time=command.time - begin)
+        part = loop.rollout(
+            later, motion.full_position[k], motion.full_velocity[k], plants,
+            (duration - begin) if last else length - period, record_every=every,
+            enabled=from_start(enabled, begin), keep_diverged=True,
+        )  # fmt: skip
+        parts.append(replace(part, time=part.time + begin))
+    names = ("position", "velocity", "effort", "commanded_effort")
+    joined = [np.concatenate([getattr(part, name) for part in parts], axis=1) for name in names]
+    return Rollouts(np.concatenate([part.time for part in parts]), *joined)
+
+
 def _motor_torque(
     trial: Trial, asked: np.ndarray, velocity: np.ndarray, grid: np.ndarray, time: np.ndarray
 ) -> np.ndarray:
@@ -117,10 +147,13 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
     start_q = np.median(motion.full_position[:5], axis=0)
     start_v = np.median(motion.full_velocity[:5], axis=0)
     switched = from_start(motion.recording.torque_enabled, motion.time[0])
-    rollouts = loop.rollout(
-        shifted, start_q, start_v, list(plants.values()), duration, record_every=every, enabled=switched,
-        keep_diverged=True,
-    )  # fmt: skip
+    if arm.controller.law.open_loop:
+        rollouts = _in_pieces(loop, trial, shifted, switched, list(plants.values()), duration, every)
+    else:
+        rollouts = loop.rollout(
+            shifted, start_q, start_v, list(plants.values()), duration, record_every=every, enabled=switched,
+            keep_diverged=True,
+        )  # fmt: skip
     if onset is not None and every * period < onset < duration - 10 * every * period:
         rollouts = _switched_on(
             loop, rollouts, shifted, switched, list(plants.values()), onset, duration, every

@@ -178,7 +178,10 @@ def control(a: Arrays, b: int, k: int, j: int, command_q: f64, command_v: f64):
         u = u + a.held[b, j]
     # an integral stands still while the output is clipped and it would drive it further
     held = a.state[k % a.slots, b, j, S_INTEGRAL]
-    wind = a.law[i, L_INTEGRAL] * error + a.law[i, L_VELOCITY_INTEGRAL] * lag
+    gain = ONE
+    if a.cascaded == 1:
+        gain = a.params[b, j, P_STIFFNESS_SCALE]
+    wind = gain * a.law[i, L_INTEGRAL] * error + a.law[i, L_VELOCITY_INTEGRAL] * lag
     wind = wind * a.step * f64(a.substeps)
     raw = u + held + wind
     if wp.abs(raw) <= a.limit[i] or raw * wind < ZERO:

@@ -80,6 +80,7 @@ class Simulation:
         a.stiffness, a.damping = self.numbers(loop.stiffness[order]), self.numbers(loop.damping[order])
         a.limit = self.numbers(loop.effort_limit[order])
         a.law, a.braked = self.numbers(loop.law[order]), int(loop.arm.controller.law.braked)
+        a.cascaded = int(loop.arm.controller.law.cascaded)
         a.enabled = self.numbers(loop.enabled(enabled, steps)[:, order])
         a.command_q, a.command_v, a.command_u = (
             self.numbers(values[:, order]) for values in loop.commands(command, steps)

@@ -113,6 +113,7 @@ class VelocityDrive(ControllerKind):
             velocity_share=values["velocity_feedforward"],
             integral=values["integral"] * values["position_gain"],
             velocity_integral=values["integral"],
+            cascaded=True,
             encoder=words["encoder"],
         )
         return Gains(law, values["velocity_gain"] * values["position_gain"], values["velocity_gain"])

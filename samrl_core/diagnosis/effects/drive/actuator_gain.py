@@ -36,7 +36,7 @@ class ScaledTorque(DriveForm):
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         # By the model, and not what was sent: that contains the very friction that is left over, and beside
         # another rotor it would explain any residual by itself.
-        return -(trial.rigid_torque + trial.rotor_share)[:, [joint]].T
+        return -trial.delivered_torque[:, [joint]].T
 
     def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.array([0.15])
@@ -50,7 +50,14 @@ class ScaledTorque(DriveForm):
         return {"e": float(amplitudes[0] / (1.0 - amplitudes[0]))}
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        return {"actuator_gain": self.at_joints(trial, self.parameters(trial, shape, amplitudes)["e"])}
+        error = self.parameters(trial, shape, amplitudes)["e"]
+        fields: PlantFields = {"actuator_gain": self.at_joints(trial, error)}
+        controller = trial.recording.arm.controller
+        if controller is not None and np.any(np.asarray(controller.law.back_emf) > 0):
+            # A motor of another constant or resistance loses as much more to its speed.
+            loss = controller.law.of_joints("back_emf", trial.joints)
+            fields["back_emf"] = error * self.at_joints(trial, loss[list(self.place.joints)])
+        return fields
 
 
 EFFECT = ActuatorGain()

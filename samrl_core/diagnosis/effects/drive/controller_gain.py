@@ -30,7 +30,7 @@ class ControllerGain(Effect):
     )
 
     def acts_on_arm(self, trial: Trial) -> bool:
-        return True
+        return trial.joints > 1
 
     def why_unobservable(self, trial: Trial) -> str | None:
         if "tracking" in trial.channels and trial.motion.rate >= TIMING_RATE_HZ:
@@ -54,8 +54,12 @@ class ScaledGains(Form):
     """Stiffness and damping off by a factor each."""
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
-        law = trial.motion.law()
-        terms = {"eK": law.spring, "eD": law.damper}
+        law = trial.motion.described_law
+        terms = {"eK": law.spring + law.stiff_integral, "eD": law.damper}
+        if trial.motion.computed:
+            # By the model: against what tolerances of masses say, a law would seem to explain their noise.
+            done = trial.delivered_torque + trial.motion.back_emf_loss
+            terms["eK"] = done - law.damper - (law.integral - law.stiff_integral) - law.rest
         rows = -np.stack([terms[name] for name in self.amplitudes])
         if trial.motion.computed:  # nothing changes where the output is clipped anyway
             rows = rows * (np.abs(law.total) < trial.motion.limit())
@@ -66,7 +70,11 @@ class ScaledGains(Form):
         return np.zeros(count), np.full(count, 0.3)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
-        return dict(zip(self.amplitudes, map(float, amplitudes), strict=True))
+        found = dict(zip(self.amplitudes, map(float, amplitudes), strict=True))
+        if trial.motion.computed and "eK" in found:
+            # Of the spring that was there, not of the one described: see `ActuatorGain`.
+            found["eK"] = found["eK"] / max(1.0 - found["eK"], 0.1)
+        return found
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         fields = {"eK": "stiffness_scale", "eD": "damping_scale"}

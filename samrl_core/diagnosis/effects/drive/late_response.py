@@ -27,7 +27,7 @@ class LateResponse(Effect):
 
     def acts_on_arm(self, trial: Trial) -> bool:
         """Each joint, or all of them alike."""
-        return True
+        return trial.joints > 1
 
     def why_unobservable(self, trial: Trial) -> str | None:
         """Needs what was asked for and what came of it, fast enough."""

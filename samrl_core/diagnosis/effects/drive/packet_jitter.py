@@ -43,7 +43,7 @@ class PacketJitter(Effect):
     )
 
     def acts_on_arm(self, trial: Trial) -> bool:
-        return True
+        return trial.joints > 1
 
     def why_unobservable(self, trial: Trial) -> str | None:
         if not ({"controller", "drive"} & set(trial.channels)):

@@ -36,7 +36,7 @@ class RotorTorque(DriveForm):
     """The acceleration itself."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
-        return trial.motion.full_acceleration[:, [joint]].T
+        return trial.sure_acceleration[:, [joint]].T
 
     def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.array([0.5 * max(trial.scale[joint] / 87.0, 0.1)])
@@ -51,7 +51,8 @@ class RotorTorque(DriveForm):
         return name_sizes(trial, self.place, "Ja", amplitudes)
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        return {"rotor_inertia": self.at_joints(trial, amplitudes)}
+        change = self.at_joints(trial, amplitudes)
+        return None if np.any(change < -trial.rotor) else {"rotor_inertia": change}
 
 
 def _beyond_tolerance(trial: Trial, joint: int) -> float:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.cell.types.controllers import controller_from
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.gradients import Gradient, gradient
@@ -72,12 +74,16 @@ def _functional(weights: Rollouts, run: Rollouts) -> np.ndarray:
     return np.array([sum(np.sum(w[0] * c[b]) for w, c in pairs) for b in range(len(run.position))])
 
 
-def _problem(arm: str, plant: PlantParameters, **options: Any) -> Problem:
+def _problem(
+    arm: str, plant: PlantParameters, described: ArmController | None = None, **options: Any
+) -> Problem:
     about, start = ARMS[arm]
+    if described is not None:
+        about = replace(about, controller=described)
     loop = ClosedLoop(about, **options)  # type: ignore[arg-type]
     joints = len(start)
     rng = np.random.default_rng(5)
-    shape = (1, int(DURATION / 0.001 + 0.5) + 1, joints)
+    shape = (1, int(DURATION / about.controller.period_s + 0.5) + 1, joints)
     weights = Rollouts(np.zeros(0), *(rng.normal(0, s, shape) for s in (1.0, 0.3, 0.01, 0.01)))
     speed = np.linspace(0.1, -0.12, joints) if joints > 1 else np.array([0.1])
     command = swing(start, DURATION, 0.1, 3.0)
@@ -202,6 +208,19 @@ def test_gradient_of_a_whole_arm(kind: str) -> None:
 
 def test_gradient_of_a_single_slide() -> None:
     _check_all(_problem("slide", replace(RICH, payload=None)))
+
+
+def test_gradient_of_a_servo_on_a_voltage() -> None:
+    """Dead band, integral and back-EMF, thinking at every second step."""
+    servo = controller_from(
+        {
+            "type": "voltage_servo", "joints": ["slide"], "proportional": [300.0], "integral": [400.0],
+            "derivative": [2.0], "dead_band": [0.0005], "voltage_limit": [1000.0], "torque_constant": [0.02],
+            "resistance": [2.0], "gear_ratio": [60.0], "period_s": 0.002, "armature": [0.3],
+        }
+    )  # fmt: skip
+    plant = PlantParameters(dead_band=3e-4, back_emf=0.4, viscous=0.5, actuator_gain=0.05)
+    _check_all(_problem("slide", plant, servo, substeps=2))
 
 
 def test_gradient_with_substeps_and_late_records() -> None:

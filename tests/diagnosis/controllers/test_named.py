@@ -25,7 +25,7 @@ NAMED: dict[tuple[str, str], tuple[str, str, tuple[float, ...]]] = {
     ("velocity_drive", "coulomb"): ("coulomb_friction", "Fc", (0.1, 0.2, 0.4)),
     ("voltage_motor", "viscous"): ("viscous_friction", "Fv", (0.04, 0.08, 0.16)),
     ("current_motor", "viscous"): ("viscous_friction", "Fv", (0.02, 0.04, 0.08)),
-    ("current_motor", "coulomb"): ("coulomb_friction", "Fc", (0.03, 0.06, 0.12)),
+    ("current_motor", "coulomb"): ("coulomb_friction", "Fc", (0.06, 0.12, 0.24)),
     ("stepper", "coulomb"): ("coulomb_friction", "Fc", (0.025, 0.05, 0.1)),
 }
 EXACT = 0.05  # of a parameter, that an interval may miss: two integrators are not one

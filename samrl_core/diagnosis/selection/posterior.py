@@ -171,7 +171,7 @@ def _motion(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
 
 def _held_out(run: Resimulation) -> dict[str, np.ndarray]:
     motion = run.trial.motion
-    command = motion.command
+    command = motion.drive_input  # of a motor without a loop: what it was given
     assert command is not None and command.position is not None
     zero, control = np.zeros_like(command.position), run.trial.recording.arm.controller
     assert control is not None

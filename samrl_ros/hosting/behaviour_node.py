@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,9 @@ from samrl_ros.hosting.cell_node import ACTIVE, CellNode
 from samrl_ros.hosting.diagnostics import TopicCounter
 
 MakeBehaviour = Callable[[Any, Outbox], Behaviour]  # (settings, outbox); a Behaviour class is one
+_MAKING = (
+    threading.Lock()
+)  # Warp loads its kernels in one thread at a time; nodes of a process start together
 SERVICE_WAIT_S = 20.0  # ASSUMPTION: a server of the cell is up or restarted within this wall time
 RESPONSE_WAIT_S = 120.0  # ASSUMPTION: laying out a scene, the slowest answer, takes less on a loaded computer
 
@@ -55,7 +59,8 @@ class BehaviourNode(CellNode):
 
     def set_up(self, settings: Any) -> None:
         """Make the behaviour and connect its topics."""
-        behaviour = self._make(settings, _NodeOutbox(self))
+        with _MAKING:
+            behaviour = self._make(settings, _NodeOutbox(self))
         self._behaviour = behaviour
         for name in behaviour.outputs:
             topic = _topic(name)

@@ -157,10 +157,11 @@ def _opened(path: Path, where: str, release: dict[str, str] = RELEASES[-1]) -> I
 
 def _broken() -> tuple[type[Exception], ...]:
     """What rosbags raises on bytes that are not what they should be."""
+    import apsw  # what rosbags reads sqlite3 with
     from rosbags.highlevel import AnyReaderError
 
     builtin = (ValueError, IndexError, KeyError, AssertionError, TypeError, AttributeError, struct.error)
-    return (AnyReaderError, *builtin)
+    return (AnyReaderError, apsw.Error, *builtin)
 
 
 def _definitions(release: dict[str, str]) -> Any:

@@ -206,6 +206,8 @@ def _conclude(
     rivals = selection.rivals if chosen is not None else ()
     does = None if chosen is None else likelihood.y - evidence.remainder(chosen)
     grid, items = heatmap(likelihood, z, k, does)
+    if named and not items:
+        outcome = rules.hidden_in_noise(named[0])
     onsets: list[float | None] = [None] * len(likelihood.trials)
     if chosen is not None:
         prediction = likelihood.prediction(chosen.hypotheses[0].regressors, chosen.amplitudes[0])

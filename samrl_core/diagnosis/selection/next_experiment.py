@@ -61,7 +61,7 @@ def next_experiment(
     pair = " and ".join(names[:3])
     if scored:
         best, file = max(scored, key=lambda item: item[0])
-        why = f"{pair} would differ by {best:.0f} nat in it; it shows {KINDS[file.kind].shows}"
+        why = f"{pair} would differ by {best:.0f} of log evidence in it; it shows {KINDS[file.kind].shows}"
         separates = float(1.0 - np.exp(-best / NAT_PER_CERTAINTY))
     else:
         # What splits them elsewhere, by what most of them have in common.

@@ -60,8 +60,8 @@ def decide(
             return Decision(
                 "none_of_mine",
                 (
-                    f"held-out recordings are {selection.held_out_excess:.0f} nat beyond noise and"
-                    " tolerances, the fitted ones are not",
+                    f"held-out recordings hold {selection.held_out_excess:.0f} of log evidence beyond noise"
+                    " and tolerances, the fitted ones do not",
                     "fit a recording of the same kind too",
                 ),
                 unexplained=1.0,
@@ -71,14 +71,15 @@ def decide(
                 "no_gap",
                 (
                     "nothing beyond sensor noise and the stated tolerances was found",
-                    f"the best effect gains {_best(selection):.1f} nat, {selection.threshold:.1f} are needed",
+                    f"the best effect gains {_best(selection):.1f} of log evidence,"
+                    f" {selection.threshold:.1f} are needed",
                 ),
             )
         return Decision(
             "none_of_mine",
             (
-                f"{selection.excess:.0f} nat of the recordings are beyond noise and tolerances",
-                f"no effect of the library reaches {selection.threshold:.1f} nat of evidence",
+                f"the recordings hold {selection.excess:.0f} of log evidence beyond noise and tolerances",
+                f"no effect of the library reaches {selection.threshold:.1f} of log evidence",
             ),
             unexplained=1.0,
         )
@@ -121,14 +122,30 @@ def decide(
         )
         return Decision("ambiguous", tuple(reasons), tuple(tied))
     reasons.append(
-        f"{named[0].name} gains {named[0].gain:.0f} nat of evidence; {selection.threshold:.0f} are needed"
+        f"{named[0].name} gains {named[0].gain:.0f} of log evidence; {selection.threshold:.0f} are needed"
     )
     if runner_ups:
         lead = named[0].gain - runner_ups[0].gain
-        reasons.append(f"the next best, {runner_ups[0].name}, explains {lead:.0f} nat less")
+        reasons.append(f"the next best, {runner_ups[0].name}, explains {lead:.0f} less")
     if far.gap is not None and far.gap.shrink is not None:
         reasons.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
     return Decision("effect", tuple(reasons))
+
+
+def hidden_in_noise(named: NamedEffect) -> Decision:
+    """The verdict where nothing stands out: no joint, channel and phase, the best effect's own part included.
+
+    Evidence adds up over many samples; where noise is coarser than it is stated to be white, what adds up is
+    the shape of the noise. A gap that can be shown nowhere is none.
+    """
+    return Decision(
+        "no_gap",
+        (
+            "no joint, channel and phase stands out of noise and the stated tolerances",
+            f"the best effect, {named.name}, gains {named.gain:.0f} of log evidence, but what it does stays"
+            " below the noise everywhere",
+        ),
+    )
 
 
 def is_dominant(selection: Selection, far: HowFar, settings: VerdictSettings) -> bool:

@@ -13,6 +13,8 @@ from samrl_core.diagnosis.residuals.basis_functions import resonant
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
+LEAST_JOINTS = 3  # of fewer, the wrench on the stand is nearly a joint's own torque
+
 
 class MountCompliance(Effect):
     """The stand gives way and swings under the arm's own reactions."""
@@ -40,6 +42,8 @@ class MountCompliance(Effect):
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
+        if len(trial.recording.arm.joints) < LEAST_JOINTS:
+            return "with fewer than three joints a stand's reaction cannot be told from the joints' own"
         return lacks_link_torque(trial)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:

@@ -1,0 +1,48 @@
+"""A gap that stands out nowhere is none, however much evidence its best effect adds up over the samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.diagnosis import diagnose as diagnosis_module
+from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+from samrl_core.diagnosis.effects.load.mount_compliance import EFFECT
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.where import heatmap
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+from tests.diagnosis import worlds
+from tests.diagnosis.worlds import LIFT
+
+FRICTION = DiagnosisSettings(library={"coulomb_friction", "viscous_friction"})
+
+
+def world() -> list[ArmRecording]:
+    return worlds.world(1, coulomb={LIFT: 0.8})
+
+
+def test_what_stands_out_is_named_and_what_does_not_is_no_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    a, b, c = world()
+    shown, _ = diagnose([a, b], [c], FRICTION)
+    assert shown.verdict == "effect" and shown.where
+
+    def nowhere(*arguments: object) -> object:
+        grid, _ = heatmap(*arguments)  # type: ignore[arg-type]
+        return replace(grid, values=np.minimum(grid.values, 0.5)), ()
+
+    monkeypatch.setattr(diagnosis_module, "heatmap", nowhere)
+    hidden, _ = diagnose([a, b], [c], FRICTION)
+    assert hidden.verdict == "no_gap" and not hidden.effects and not hidden.where and hidden.nearest is None
+    assert "below the noise" in hidden.reasons[1] and shown.effects[0].name in hidden.reasons[1]
+
+
+def test_a_stand_needs_joints_enough_to_be_told_from_them() -> None:
+    (recording, *_) = world()
+    assert EFFECT.why_unobservable(Trial(recording, RigidArm(recording.arm))) is None
+    few: Any = SimpleNamespace(recording=SimpleNamespace(arm=SimpleNamespace(joints=("pan", "tilt"))))
+    assert "fewer than three joints" in str(EFFECT.why_unobservable(few))

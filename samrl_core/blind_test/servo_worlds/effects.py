@@ -176,9 +176,9 @@ def _gain(m: Machine, i: int, severity: float, case: Case) -> Parameters:
 
 
 def _saturation(m: Machine, i: int, severity: float, case: Case) -> Parameters:
-    limit = (
-        max(case.peak[i] * (0.97 - 0.3 * severity), 1.1 * case.held[i]) if severity > 0 else 9 * case.peak[i]
-    )
+    # The joint must still be held up where it can be, and the limit must be reached by this motion.
+    held = min(1.1 * case.held[i], 0.95 * case.peak[i])
+    limit = max(case.peak[i] * (0.97 - 0.3 * severity), held) if severity > 0 else 9 * case.peak[i]
 
     def stage(t: float, out: list[float]) -> list[float]:
         return [min(max(x, -limit), limit) if k == i else x for k, x in enumerate(out)]

@@ -61,7 +61,7 @@ def test_a_gap_that_only_held_out_recordings_show_is_fitted_on_their_first_half(
 
     # What the user holds out is never fitted: then the contradiction is said.
     kept, _ = diagnose([c], [b], replace(settings, share_held_out=False))
-    assert kept.verdict == "none_of_mine" and "held-out recordings are" in kept.reasons[0]
+    assert kept.verdict == "none_of_mine" and "held-out recordings hold" in kept.reasons[0]
     assert [i.role for i in kept.inputs] == ["fit", "held_out"]
 
 

@@ -12,6 +12,7 @@ from samrl_core.blind_test import disturbances
 from samrl_core.blind_test.disturbances.disturbance import Quantity, log_quantile, quantile
 from samrl_core.blind_test.disturbances.registry import CATALOGUE, DISTURBANCES, OUTSIDE, find_disturbance
 from samrl_core.blind_test.engines.simulate import Trace
+from samrl_core.blind_test.servo_worlds.effects import FAMILIES as SERVO_FAMILIES
 from samrl_core.blind_test.worlds import world
 from samrl_core.blind_test.worlds.nominal import nominal_arm
 from samrl_core.blind_test.worlds.plan import PlanItem, PlannedEffect, place_of
@@ -65,7 +66,9 @@ def _forms(name: str) -> tuple[str, ...]:
     return ("T2",) if DISTURBANCES[name].outside else ("T0", "T1")
 
 
-OF_MACHINES = [effect for effect in EFFECTS if not effect.of_description]
+# What only a servo can have is made by the servo worlds (test_servo_worlds.py).
+OF_SERVOS = set(SERVO_FAMILIES) - set(CATALOGUE)
+OF_MACHINES = [e for e in EFFECTS if not e.of_description and e.family not in OF_SERVOS]
 ALL = [(name, form) for name in DISTURBANCES for form in _forms(name)]
 
 
@@ -143,6 +146,7 @@ def _labels(name: str) -> list[dict[str, Quantity]]:
 
 def test_each_effect_has_its_disturbance() -> None:
     assert [e.family for e in OF_MACHINES] == list(CATALOGUE)
+    assert OF_SERVOS == {"dead_band"}
 
 
 @pytest.mark.parametrize("effect", OF_MACHINES, ids=lambda e: e.family)

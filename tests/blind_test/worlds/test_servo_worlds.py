@@ -17,6 +17,7 @@ from samrl_core.blind_test.servo_worlds.plan import KINDS, ServoEffect, ServoIte
 from samrl_core.blind_test.servo_worlds.unknown import UNKNOWN
 from samrl_core.blind_test.servo_worlds.world import ServoWorld, make_servo_world
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import EFFECTS
 
 ALL = {m.name: m for m in mechanisms(np.random.default_rng(3))}
 
@@ -52,6 +53,15 @@ def test_a_stand_in_repeats_itself() -> None:
         assert all(np.array_equal(table[c], second.tables[letter][c]) for c in table)
     other = make_servo_world(replace(_item("coulomb_friction"), seed=8))
     assert other.label["background"] != first.label["background"]
+
+
+def test_a_dead_band_is_named_and_measured_as_the_effect_does() -> None:
+    """No arm of the other forge has one: the two wings agree on it here."""
+    (effect,) = (e for e in EFFECTS if e.family == "dead_band")
+    made = make_servo_world(_item("dead_band")).label["effects"][0]["parameters"]
+    units = {p.name: p.unit for p in effect.parameters}
+    assert set(made) & set(units)
+    assert all(units.get(name, quantity["unit"]) == quantity["unit"] for name, quantity in made.items())
 
 
 @pytest.mark.parametrize("name", sorted({**FAMILIES, **UNKNOWN}))

@@ -23,6 +23,11 @@ def save_figure(figure: Figure, path: Path, **options: Any) -> None:
     Raises:
         InputError: there is no room for it.
     """
+    write_whole(path, picture_bytes(figure, path.suffix.removeprefix("."), **options))
+
+
+def picture_bytes(figure: Figure, kind: str = "png", **options: Any) -> bytes:
+    """A figure as the bytes of a file of that kind; options of `Figure.savefig`."""
     picture = io.BytesIO()
-    figure.savefig(picture, format=path.suffix.removeprefix("."), **options)
-    write_whole(path, picture.getvalue())
+    figure.savefig(picture, format=kind, **options)
+    return picture.getvalue()

@@ -15,6 +15,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -184,6 +185,7 @@ def _day(job: RecordingSet, out: Path) -> Day:
     return Day(job.robot, job.name, time_s, None, refusal, folder)
 
 
+@cache  # asked after each of the two rounds
 def _recorded(path: Path) -> float | None:
     """When a set was recorded, since 1970 [s]: by its first bag's clock, else by a date in its name."""
     bags = [path] if is_mcap(path) else sorted(path.glob("*.mcap")) if path.is_dir() else []

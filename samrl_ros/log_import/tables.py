@@ -21,6 +21,7 @@ from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
 _TEXT = (".csv", ".tsv", ".txt")
+# What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".
 _UNREADABLE = (*UNREADABLE, pd.errors.ParserWarning, pd.errors.ParserError, NotImplementedError)
 
 

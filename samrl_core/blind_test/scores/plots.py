@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from samrl_core.blind_test.scores.outcome import Outcome
+from samrl_core.common.figure_file import picture_bytes
 
 INK, ACCENT, SOFT, WARN = "#1f2933", "#0b6e99", "#9fb3c8", "#c2410c"
 
@@ -152,9 +152,7 @@ def family_figure(per_family: dict[str, Any]) -> Figure:
 
 def png(figure: Figure) -> bytes:
     """The figure as a picture."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=130)
-    return buffer.getvalue()
+    return picture_bytes(figure, dpi=130)
 
 
 def _plain(figure: Figure) -> Figure:

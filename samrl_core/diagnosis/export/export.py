@@ -27,6 +27,7 @@ from samrl_core.diagnosis.export.to_urdf import to_urdf
 TARGETS = ("mujoco", "urdf", "pybullet", "isaaclab", "gazebo")
 SCRIPTS = Path(__file__).parent / "scripts"
 RESIMULATED = {"mujoco": "resimulate_mujoco.py", "pybullet": "resimulate_pybullet.py"}
+COMPARISON = "held_out_comparison.py"  # what both need, beside them
 MOST_SECONDS = 1800.0  # of a re-simulation
 # What the controller's own code does to its command and effort, and the neutral value of each.
 IN_CODE = {
@@ -108,7 +109,7 @@ def write_export(
     if found is not None:
         picture = picture_of(c, folder / "resimulated.npz", target)
         write_whole(folder / "resimulated.png", picture)
-        names += ["resimulate.py", "resimulated.json", "resimulated.npz", "resimulated.png"]
+        names += ["resimulate.py", COMPARISON, "resimulated.json", "resimulated.npz", "resimulated.png"]
     page = page_of(c, target, statements, texts["changes.diff"], found, why_not, folder)
     write_whole(folder / "export.html", page)
     about = {
@@ -148,6 +149,7 @@ def _write_law(
     arrays = {f"{k}.{name}": value for k, run in enumerate(c.held_out) for name, value in run.items()}
     write_arrays(folder / "held_out.npz", arrays)
     write_whole(folder / "resimulate.py", (SCRIPTS / RESIMULATED[target]).read_text())
+    write_whole(folder / COMPARISON, (SCRIPTS / COMPARISON).read_text())
 
 
 def _run(target: str, folder: Path) -> dict[str, Any]:

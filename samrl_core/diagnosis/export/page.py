@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -13,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from samrl_core.common.array_file import unpacked
+from samrl_core.common.figure_file import picture_bytes
 from samrl_core.common.files import read_whole
 from samrl_core.diagnosis.export.correction import MOST_BYTES, Correction
 from samrl_core.diagnosis.export.statement import CONTROLLER, EXACT, MISSING, NEAREST, Statement
@@ -130,7 +130,6 @@ def picture_of(correction: Correction, file: Path, target: str) -> bytes:
     axes[0, 0].set_title(f"held out, re-simulated in {target}", fontsize=10)
     axes[-1, 0].set_xlabel("time [s]")
     figure.tight_layout()
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
+    picture = picture_bytes(figure, dpi=100)
     plt.close(figure)
-    return buffer.getvalue()
+    return picture

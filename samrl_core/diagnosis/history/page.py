@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -15,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from samrl_core.common.figure_file import picture_bytes
 from samrl_core.diagnosis.history.history import History, Series
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.figures import GRID, INK, NAMED, NOMINAL
@@ -49,9 +49,7 @@ def to_png(history: History) -> bytes:
         axes.text(0.5, 0.5, "no effect was named on any day", ha="center", color=INK)
     for k, series in enumerate(chosen):
         _draw_series(figure.add_subplot(len(chosen), 1, k + 1), series, f"{series.robot}: ")
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
+    return picture_bytes(figure, metadata={"Software": None})
 
 
 @cache
@@ -85,9 +83,7 @@ def _figure(rows: int) -> Figure:
 def _svg(series: Series) -> Markup:
     figure = _figure(1)
     _draw_series(figure.add_subplot(), series, "")
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None})
-    text = stream.getvalue()
+    text = picture_bytes(figure, "svg", metadata={"Date": None}).decode()
     return Markup(text[text.index("<svg") :])  # without XML's prologue; matplotlib escapes what it writes
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Sequence
 from html import escape
 
 import matplotlib.pyplot as plt
 
+from samrl_core.common.figure_file import picture_bytes
 from samrl_core.diagnosis.two_logs import Parting
 
 MOST_PANELS = 6
@@ -60,7 +60,6 @@ def _picture(found: Parting) -> bytes:
     axes[0, 0].legend(ncol=3, fontsize=8, loc="upper right")
     axes[-1, 0].set_xlabel("time [s]")
     figure.tight_layout()
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
+    picture = picture_bytes(figure, dpi=100)
     plt.close(figure)
-    return buffer.getvalue()
+    return picture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from textwrap import fill
 
@@ -12,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from samrl_core.common.figure_file import picture_bytes
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.figures import (
     INK,
@@ -49,9 +49,7 @@ def to_png(diagnosis: Diagnosis) -> bytes:
         _heatmap(axes.pop(0), d.heatmap)
     if overlay is not None:
         _overlay(axes[0], axes[1], overlay, words.effect_label(d))
-    stream = io.BytesIO()
-    fig.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
+    return picture_bytes(fig, metadata={"Software": None})
 
 
 def _worst(d: Diagnosis) -> Overlay | None:

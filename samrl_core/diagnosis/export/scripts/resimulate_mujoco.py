@@ -18,8 +18,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from held_out_comparison import QUANTITIES, compare, effort_on_its_way
 
-QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
 HEAVY = 1e9  # rotor inertia of joints that are held [kg m2]
 
 
@@ -140,7 +140,7 @@ class Arm:
                     data.ctrl[a] = plain[k, j] * model.actuator_gear[a, 0]
                 applied = np.zeros(len(self.q))
             else:
-                applied = self._through(sent, k, period, drive, soft)
+                applied = effort_on_its_way(gains, sent, k, period, drive, soft)
                 drive = applied
             for _ in range(inner):
                 data.qvel[self.others] = 0.0
@@ -167,22 +167,6 @@ class Arm:
             mujoco.mj_step(model, data)
             data.qpos[self.q], data.qvel[self.v] = position, velocity
 
-    def _through(self, sent, k, period, last, soft):
-        """Effort on its way to the drive, as the controller's code would have it."""
-        gains = self.gains
-        u = np.empty(len(self.q))
-        for j, delay in enumerate(gains["effort_delay"]):
-            at = max(k - delay / period, 0.0)
-            low = int(at)
-            high = min(low + 1, k)
-            u[j] = sent[low][j] * (1 - (at - low)) + sent[high][j] * (at - low)
-        if last is not None:
-            u = last + soft * (u - last) if np.isfinite(gains["effort_cutoff"]).any() else u
-            most = gains["effort_rate_limit"] * period
-            u = np.clip(u, last - most, last + most)
-        u = np.clip(u, -gains["effort_limit"], gains["effort_limit"])
-        return u * (1.0 + gains["actuator_gain"]) + gains["torque_offset"]
-
     def _link_side(self):
         """Torque behind drive friction and rotor."""
         m, d = self.model, self.data
@@ -194,50 +178,15 @@ class Arm:
         return tau[self.v]
 
 
-def gap(runs, held):
-    """Root mean square of (measured - simulated) / scale over everything, and per quantity."""
-    squares, parts = [], {}
-    for run, one in zip(runs, held, strict=True):
-        rows = []
-        for name in QUANTITIES:
-            if "measured_" + name in one:
-                error = ((one["measured_" + name] - run[name]) / one["scale_" + name]) ** 2
-                rows.append(error)
-                parts.setdefault(name, []).append(error.mean())
-        squares.append(np.concatenate(rows, axis=1).mean(axis=1))
-    return float(np.sqrt(np.concatenate(squares).mean())), {
-        n: float(np.sqrt(np.mean(p))) for n, p in parts.items()
-    }
-
-
 def main(folder):
-    """Simulate, compare, write."""
-    law = json.loads((folder / "law.json").read_text())
-    arrays = np.load(folder / "held_out.npz")
-    held = [
-        {name.split(".", 1)[1]: arrays[name] for name in arrays.files if name.startswith(f"{k}.")}
-        for k in range(law["recordings"])
-    ]
+    """Both models on all recordings."""
     reference = load(folder / "original.xml")
-    gaps, parts, kept = {}, {}, {}
-    for name in ("original", "changed"):
-        gains = {k: np.array([np.inf if x is None else x for x in v]) for k, v in law[name].items()}
-        runs = [Arm(load(folder / f"{name}.xml"), law, reference, gains).run(one, reference) for one in held]
-        gaps[name], parts[name] = gap(runs, held)
-        for k, run in enumerate(runs):
-            kept |= {f"{k}.{name}.{quantity}": values for quantity, values in run.items()}
-    np.savez_compressed(folder / "resimulated.npz", **kept)
-    result = {
-        "engine": f"mujoco {mujoco.__version__}",
-        "before": gaps["original"],
-        "after": gaps["changed"],
-        "shrink": 1.0 - gaps["changed"] / gaps["original"],
-        "quantities": {
-            q: {"before": parts["original"][q], "after": parts["changed"][q]} for q in parts["changed"]
-        },
-    }
-    (folder / "resimulated.json").write_text(json.dumps(result, indent=1) + "\n")
-    print(json.dumps(result))
+
+    def simulate(name, law, gains, held):
+        file = folder / f"{name}.xml"
+        return [Arm(load(file), law, reference, gains[name]).run(one, reference) for one in held]
+
+    compare(folder, f"mujoco {mujoco.__version__}", simulate)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ held at zero.
 # pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
@@ -21,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 import pybullet
+from held_out_comparison import QUANTITIES, compare, effort_on_its_way
 
-QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
 MOST_STEP = 1e-3  # [s]
 
 
@@ -129,7 +128,7 @@ class Arm:
             u = np.clip(u, -self.limit, self.limit)
             sent.append(u)
             out["position"][k], out["velocity"][k], out["commanded_effort"][k] = q, v, u
-            drive = self.through(sent, k, period, drive, soft)
+            drive = effort_on_its_way(gains, sent, k, period, drive, soft)
             for n in range(inner):
                 for i, friction in zip(self.joints, self.friction, strict=True):
                     pybullet.setJointMotorControl2(
@@ -160,68 +159,15 @@ class Arm:
         states = pybullet.getJointStates(self.body, self.joints, physicsClientId=self.client)
         return np.array([s[0] for s in states]), np.array([s[1] for s in states])
 
-    def through(self, sent, k, period, last, soft):
-        """Effort on its way to the drive, as the controller's code would have it."""
-        gains = self.gains
-        u = np.empty(len(self.joints))
-        for j, delay in enumerate(gains["effort_delay"]):
-            at = max(k - delay / period, 0.0)
-            low = int(at)
-            high = min(low + 1, k)
-            u[j] = sent[low][j] * (1 - (at - low)) + sent[high][j] * (at - low)
-        if last is not None:
-            u = last + soft * (u - last) if np.isfinite(gains["effort_cutoff"]).any() else u
-            most = gains["effort_rate_limit"] * period
-            u = np.clip(u, last - most, last + most)
-        u = np.clip(u, -gains["effort_limit"], gains["effort_limit"])
-        return u * (1.0 + gains["actuator_gain"]) + gains["torque_offset"]
-
-
-def gap(runs, held):
-    """Root mean square of (measured - simulated) / scale over everything, and per quantity."""
-    squares, parts = [], {}
-    for run, one in zip(runs, held, strict=True):
-        rows = []
-        for name in QUANTITIES:
-            if "measured_" + name in one:
-                error = ((one["measured_" + name] - run[name]) / one["scale_" + name]) ** 2
-                rows.append(error)
-                parts.setdefault(name, []).append(error.mean())
-        squares.append(np.concatenate(rows, axis=1).mean(axis=1))
-    return float(np.sqrt(np.concatenate(squares).mean())), {
-        n: float(np.sqrt(np.mean(p))) for n, p in parts.items()
-    }
-
 
 def main(folder):
-    """Simulate, compare, write."""
-    law = json.loads((folder / "law.json").read_text())
-    arrays = np.load(folder / "held_out.npz")
-    held = [
-        {name.split(".", 1)[1]: arrays[name] for name in arrays.files if name.startswith(f"{k}.")}
-        for k in range(law["recordings"])
-    ]
-    gaps, parts, kept = {}, {}, {}
-    for name in ("original", "changed"):
-        gains = {k: np.array([np.inf if x is None else x for x in v]) for k, v in law[name].items()}
-        neutral = {k: np.array([np.inf if x is None else x for x in v]) for k, v in law["original"].items()}
-        nominal = Arm(folder / "original.urdf", law, neutral)
-        runs = [Arm(folder / f"{name}.urdf", law, gains).run(one, nominal) for one in held]
-        gaps[name], parts[name] = gap(runs, held)
-        for k, run in enumerate(runs):
-            kept |= {f"{k}.{name}.{quantity}": values for quantity, values in run.items()}
-    np.savez_compressed(folder / "resimulated.npz", **kept)
-    result = {
-        "engine": f"pybullet {pybullet.getAPIVersion()}",
-        "before": gaps["original"],
-        "after": gaps["changed"],
-        "shrink": 1.0 - gaps["changed"] / gaps["original"],
-        "quantities": {
-            q: {"before": parts["original"][q], "after": parts["changed"][q]} for q in parts["changed"]
-        },
-    }
-    (folder / "resimulated.json").write_text(json.dumps(result, indent=1) + "\n")
-    print(json.dumps(result))
+    """Both models on all recordings."""
+
+    def simulate(name, law, gains, held):
+        nominal = Arm(folder / "original.urdf", law, gains["original"])
+        return [Arm(folder / f"{name}.urdf", law, gains[name]).run(one, nominal) for one in held]
+
+    compare(folder, f"pybullet {pybullet.getAPIVersion()}", simulate)
 
 
 if __name__ == "__main__":

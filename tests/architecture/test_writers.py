@@ -12,6 +12,7 @@ OWN_WRITERS = {
     "samrl_core/common/files.py": "the writer",
     "samrl_core/common/figure_file.py": "into memory, then whole",
     "samrl_core/diagnosis/export/scripts/held_out_comparison.py": "plain code for users, without us",
+    "samrl_core/diagnosis/export/scripts/resimulate_pybullet.py": "plain code for users, without us",
     "samrl_ros/bags/metadata.py": "OSError is the bag writer's to word",
     "samrl_ros/cell/node_group.py": "logs of child processes, in `room_for`",
     "samrl_ros/cell/soak/soak.py": "log of a child process, in `room_for`",

@@ -1,4 +1,4 @@
-"""From recordings of one arm to a diagnosis: where, which, how far, or why not."""
+"""From recordings of one system to a diagnosis: where, which, how far, or why not."""
 
 from __future__ import annotations
 
@@ -6,32 +6,28 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import metadata
+from typing import Any
 
 import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS, Effect
-from samrl_core.diagnosis.recordings import split
-from samrl_core.diagnosis.recordings.in_common import in_common
+from samrl_core.diagnosis.effects import FAMILIES, Effect
+from samrl_core.diagnosis.kinds.kind import Kind, Recording
+from samrl_core.diagnosis.kinds.kinds import KINDS, kind_of
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.result import Curve, Diagnosis, InputFile
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.trial import as_arms
+from samrl_core.diagnosis.result import Diagnosis, InputFile
 from samrl_core.diagnosis.selection import verdict as rules
-from samrl_core.diagnosis.selection.curves import curve_of
-from samrl_core.diagnosis.selection.description import Misdescription, misdescription
+from samrl_core.diagnosis.selection.description import Misdescription
 from samrl_core.diagnosis.selection.how_far import HowFar
-from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit
-from samrl_core.diagnosis.selection.joint_units import with_joint_units
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence
 from samrl_core.diagnosis.selection.judge import judge_sets
-from samrl_core.diagnosis.selection.next_experiment import next_experiment
-from samrl_core.diagnosis.selection.posterior import correction_of
-from samrl_core.diagnosis.selection.resimulation import simulable
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.selection.signature import couplings, signatures
 from samrl_core.diagnosis.selection.tracking import track
 from samrl_core.diagnosis.selection.where import heatmap, onset, timelines
-from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 Progress = Callable[[str], None]
 
@@ -50,31 +46,35 @@ class DiagnosisSettings:
     share_held_out: bool = True  # fit the first half of what is held out, where only that shows a gap
 
 
-def library(families: Collection[str] | None) -> tuple[Effect, ...]:
-    """Effects of the given families.
+def library(families: Collection[str] | None, kind: Kind[Any] | None = None) -> tuple[Effect[Any], ...]:
+    """Effects of the given families that a kind of recordings may show; an arm's joints unless stated.
 
     Raises:
         InputError: a family that is unknown, or none at all.
     """
+    kind = kind or KINDS[ArmRecording]
     if families is None:
-        return EFFECTS
-    known = {e.family for e in EFFECTS}
-    if unknown := sorted(set(families) - known - set(NOT_BY_JOINTS) - {"joint_order", "unit_error"}):
+        return kind.effects
+    known = {e.family for e in kind.effects}
+    if unknown := sorted(set(families) - set(FAMILIES)):
         raise InputError(f"unknown families {unknown} in the library; known are {sorted(known)}")
-    chosen = tuple(e for e in EFFECTS if e.family in families)
+    chosen = tuple(e for e in kind.effects if e.family in families)
     if not chosen:
-        raise InputError("the library allows no effect that joint channels can show; name at least one")
+        raise InputError(
+            f"the library allows no effect that {kind.shown_by} can show; name at least one of"
+            f" {sorted(known)}"
+        )
     return chosen
 
 
 def diagnose(
-    fit: Sequence[ArmRecording],
-    held_out: Sequence[ArmRecording],
+    fit: Sequence[Recording],
+    held_out: Sequence[Recording],
     settings: DiagnosisSettings | None = None,
     notes: Sequence[str] = (),
     progress: Progress = lambda _: None,
 ) -> tuple[Diagnosis, HowFar]:
-    """Diagnose recordings of one arm.
+    """Diagnose recordings of one system: an arm's joints, a camera's poses.
 
     Args:
         fit: recordings that are fitted.
@@ -84,15 +84,15 @@ def diagnose(
         progress: called with each stage's name.
 
     Raises:
-        InputError: nothing to fit, different arms, or an empty library.
+        InputError: nothing to fit, different systems, or an empty library.
     """
     settings = settings or DiagnosisSettings()
     if not fit:
         raise InputError("no recording to fit; give at least one that is not held out")
-    _check_same_arm([*fit, *held_out])
-    alike, dropped = in_common([*fit, *held_out])
+    kind = kind_of([*fit, *held_out])
+    alike, dropped = kind.alike([*fit, *held_out])
     fit, held_out, notes = alike[: len(fit)], alike[len(fit) :], [*notes, *dropped]
-    effects = library(settings.library)
+    effects = library(settings.library, kind)
     clock, timings = time.monotonic(), {}
 
     def done(stage: str) -> None:
@@ -101,24 +101,25 @@ def diagnose(
         timings[stage], clock = now - clock, now
 
     progress("residuals")
-    trials, held_trials = _trials(fit, held_out)
+    trials, held_trials = kind.trials(fit, held_out)
+    notes = [*notes, *kind.notes(trials)]
     first = trials[0]
     untestable = {e.family: reason for e in effects if (reason := e.why_unobservable(first))}
-    untestable |= NOT_BY_JOINTS
+    untestable |= kind.elsewhere
     inputs = tuple(
         InputFile(r.source, r.sha256, role, r.duration)
         for role, group in (("fit", fit), ("held_out", held_out))
         for r in group
     )
     empty = Diagnosis(
-        "not_testable", ("no channel of the recordings can be compared with a model",), (), (), (), (), None,
-        None, 0.0, untestable, inputs, settings.seed, _version(), first.recording.arm.role,
+        "not_testable", (kind.nothing,), (), (), (), (), None,
+        None, 0.0, untestable, inputs, settings.seed, _version(), kind.system(first),
         notes=tuple(notes),
     )  # fmt: skip
     if not first.channels:
         return empty, HowFar(None, ())
     allowed = {"joint_order", "unit_error"} & set(settings.library or ("joint_order", "unit_error"))
-    wrong = misdescription(trials) if settings.doubt_description else None
+    wrong = kind.misdescription(trials) if settings.doubt_description else None
     if wrong is not None and wrong.family in allowed:
         return _as_described(wrong, empty, trials, held_trials, fit, held_out, settings, notes, progress)
     likelihood, held = Likelihood(trials), Likelihood(held_trials)
@@ -126,7 +127,7 @@ def diagnose(
     selection = select(likelihood, held, effects, settings.selection, progress)
     done("which")
     if settings.share_held_out and rules.only_held_out(selection, settings.verdict):
-        halves = [_halves(r) for r in held_out]
+        halves = [kind.halves(r) for r in held_out]
         remark = (
             "only the held-out recordings show a gap: their first halves were fitted too,"
             " their second halves stay held out"
@@ -135,16 +136,16 @@ def diagnose(
             [*fit, *(first for first, _ in halves)], [last for _, last in halves],
             replace(settings, share_held_out=False), [*notes, remark], progress,
         )  # fmt: skip
-    return _conclude(empty, selection, likelihood, held, effects, settings, timings, progress, done)
+    return _conclude(kind, empty, selection, likelihood, held, effects, settings, timings, progress, done)
 
 
 def _as_described(
     wrong: Misdescription,
     empty: Diagnosis,
-    trials: Sequence[Trial],
-    held_trials: Sequence[Trial],
-    fit: Sequence[ArmRecording],
-    held_out: Sequence[ArmRecording],
+    trials: Sequence[Observed],
+    held_trials: Sequence[Observed],
+    fit: Sequence[Any],
+    held_out: Sequence[Any],
     settings: DiagnosisSettings,
     notes: Sequence[str],
     progress: Progress,
@@ -155,7 +156,7 @@ def _as_described(
         [wrong.corrected(r) for r in fit], [wrong.corrected(r) for r in held_out],
         replace(settings, doubt_description=False), [*notes, remark], progress,
     )  # fmt: skip
-    arm = trials[0].recording.arm
+    arm = as_arms(trials)[0].recording.arm
     first = wrong.named(arm.role, arm.joints)
     reasons = (
         f"this log fits if {wrong.says}: {wrong.before:.0%} of the torque's variance contradict the"
@@ -172,7 +173,7 @@ def _as_described(
         verdict="effect",
         reasons=(*reasons, *left.get(rest.verdict, ()), *rest.reasons),
         effects=(first, *(replace(e, role="secondary") for e in others)),
-        gap=wrong.gap(held_trials),
+        gap=wrong.gap(as_arms(held_trials)),
         unexplained_fraction=wrong.after / max(wrong.before, 1e-9),
         nearest=None,
         ambiguity_set=(),
@@ -182,11 +183,12 @@ def _as_described(
 
 
 def _conclude(
+    kind: Kind[Any],
     empty: Diagnosis,
     selection: Selection,
     likelihood: Likelihood,
     held: Likelihood,
-    effects: Sequence[Effect],
+    effects: Sequence[Effect[Any]],
     settings: DiagnosisSettings,
     timings: dict[str, float],
     progress: Progress,
@@ -217,7 +219,7 @@ def _conclude(
             replace(i, onset=onsets[r])
             for i in items
             for r, trial in enumerate(likelihood.trials)
-            if trial.recording.name == i.recording
+            if trial.name == i.recording
         )
     shown = {e.name for e in named} if outcome.verdict in ("effect", "ambiguous") else set()
     unnamed = [name for name in settings.track if name not in shown]
@@ -227,7 +229,11 @@ def _conclude(
     if outcome.verdict == "ambiguous" and chosen is not None and named:
         group = tuple(dict.fromkeys([named[0].name, *outcome.tied]))
         ambiguity = (group,)
-        experiment = next_experiment(likelihood, [chosen, *rivals], group, settings.seed)
+        experiment, why_none = kind.next_experiment(likelihood, [chosen, *rivals], group, settings.seed)
+        outcome = replace(outcome, reasons=(*outcome.reasons, why_none)) if why_none else outcome
+    curves = (
+        () if chosen is None else (kind.curve(evidence, chosen, i) for i in range(len(chosen.hypotheses)))
+    )
     signs = signatures(likelihood, rest, evidence) if outcome.verdict == "none_of_mine" else ()
     diagnosis = replace(
         empty,
@@ -246,8 +252,10 @@ def _conclude(
         couplings=couplings(likelihood, rest),
         heatmap=grid,
         timelines=timelines(likelihood, z, k, onsets, does),
-        curves=_curves(evidence, chosen),
-        tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed)) if unnamed else (),
+        curves=tuple(c for c in curves if c is not None),
+        tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed), kind.effects)
+        if unnamed
+        else (),
         overlays=far.overlays,
         timings=timings,
         settings={
@@ -261,50 +269,9 @@ def _conclude(
     )
     if chosen is not None and diagnosis.effects:
         rng = np.random.default_rng([settings.seed, 1])  # draws of its own: the report's stay as they are
-        closed = tuple(r for r in far.resimulations if simulable(r.trial))  # an export replays the law
-        correction = correction_of(evidence, chosen, closed, far.gap, rng)
-        far = replace(far, correction=correction)
+        far = replace(far, correction=kind.correction(evidence, chosen, far, rng))
     done("report")
-    return with_joint_units(diagnosis, likelihood.trials[0].recording.arm), far
-
-
-def _halves(recording: ArmRecording) -> tuple[ArmRecording, ArmRecording]:
-    first, last = split(recording, 0.5)
-    return replace(first, name=f"{recording.name}, first half"), replace(
-        last, name=f"{recording.name}, second half"
-    )
-
-
-def _curves(evidence: Evidence, chosen: Fit | None) -> tuple[Curve, ...]:
-    if chosen is None:
-        return ()
-    return tuple(c for h in chosen.hypotheses if (c := curve_of(evidence, chosen, h)) is not None)
-
-
-def _trials(fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]) -> tuple[list[Trial], list[Trial]]:
-    start, out = 0.0, []
-    for recording in [*fit, *held_out]:
-        rigid = RigidArm(recording.arm) if recording.arm.urdf is not None else None
-        out.append(Trial(recording, rigid, start))
-        start += recording.duration
-    common = set.intersection(*(set(t.channels) for t in out[: len(fit)]))
-    for trial, recording in zip(out, [*fit, *held_out], strict=True):
-        if set(trial.channels) != common and not set(trial.channels) >= common:
-            raise InputError(
-                f"{recording.name} allows {trial.channels}, the others {sorted(common)}; "
-                "record the same topics in all of them"
-            )
-    return out[: len(fit)], out[len(fit) :]
-
-
-def _check_same_arm(recordings: Sequence[ArmRecording]) -> None:
-    first = recordings[0].arm
-    for other in recordings[1:]:
-        if other.arm.joints != first.joints:
-            raise InputError(
-                f"{other.name} has joints {other.arm.joints}, {recordings[0].name} has {first.joints}; "
-                "diagnose one arm at a time"
-            )
+    return kind.finish(diagnosis, likelihood.trials[0]), far
 
 
 def _version() -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.residuals.motion import white_noise
+from samrl_core.diagnosis.residuals.signal_noise import white_noise
 
 RATE_HZ = 200.0  # of the comparison, at most
 WINDOW_S = 0.1  # over which a difference is averaged

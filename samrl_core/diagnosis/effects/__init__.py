@@ -6,6 +6,7 @@ An effect is known by its line in `_FILES`. The lines stand in the order of the 
 from __future__ import annotations
 
 from importlib import import_module
+from typing import Any
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects.effect import Effect
@@ -44,15 +45,48 @@ _FILES = (
     "drive.dead_band",
 )
 
-EFFECTS: tuple[Effect, ...] = tuple(import_module(f"{__name__}.{file}").EFFECT for file in _FILES)
+# What recorded poses show. A family that joint channels show too has a file for each.
+_OF_POSES = (
+    "geometry.encoder_offset",
+    "geometry.kinematic_error",
+    "geometry.base_to_base",
+    "camera.hand_eye",
+    "timing.camera_latency",
+    "timing.clock_offset",
+    "geometry.object_geometry",
+)
 
-FAMILIES: dict[str, Effect | UnmodelledFamily] = {f.family: f for f in (*EFFECTS, *UNMODELLED)}
+# What readings against a reference show: depth against planes, stamps against another clock.
+_OF_READINGS = (
+    "readings.hand_eye",
+    "readings.depth_scale",
+    "readings.camera_latency",
+    "readings.clock_offset",
+)
 
-# Families of an arm that joint channels cannot show, and why.
-NOT_BY_JOINTS: dict[str, str] = {f.family: f.reason for f in UNMODELLED if f.reason}
+
+def _load(files: tuple[str, ...]) -> tuple[Effect[Any], ...]:
+    return tuple(import_module(f"{__name__}.{file}").EFFECT for file in files)
 
 
-def find_family(name: str) -> Effect | UnmodelledFamily:
+EFFECTS: tuple[Effect, ...] = _load(_FILES)
+POSE_EFFECTS = _load(_OF_POSES)
+READING_EFFECTS = _load(_OF_READINGS)
+EVERY_EFFECT = (*EFFECTS, *POSE_EFFECTS, *READING_EFFECTS)
+
+FAMILIES: dict[str, Effect[Any] | UnmodelledFamily] = {
+    f.family: f for f in sorted((*reversed(EVERY_EFFECT), *UNMODELLED), key=lambda f: f.number)
+}
+
+# Families of an arm that joint channels cannot show, and why; recorded poses may.
+NOT_BY_JOINTS: dict[str, str] = {
+    "kinematic_error": "a wrong length leaves joint channels as they are; needs an external pose (camera)",
+    "base_to_base": "needs both arms to see one another (camera)",
+    **{f.family: f.reason for f in UNMODELLED if f.reason},
+}
+
+
+def find_family(name: str) -> Effect[Any] | UnmodelledFamily:
     """The effect or the unmodelled family of that name.
 
     Raises:
@@ -63,4 +97,13 @@ def find_family(name: str) -> Effect | UnmodelledFamily:
     return FAMILIES[name]
 
 
-__all__ = ["EFFECTS", "FAMILIES", "NOT_BY_JOINTS", "Effect", "find_family"]
+__all__ = [
+    "EFFECTS",
+    "EVERY_EFFECT",
+    "FAMILIES",
+    "NOT_BY_JOINTS",
+    "POSE_EFFECTS",
+    "READING_EFFECTS",
+    "Effect",
+    "find_family",
+]

@@ -75,7 +75,7 @@ class ShaftForm(Form):
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
         """Rows of the joints, then that of the shaft."""
-        speed = trial.motion.full_velocity
+        speed = trial.motion.sure_velocity
         out = lose_torque(trial, self.place, lambda j: self.friction(trial, speed[:, j], shape)[None])
         if self.shaft is None:
             return out
@@ -183,7 +183,7 @@ def track_joints(trial: Trial, place: Place, error: Callable[[int], np.ndarray])
 
 def fastest_motion(trial: Trial, joints: tuple[int, ...]) -> float:
     """Speed [rad/s] that a hundredth of the samples exceed."""
-    return float(np.quantile(np.abs(trial.motion.full_velocity[:, list(joints)]), 0.99))
+    return float(np.quantile(np.abs(trial.motion.sure_velocity[:, list(joints)]), 0.99))
 
 
 def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Generic
+
+from typing_extensions import TypeVar
 
 from samrl_core.diagnosis.effects.form import Form, Place
+from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
+
+T = TypeVar("T", bound=Observed, default=Trial)  # what kind of recording shows it; an arm's unless stated
 
 
 @dataclass(frozen=True)
@@ -22,7 +27,7 @@ class Parameter:
     bounded: bool = True  # an angle that may be anything has no plausible range
 
 
-class Effect(ABC):
+class Effect(ABC, Generic[T]):
     """A family of the contract: all that the diagnosis, the report and the terminal know about it."""
 
     family: ClassVar[str]
@@ -41,7 +46,7 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()  # families that are this one with a term less
     parameters: ClassVar[tuple[Parameter, ...]]
     renamed_shapes: ClassVar[tuple[str, ...]] = ()  # shapes that are reported under another name
-    place_kind: ClassVar[str] = "joint"  # joint, link or arm
+    place_kind: ClassVar[str] = "joint"  # joint, link, arm, sensor, body or cell
     prior_cost: ClassVar[float] = 0.0  # [nat] less likely before any data than other families
     least_share: ClassVar[float] = 0.0  # of its prediction that must be seen, and not undone by tolerances
     at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
@@ -55,31 +60,24 @@ class Effect(ABC):
         """The title as it stands within a sentence."""
         return self.title if self.proper_name else self.title[:1].lower() + self.title[1:]
 
-    def places(self, trial: Trial) -> tuple[Place, ...]:
-        """Places at which the effect may act on this arm."""
-        arm = f"arm:{trial.recording.arm.role}"
-        if self.place_kind == "arm":
-            names = [arm]
-        elif self.place_kind == "joint":
-            names = [f"joint:{name}" for name in trial.recording.arm.joints]
-            names += [arm] if self.acts_on_arm(trial) else []
-        else:
-            assert trial.rigid is not None
-            # A mass on the last link and one in the gripper are the same to every joint: that is a payload.
-            names = [f"link:{name}" for name in trial.rigid.links[:-1]]
+    def places(self, trial: T) -> tuple[Place, ...]:
+        """Places at which the effect may act in this recording."""
+        names = trial.names_of(self.place_kind)
+        if self.place_kind == "joint" and self.acts_on_arm(trial):
+            names += trial.names_of("arm")
         return tuple(Place.find(trial, name) for name in names)
 
-    def acts_on_arm(self, trial: Trial) -> bool:
+    def acts_on_arm(self, trial: T) -> bool:
         """Whether an effect on joints may also act on all of them together."""
-        return self.at_every_joint and trial.joints > 1
+        return self.at_every_joint and len(trial.names_of("joint")) > 1
 
-    def why_unobservable(self, trial: Trial) -> str | None:
+    def why_unobservable(self, trial: T) -> str | None:
         """Why this recording cannot show the effect at all; None if it can."""
         return None
 
     @abstractmethod
-    def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        """Forms with their grids, for this arm and sampling."""
+    def forms(self, trial: T, place: Place) -> tuple[Form[T], ...]:
+        """Forms with their grids, for this system and sampling."""
 
 
 def lacks_link_torque(trial: Trial) -> str | None:

@@ -10,12 +10,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Generic
 
 import numpy as np
+from typing_extensions import TypeVar
 
 from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
+
+T = TypeVar("T", bound=Observed, default=Trial)
 
 Shape = dict[str, float]
 PlantFields = dict[str, np.ndarray | float]
@@ -23,18 +27,15 @@ PlantFields = dict[str, np.ndarray | float]
 
 @dataclass(frozen=True)
 class Place:
-    """A place of the contract, and the joints that it means: one, or all of an arm."""
+    """A place of the contract, and the joints (rows of the residual) that it means: one, or all."""
 
-    name: str  # joint:<name>, link:<name> or arm:<role>
+    name: str  # joint:<name>, link:<name>, arm:<role>, sensor:<name>, body:<name> or cell
     joints: tuple[int, ...]
 
     @staticmethod
-    def find(trial: Trial, name: str) -> Place:
-        """The place of that name on a recording's arm."""
-        kind, _, joint = name.partition(":")
-        if kind == "joint":
-            return Place(name, (trial.recording.arm.joints.index(joint),))
-        return Place(name, tuple(range(trial.joints)))
+    def find(trial: Observed, name: str) -> Place:
+        """The place of that name in a recording."""
+        return Place(name, trial.rows_at(name))
 
     @property
     def is_arm(self) -> bool:
@@ -48,11 +49,13 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Form(ABC):
-    """One way in which an effect may act at one place of an arm.
+class Form(ABC, Generic[T]):
+    """One way in which an effect may act at one place.
 
-    A form is made for one recording and used on all recordings of that arm.
+    A form is made for one recording and used on all recordings of that system.
     """
+
+    deviation: ClassVar[float] = 0.05  # relative, of every parameter: no formula is the thing itself
 
     name: str = ""  # as printed; empty where an effect has one form only
     place: Place
@@ -69,32 +72,32 @@ class Form(ABC):
         return joint
 
     @abstractmethod
-    def columns(self, trial: Trial, shape: Shape) -> Columns:
+    def columns(self, trial: T, shape: Shape) -> Columns:
         """Residual per unit amplitude, one row per amplitude."""
 
     @abstractmethod
-    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    def prior(self, trial: T, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation (p,) of the amplitudes before any data."""
 
     @abstractmethod
-    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+    def parameters(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         """Reported parameters by name."""
 
     def sample_parameters(
-        self, trial: Trial, shape: Shape, amplitudes: np.ndarray, rng: np.random.Generator
+        self, trial: T, shape: Shape, amplitudes: np.ndarray, rng: np.random.Generator
     ) -> dict[str, float]:
         """The same for one sample of the posterior, with what amplitudes and shapes leave open."""
         return self.parameters(trial, shape, amplitudes)
 
-    def cost(self, trials: Sequence[Trial], shape: Shape) -> float:
+    def cost(self, trials: Sequence[T], shape: Shape) -> float:
         """Log evidence [nat] that it must win to be as likely as other forms; infinite if it is denied."""
         return 0.0
 
-    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Whether amplitudes are physically possible (no negative friction, say)."""
         return True
 
-    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+    def plant_fields(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         """Fields of `PlantParameters` for closed-loop re-simulation; None where it cannot be simulated."""
         return None
 
@@ -105,7 +108,7 @@ class Form(ABC):
         return out
 
 
-class PresentForm(Form):
+class PresentForm(Form[T], Generic[T]):
     """A form that is there or not: its amplitude is one, and only its shape is unknown.
 
     A small freedom of the amplitude absorbs that a real filter is not exactly of first order.
@@ -113,14 +116,14 @@ class PresentForm(Form):
 
     freedom: ClassVar[float] = 0.05
 
-    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    def prior(self, trial: T, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         """Centred on one."""
         return np.ones(1), np.full(1, self.freedom)
 
-    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+    def is_admissible(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Must be present."""
         return bool(amplitudes[0] > 0.5) and self.is_possible(trial, shape)
 
-    def is_possible(self, trial: Trial, shape: Shape) -> bool:
+    def is_possible(self, trial: T, shape: Shape) -> bool:
         """Whether the shape is possible in this recording."""
         return True

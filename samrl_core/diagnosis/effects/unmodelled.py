@@ -28,23 +28,6 @@ class UnmodelledFamily:
 
 UNMODELLED: tuple[UnmodelledFamily, ...] = (
     UnmodelledFamily(
-        29,
-        "kinematic_error",
-        "Kinematic error",
-        "Link lengths or joint axes differ from the model, so the tool misses while every joint is on "
-        "target.",
-        "Calibrate the arm's geometry with an outside measurement over many poses.",
-        "a wrong length leaves joint channels as they are; needs an external pose (camera)",
-    ),
-    UnmodelledFamily(
-        30,
-        "base_to_base",
-        "Transform between the bases",
-        "The two arms do not stand to each other as the model says.",
-        "Measure the transform again, with touch points or with the camera from several poses.",
-        "needs both arms to see one another (camera)",
-    ),
-    UnmodelledFamily(
         31,
         "contact_friction",
         "Contact friction",
@@ -101,13 +84,6 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Measure the drag by slow insertion, and shield the scene from draught.",
     ),
     UnmodelledFamily(
-        39,
-        "hand_eye",
-        "Hand-eye calibration",
-        "The camera does not sit on the flange where the model says.",
-        "Repeat the hand-eye calibration with at least ten varied poses, and check the camera's screws.",
-    ),
-    UnmodelledFamily(
         40,
         "intrinsics",
         "Camera intrinsics",
@@ -120,13 +96,6 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Lens distortion",
         "Straight lines bend towards the image's edge more or less than calibrated.",
         "Calibrate the distortion with targets that reach the image's corners.",
-    ),
-    UnmodelledFamily(
-        42,
-        "depth_scale",
-        "Depth scale",
-        "Depth readings are off by a factor or an offset.",
-        "Calibrate depth on a plane at three or more known distances.",
     ),
     UnmodelledFamily(
         43,
@@ -143,20 +112,6 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Model the dropout over angle and material, or change view or surface.",
     ),
     UnmodelledFamily(
-        45,
-        "camera_latency",
-        "Camera latency",
-        "Images are older than their stamps say.",
-        "Correct the stamps by the fitted time, or use the camera's hardware clock.",
-    ),
-    UnmodelledFamily(
-        46,
-        "clock_offset",
-        "Clock offset or drift",
-        "Two devices' clocks disagree, and more so with time.",
-        "Synchronise the clocks (PTP, NTP) or correct the stamps when reading.",
-    ),
-    UnmodelledFamily(
         47,
         "rolling_shutter",
         "Rolling shutter or motion blur",
@@ -169,13 +124,6 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Lighting and exposure",
         "The scene's brightness or colour differs from the model.",
         "Fix exposure and white balance, and shield or model the light.",
-    ),
-    UnmodelledFamily(
-        49,
-        "object_geometry",
-        "Geometry of the object",
-        "The object's shape or size differs from its mesh.",
-        "Measure or scan the object and correct its mesh; check the segmentation at its edges.",
     ),
     UnmodelledFamily(
         51,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.export.bodies import Body, body_of, moved, ten_of
+from samrl_core.diagnosis.export.bodies import RigidBody, body_of, moved, ten_of
 from samrl_core.diagnosis.export.correction import BODY, Correction
 from samrl_core.diagnosis.export.missing import in_words, say_missing
 from samrl_core.diagnosis.export.nearest import BEYOND, PLAIN, level_and_slope
@@ -297,7 +297,7 @@ def write_bodies(w: MjcfWriter) -> None:
         turn = np.zeros(9)
         w.mujoco.mju_quat2Mat(turn, m.body_iquat[body])
         turn = turn.reshape(3, 3)
-        own = Body(
+        own = RigidBody(
             float(m.body_mass[body]),
             np.array(m.body_ipos[body]),
             turn @ np.diag(m.body_inertia[body]) @ turn.T,
@@ -317,7 +317,7 @@ def write_bodies(w: MjcfWriter) -> None:
         w.say(j, "body", EXACT, said)
 
 
-def _write_inertial(text: XmlText, body: XmlElement, new: Body) -> None:
+def _write_inertial(text: XmlText, body: XmlElement, new: RigidBody) -> None:
     i = new.inertia
     values: dict[str, str] = {
         "pos": numbers(new.center),

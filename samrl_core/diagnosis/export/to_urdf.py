@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.export.bodies import Body, body_of, ten_of
+from samrl_core.diagnosis.export.bodies import RigidBody, body_of, ten_of
 from samrl_core.diagnosis.export.correction import BODY, Correction
 from samrl_core.diagnosis.export.missing import say_missing
 from samrl_core.diagnosis.export.nearest import BEYOND, PLAIN, level_and_slope
@@ -139,7 +139,7 @@ def _inertia(
         else:
             # PyBullet takes only moments that obey the triangle inequality: half of the spin goes across.
             across = 0.5 * (np.eye(3) + np.outer(direction, direction))
-            spinning = Body(new.mass, new.center, new.inertia + spin * across)
+            spinning = RigidBody(new.mass, new.center, new.inertia + spin * across)
             said = (
                 f"{spin:.4g} kg m2 about the joint's axis (nominal rotor included), and half of it across, in"
                 " the link's inertia: other joints feel it too"
@@ -157,10 +157,10 @@ def _inertia(
         done.append(Statement(place, "body", EXACT, said))
 
 
-def _own(link: XmlElement) -> Body:
+def _own(link: XmlElement) -> RigidBody:
     inertial = link.child("inertial")
     if inertial is None:
-        return Body(0.0, np.zeros(3), np.zeros((3, 3)))
+        return RigidBody(0.0, np.zeros(3), np.zeros((3, 3)))
     origin, mass, moments = (inertial.child(tag) for tag in ("origin", "mass", "inertia"))
     center = _three(origin.attributes.get("xyz") if origin is not None else None)
     turn = Rotation.from_euler("xyz", _three(origin.attributes.get("rpy") if origin is not None else None))
@@ -170,10 +170,12 @@ def _own(link: XmlElement) -> Body:
             for b in range(a, 3):
                 value = float(moments.attributes.get(f"i{'xyz'[a]}{'xyz'[b]}", 0.0))
                 full[a, b] = full[b, a] = value
-    return Body(float(mass.attributes.get("value", 0.0)) if mass is not None else 0.0, center, r @ full @ r.T)
+    return RigidBody(
+        float(mass.attributes.get("value", 0.0)) if mass is not None else 0.0, center, r @ full @ r.T
+    )
 
 
-def _write(text: XmlText, link: XmlElement, body: Body) -> None:
+def _write(text: XmlText, link: XmlElement, body: RigidBody) -> None:
     i = body.inertia
     center = " ".join(f"{v:.10g}" for v in body.center)
     moments: dict[str, str | None] = {

@@ -19,6 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.types.arm_description import ArmController
+
 
 @dataclass(frozen=True)
 class JointActuator:
@@ -40,7 +42,7 @@ class NominalModel:
     source: str  # as its files hold it, included files and macros written out
     urdf: str  # normal form
     actuators: tuple[JointActuator, ...] = ()
-    period_s: float = 0.001  # of the model's own time step
+    period_s: float = ArmController.period_s  # of the model's own time step
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)  # in the model's world [m/s2]
     compensated: bool = False  # whether the model takes gravity off its bodies
     notes: tuple[str, ...] = ()

@@ -27,6 +27,7 @@ from samrl_core.diagnosis.report.figures import (
 from samrl_core.diagnosis.result import Diagnosis, Heatmap, Overlay
 
 WIDTH, DPI = 9.6, 125  # [inch], dots per inch
+CROWDED = 10  # columns of the heatmap, above which their names are printed smaller
 
 
 def to_png(diagnosis: Diagnosis) -> bytes:
@@ -81,6 +82,9 @@ def _headline(ax: Axes, d: Diagnosis, title: str) -> None:
 
 def _heatmap(ax: Axes, h: Heatmap) -> None:
     values = np.asarray(h.values, dtype=float)
+    # Columns of phases that no recording has only take room.
+    shown_columns = [j for j in range(values.shape[1]) if np.isfinite(values[:, j]).any()]
+    values, columns = values[:, shown_columns], [h.columns[j] for j in shown_columns]
     tone = heat_tone(h)
     tones = np.array([[tone(v) if math.isfinite(v) else 0 for v in row] for row in values])
     ax.pcolormesh(
@@ -97,8 +101,8 @@ def _heatmap(ax: Axes, h: Heatmap) -> None:
     ax.set_yticks(
         np.arange(len(h.places)) + 0.5, [_literal(p.partition(":")[2] or p) for p in h.places], fontsize=9
     )
-    names = [_literal(f"{channel}\n{phase}") for channel, phase in h.columns]
-    ax.set_xticks(np.arange(len(h.columns)) + 0.5, names, fontsize=8)
+    names = [_literal(f"{channel}\n{phase}") for channel, phase in columns]
+    ax.set_xticks(np.arange(len(columns)) + 0.5, names, fontsize=8 if len(columns) <= CROWDED else 6.5)
     ax.xaxis.tick_top()
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)

@@ -45,7 +45,9 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
     if d.next_experiment is not None:
         n = d.next_experiment
         lines.append(
-            _line("next", f"samrl excite {n.file} ({words.percent(n.separates)} sure to split them): {n.why}")
+            _line(
+                "next", f"{words.record_with(n)} ({words.percent(n.separates)} sure to split them): {n.why}"
+            )
         )
     if d.alarms:
         lines.append(_line("alarm", _first_of(d.alarms)))

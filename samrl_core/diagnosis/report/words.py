@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, find_family
-from samrl_core.diagnosis.result import Diagnosis, NamedEffect, ParameterEstimate
+from samrl_core.diagnosis.result import Diagnosis, NamedEffect, NextExperiment, ParameterEstimate
 
 VERDICT_LABEL = {
     "no_gap": "No gap",
@@ -135,6 +135,11 @@ def effect_label(d: Diagnosis) -> str:
 def count(n: int, noun: str) -> str:
     """`1 recording`, `2 recordings`."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def record_with(experiment: NextExperiment) -> str:
+    """How the next recording is made: by the simulated cell's arms, or by hand as its file says."""
+    return f"{'samrl excite' if 'arm' in experiment.programme else 'record as in'} {experiment.file}"
 
 
 def quantity(name: str) -> str:

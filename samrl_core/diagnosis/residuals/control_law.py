@@ -12,6 +12,8 @@ import numpy as np
 from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import JointSignal
 
+ROUNDED = ((-0.7745966692414834, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.7745966692414834, 5.0 / 18.0))
+"""Nodes and weights of Gauss and Legendre over a step of a reading, in half steps."""
 WOUND = 0.3  # ASSUMPTION: share of the limit that an integral may have held when a recording began
 
 
@@ -36,8 +38,12 @@ def position_error(controller: ArmController, command: np.ndarray, position: np.
     joints, law = position.shape[1], controller.law
     step = law.of_joints("command_step", joints)
     rounded = np.where(step > 0, np.round(command / np.where(step > 0, step, 1.0)) * step, command)
-    error = rounded - position
-    band = law.of_joints("dead_band", joints)
+    return dead_zone(controller, rounded - position)
+
+
+def dead_zone(controller: ArmController, error: np.ndarray) -> np.ndarray:
+    """Error (F, J) less the dead band."""
+    band = controller.law.of_joints("dead_band", error.shape[1])
     return np.sign(error) * np.maximum(np.abs(error) - band, 0.0)
 
 
@@ -48,6 +54,23 @@ def spring_torque(controller: ArmController, error: np.ndarray) -> np.ndarray:
     safe = np.where(pitch > 0, pitch, 1.0)
     straight = controller.stiffness * error + law.of_joints("punch", joints) * np.sign(error)
     return np.where(pitch > 0, controller.stiffness / safe * np.sin(safe * error), straight)
+
+
+def spring_of_rounded(
+    controller: ArmController, error: np.ndarray, step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Torque (F, J) of errors (F, J), and its variance, where readings are rounded to a step (J,).
+
+    The controller read more finely than the log: at a dead band's edge nobody knows on which side it was.
+    The variance is what a kink or a punch adds to that of a straight spring.
+    """
+    torques = [
+        (spring_torque(controller, dead_zone(controller, error + 0.5 * node * step)), w)
+        for node, w in ROUNDED
+    ]
+    mean = np.sum([w * t for t, w in torques], axis=0)
+    variance = np.sum([w * (t - mean) ** 2 for t, w in torques], axis=0)
+    return mean, np.maximum(variance - (controller.stiffness * step) ** 2 / 12.0, 0.0)
 
 
 def law_terms(

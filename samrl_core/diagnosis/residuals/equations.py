@@ -12,7 +12,7 @@ tells a payload (link) from a weak drive (drive) or a changed gain (controller).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
@@ -48,6 +49,7 @@ class Equations:
     law: np.ndarray | None  # (F, J) commanded effort by the described law at full rate [N m]
     lag: int  # [samples] by which states were shifted
     model: np.ndarray | None = None  # (N, J) link-side torque of the nominal model along the motion [N m]
+    color: dict[str, NoiseColor] = field(default_factory=dict)  # channel -> of its noise; absent: white
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -83,6 +85,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     arm, rigid = motion.recording.arm, motion.arm
     residual: dict[str, np.ndarray] = {}
     sigma: dict[str, np.ndarray] = {}
+    color: dict[str, NoiseColor] = {}
     law, lag = None, 0
     u, tau = motion.u, motion.tau
     dynamic = rigid is not None and motion.dynamic
@@ -99,7 +102,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     assert rigid is not None
     scale = scale_limits(arm, rigid, motion)
     share = np.sqrt(motion.band_share)
-    rotor = armature(arm) * motion.ddq + motion.reduce(nominal_friction(arm, motion.full_velocity))
+    rotor = armature(arm) * motion.ddq + motion.reduce(nominal_friction(arm, motion.sure_velocity))
     model = rigid.inverse_dynamics(motion.q, motion.dq, motion.ddq)
     link_noise = _acceleration_noise(motion, rigid)
     noise = motion.noise
@@ -117,25 +120,63 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.hypot(share * _high_frequency(raw, motion.rate), floor)
         assert arm.controller is not None
         if motion.raw_velocity is None:  # the law then damps differences of noisy positions
-            level = np.hypot(level, arm.controller.damping * np.sqrt(motion.velocity_noise()))
+            damped = arm.controller.damping
+            if arm.controller.law.after_back_emf:
+                damped = damped + arm.controller.law.of_joints("back_emf", motion.joints)
+            rising = damped * np.sqrt(motion.velocity_noise())
+            level = np.hypot(level, rising)
+            color["controller"] = _color(motion, rising, level, 2)
         level = np.hypot(level, _between_commands(motion))
-        sigma["controller"] = _spread(level, residual["controller"])
+        sigma["controller"] = _edges_wider(_spread(level, residual["controller"]), motion)
     if u is not None and tau is not None:
         residual["drive"] = u - rotor - tau
         rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
         level = np.hypot(share * np.hypot(noise.commanded_effort, noise.effort), np.hypot(rotor_noise, floor))
         level = np.hypot(level, friction)
+        color["drive"] = _color(motion, rotor_noise, level)
         sigma["drive"] = _rest_wider(_spread(level, residual["drive"]), motion, scale)
     if tau is not None:
         residual["link"] = tau - model
         level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2)
+        color["link"] = _color(motion, link_noise, level)
         sigma["link"] = _spread(level, residual["link"])
     elif u is not None:
         residual["dynamics"] = u - rotor - model
         moved = link_noise + armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
+        moved = np.hypot(moved, _noise_of_speed(motion))
         level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2)
+        color["dynamics"] = _color(motion, moved, level)
         sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
-    return Equations(motion, residual, sigma, law, lag, model)
+        if motion.computed:
+            sigma["dynamics"] = _edges_wider(sigma["dynamics"], motion)
+    return Equations(motion, residual, sigma, law, lag, model, color)
+
+
+def _color(
+    motion: RecordedMotion, rising: np.ndarray, level: np.ndarray, order: int | None = None
+) -> NoiseColor:
+    """Of noise of a level (J,) of which a part (J,) rises with frequency, by default as accelerations do."""
+    if order is None:
+        order = 2 if motion.raw_velocity is not None else 4
+    share = np.clip((rising / np.maximum(level, 1e-300)) ** 2, 0.0, 1.0)
+    return NoiseColor(share, order, motion.band, motion.dt)
+
+
+def _noise_of_speed(motion: RecordedMotion) -> np.ndarray:
+    """Torque noise (J,) of speeds that were differenced or smoothed before a law or a back-EMF took them up.
+
+    Its white part above the band is gone, so that the torque's own spectrum does not show it.
+    """
+    controller = motion.controller
+    if controller is None:
+        return np.zeros(motion.joints)
+    recorded = motion.recording.commanded_effort is not None
+    gain = np.zeros(motion.joints)
+    if not (recorded and controller.law.after_back_emf):
+        gain = controller.law.of_joints("back_emf", motion.joints)
+    if motion.raw_velocity is not None:
+        return gain * np.sqrt(motion.band_share) * motion.noise.velocity
+    return (gain + controller.damping * motion.computed) * np.sqrt(motion.velocity_noise())
 
 
 def _has_loop(arm: ArmDescription) -> bool:
@@ -220,12 +261,20 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return np.broadcast_to(np.hypot(level, RELATIVE_FLOOR * typical), residual.shape).copy()
 
 
+def _edges_wider(sigma: np.ndarray, motion: RecordedMotion) -> np.ndarray:
+    """Noise (N, J) of a law's torque, larger where readings may lie on either side of a dead band's edge."""
+    variance = motion.rounding_variance
+    return (
+        np.hypot(sigma, np.sqrt(np.maximum(motion.reduce(variance), 0.0))) if np.any(variance > 0) else sigma
+    )
+
+
 def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:
     """Friction at rest is anything between its bounds: such samples say little about the drive.
 
     Nor do those at which torque was switched: within a sample nobody knows when.
     """
-    speed = motion.full_velocity
+    speed = motion.sure_velocity
     slow = REST_SPEED
     if motion.raw_velocity is None:  # a differenced position says no more of a speed than its noise allows
         slow = np.hypot(slow, 2.0 * np.sqrt(motion.velocity_noise()))

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.diagnosis.residuals.equations import Columns
-from samrl_core.diagnosis.residuals.nominal import tolerance_columns
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.tolerances import recording_columns, tolerance_columns
 
-Block = tuple[int, str, int]  # recording, channel, joint
+Block = tuple[int, str, int]  # recording, channel, row
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,45 +32,51 @@ class Regressors:
 
 
 class Likelihood:
-    """Of one or more recordings of one arm.
+    """Of one or more recordings of one system.
 
     Attributes:
         y: (N,) residuals in units of their noise.
         blocks: slices of `y`.
     """
 
-    def __init__(self, trials: Sequence[Trial], widened: float = 1.0) -> None:
+    def __init__(self, trials: Sequence[Observed], widened: float = 1.0) -> None:
         """Stack the residuals and factor the tolerances, `widened` times as stated."""
         self.trials = tuple(trials)
         self._widened = widened
         self.blocks: dict[Block, slice] = {}
         parts, start = [], 0
         for r, trial in enumerate(self.trials):
-            equations = trial.equations
             for channel in trial.channels:
-                ratio = equations.residual[channel] / equations.sigma[channel]
-                for j in range(trial.joints):
-                    self.blocks[r, channel, j] = slice(start, start + len(trial))
-                    parts.append(ratio[:, j])
-                    start += len(trial)
+                ratio = trial.residual[channel] / trial.sigma[channel]
+                for j, column in enumerate(ratio.T):
+                    self.blocks[r, channel, j] = slice(start, start + len(column))
+                    parts.append(self._whitened(r, channel, j, column))
+                    start += len(column)
         self.y = np.concatenate(parts) if parts else np.zeros(0)
-        self._basis, self._strength = self._factor()
+        self._basis, self._strength, self._directions = self._factor()
         self._y_projected = self._basis.T @ self.y
 
-    def _factor(self) -> tuple[np.ndarray, np.ndarray]:
-        """Orthonormal basis (N, k) of U / D and its squared singular values (k,)."""
+    def _factor(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Orthonormal basis (N, k) of U / D, its squared singular values (k,), right singular vectors."""
         lists = [tolerance_columns(trial, self._widened) for trial in self.trials]
         count = len(lists[0]) if lists else 0
-        u = np.zeros((len(self.y), count))
-        for r, (trial, items) in enumerate(zip(self.trials, lists, strict=True)):
-            for k, (columns, std) in enumerate(items):
+        own = [recording_columns(trial) for trial in self.trials]
+        starts = count + np.concatenate([[0], np.cumsum([len(items) for items in own])]).astype(int)
+        u = np.zeros((len(self.y), int(starts[-1])))
+        for r, trial in enumerate(self.trials):
+            for k, (columns, std) in [*enumerate(lists[r]), *enumerate(own[r], int(starts[r]))]:
                 for (channel, j), rows in columns.items():
-                    sigma = trial.equations.sigma[channel][:, j]
-                    u[self.blocks[r, channel, j], k] = std * rows[0] / sigma
+                    scaled = std * rows[0] / trial.sigma[channel][:, j]
+                    u[self.blocks[r, channel, j], k] = self._whitened(r, channel, j, scaled)
         values, vectors = np.linalg.eigh(u.T @ u)
         kept = values > 1e-9 * max(values.max(initial=0.0), 1e-300)
         values, vectors = values[kept], vectors[:, kept]
-        return u @ (vectors / np.sqrt(values)), values
+        return u @ (vectors / np.sqrt(values)), values, vectors
+
+    @property
+    def exact(self) -> bool:
+        """Whether effects are geometry rather than formulas (`Observed.exact`)."""
+        return bool(self.trials) and all(t.exact for t in self.trials)
 
     def regressors(self, columns: Sequence[Columns]) -> Regressors:
         """Columns of an effect, one mapping per recording, in units of the noise."""
@@ -78,11 +84,22 @@ class Likelihood:
         projected: np.ndarray | None = None
         for r, (trial, mapping) in enumerate(zip(self.trials, columns, strict=True)):
             for (channel, j), rows in mapping.items():
-                scaled = rows / trial.equations.sigma[channel][:, j]
+                scaled = self._whitened(r, channel, j, rows / trial.sigma[channel][:, j])
                 blocks[r, channel, j] = scaled
                 part = self._basis[self.blocks[r, channel, j]].T @ scaled.T
                 projected = part if projected is None else projected + part
         return Regressors(blocks, np.zeros((len(self._strength), 0)) if projected is None else projected)
+
+    def _whitened(self, r: int, channel: str, j: int, rows: np.ndarray) -> np.ndarray:
+        """Rows (..., n) in units of the noise, white within the band."""
+        color = self.trials[r].color.get(channel)
+        return rows if color is None else color.whitened(rows, j)
+
+    def uncolored(self, block: Block, y: np.ndarray) -> np.ndarray:
+        """Part (n,) of residuals (N,) in units of the noise as they were before the noise was made white."""
+        r, channel, j = block
+        color = self.trials[r].color.get(channel)
+        return y[self.blocks[block]] if color is None else color.colored(y[self.blocks[block]], j)
 
     def shrink(self, correlation: float) -> np.ndarray:
         """Weight (k,) that tolerances take off a projection, when `correlation` samples count as one."""
@@ -158,6 +175,15 @@ class Likelihood:
     def tolerated(self, y: np.ndarray, correlation: float) -> np.ndarray:
         """The part (N,) of residuals that tolerances most probably cause."""
         return self._basis @ (self.shrink(correlation) * (self._basis.T @ y))
+
+    def tolerance_sizes(self, y: np.ndarray, correlation: float) -> np.ndarray:
+        """What each tolerance most probably is (columns,), in standard deviations, given residuals (N,)."""
+        weight = np.sqrt(self._strength) / (correlation + self._strength)
+        return self._directions @ (weight * (self._basis.T @ y))
+
+    def of_tolerances(self, sizes: np.ndarray) -> np.ndarray:
+        """Residuals (N,) that tolerances of such sizes (columns,) make in these recordings."""
+        return self._basis @ (np.sqrt(self._strength) * (self._directions.T @ sizes))
 
     def minus(self, a: Regressors, amplitudes: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
         """Residuals (N,) after taking an effect out."""

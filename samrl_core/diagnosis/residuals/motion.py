@@ -7,7 +7,7 @@ with power model", and every later work on the subject).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,21 @@ from scipy import interpolate, signal
 
 from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
-from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, law_terms
+from samrl_core.diagnosis.residuals.control_law import (
+    LawTerms,
+    held_values,
+    law_terms,
+    position_error,
+    spring_of_rounded,
+)
+from samrl_core.diagnosis.residuals.signal_noise import (
+    Noise,
+    highest_sure_frequency,
+    quantum,
+    regular,
+    white_noise,
+    without_differences,
+)
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 BAND_HZ = 25.0  # what is compared; above it sensor noise in accelerations outweighs what arms do
@@ -23,17 +37,8 @@ DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 MAX_RATE_HZ = 1000.0
 SLOW_PERIOD_S = 0.003  # of a controller, from which on it matters when within it a torque acts
+LEAST_SURE_HZ = 1.0  # up to which a motion counts as one
 TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
-
-
-@dataclass(frozen=True, eq=False)
-class Noise:
-    """White noise of the raw channels at full rate, from their content above the moving band; each (J,)."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
-    commanded_effort: np.ndarray
 
 
 class RecordedMotion:
@@ -45,7 +50,7 @@ class RecordedMotion:
     def __init__(self, recording: ArmRecording, arm: RigidArm | None, start_s: float = 0.0) -> None:
         """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
         self.recording, self.arm, self.start_s = recording, arm, start_s
-        states = recording.states
+        states = without_differences(recording.states)
         ticks = regular(states.time)
         period = float(np.median(np.diff(ticks)))
         stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
@@ -85,9 +90,12 @@ class RecordedMotion:
 
         self.t = self._pick(self.time)  # (N,)
         self.q = self.reduce(position)
-        velocity = self.raw_velocity if self.raw_velocity is not None else self.full_velocity
-        self.dq = self.reduce(velocity)
-        self.ddq = self._pick(np.gradient(self._filtered(velocity), 1.0 / rate, axis=0))
+        if self.raw_velocity is not None:
+            moved = self._filtered(self.raw_velocity)
+            self.dq, self.ddq = self._pick(moved), self._pick(self._derivative(moved, 1))
+        else:
+            moved = self._filtered(position)
+            self.dq, self.ddq = (self._pick(self._derivative(moved, order)) for order in (1, 2))
         self.tau = None if self.raw_effort is None else self.reduce(self.raw_effort)
         self.u = None if self.raw_commanded is None else self.reduce(self.raw_commanded)
 
@@ -111,6 +119,19 @@ class RecordedMotion:
         if self._band_filter is None:
             return np.asarray(x, dtype=float)
         return np.asarray(signal.sosfiltfilt(self._band_filter, x, axis=0))
+
+    def _derivative(self, x: np.ndarray, order: int) -> np.ndarray:
+        """Time derivative (F, J) of a band-limited full-rate signal.
+
+        Differences of neighbours lose a hundredth of it at 4 Hz in a log of 125 Hz, twice that in a second
+        derivative, and a quarter at the edge of the band: the torque that is missing then looks like a cause.
+        """
+        if not self.dynamic:
+            for _ in range(order):
+                x = np.gradient(x, 1.0 / self.rate, axis=0)
+            return x
+        ticks = np.arange(len(x))
+        return np.asarray(interpolate.make_interp_spline(ticks, x, k=7)(ticks, nu=order)) * self.rate**order
 
     def _pick(self, x: np.ndarray) -> np.ndarray:
         return x[self.edge : len(x) - self.edge : self.step]
@@ -181,7 +202,9 @@ class RecordedMotion:
         """Torque (F, J) at standstill that the drives were asked for, as recorded."""
         if self.given is None or self.controller is None or not self.controller.law.after_back_emf:
             return self.given
-        return self.given + self.controller.law.of_joints("back_emf", self.joints) * self.full_velocity
+        # As read, like the law's: a smoothed reading would hide its noise from the law's residual.
+        speed = self.raw_velocity if self.raw_velocity is not None else self.full_velocity
+        return self.given + self.controller.law.of_joints("back_emf", self.joints) * speed
 
     def limit(self) -> np.ndarray:
         """(J,) of the controller's output [N m]; infinite where none is stated."""
@@ -229,11 +252,37 @@ class RecordedMotion:
 
         Within its limits where the law stands for the torque; a recorded one tells where it was clipped.
         """
-        own, other = self.described_law.total, self.law(command).total
+        plain = self._without_steps
+        if plain is None:
+            own, other = self.described_law.total, self.law(command).total
+        else:  # samples do not show what a rounded command does between them: it would explain its own noise
+            own, other = self.law(described=plain).total, self.law(command, described=plain).total
         if not self.computed:
             return own - other
         limit = self.limit()
         return np.clip(own, -limit, limit) - np.clip(other, -limit, limit)
+
+    @cached_property
+    def rounding_variance(self) -> np.ndarray:
+        """Variance (F, J) of the law's torque at the edges of dead bands by rounded readings."""
+        controller, command, read = self.controller, self.command, self.raw_position
+        assert (
+            controller is not None
+            and command is not None
+            and command.position is not None
+            and read is not None
+        )
+        wide = replace(controller, law=replace(controller.law, dead_band=0.0))
+        error = position_error(wide, command.position, read)
+        return spring_of_rounded(controller, error, quantum(read))[1]
+
+    @cached_property
+    def _without_steps(self) -> ArmController | None:
+        """The controller with a command that is not rounded; None where the described one does not round."""
+        controller = self.controller
+        if controller is None or not np.any(controller.law.of_joints("command_step", self.joints) > 0):
+            return None
+        return replace(controller, law=replace(controller.law, command_step=0.0))
 
     @cached_property
     def described_law(self) -> LawTerms:
@@ -305,6 +354,58 @@ class RecordedMotion:
             others[-1] = np.maximum(others[-1], self.controller.stiffness * position)
         return Noise(position, *others)
 
+    @cached_property
+    def sure_acceleration(self) -> np.ndarray:
+        """Accelerations (F, J) at full rate as far as they are motion.
+
+        What multiplies accelerations must not multiply their noise: that is in the residual as well, and any
+        inertia, real or tolerated, would seem to explain it (errors in variables; Soderstrom 2007).
+        """
+        return self._sure(self.full_acceleration, *self._reading)
+
+    @cached_property
+    def sure_velocity(self) -> np.ndarray:
+        """Velocities (F, J) likewise: noise would turn a friction's sign many times at every reversal."""
+        return self._sure(self.full_velocity, *self._reading)
+
+    @cached_property
+    def _reading(self) -> tuple[np.ndarray, np.ndarray]:
+        """What velocities come from (F, J), and the deviation (J,) of its white noise."""
+        if self.raw_velocity is not None:
+            return self.raw_velocity, self.noise.velocity
+        assert self.raw_position is not None
+        return self.raw_position, self.noise.position
+
+    @cached_property
+    def sure_ddq(self) -> np.ndarray:
+        """The same band-limited (N, J)."""
+        same = self.sure_acceleration is self.full_acceleration
+        return self.ddq if same else self.reduce(self.sure_acceleration)
+
+    @cached_property
+    def sure_torque(self) -> np.ndarray:
+        """Motors' torque (F, J) as far as it is no noise."""
+        assert self.raw_commanded is not None
+        return self.sure(self.raw_commanded, self.noise.commanded_effort)
+
+    def sure(self, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """A signal (F, J) up to where it stands out of its own white noise of deviation (J,)."""
+        return self._sure(x, x, noise)
+
+    def _sure(self, x: np.ndarray, read: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """A signal (F, J) up to where a reading (F, J) stands out of white noise (J,), if within the band."""
+        if not self.dynamic:
+            return x
+        highest = highest_sure_frequency(read, noise, self.rate)
+        cut = np.flatnonzero(highest < self.band)
+        if not len(cut):
+            return x
+        out = x.copy()
+        for j in cut:
+            low = signal.butter(3, max(float(highest[j]), LEAST_SURE_HZ), fs=self.rate, output="sos")
+            out[:, j] = signal.sosfiltfilt(low, x[:, j])
+        return out
+
     def velocity_noise(self) -> np.ndarray:
         """Variance (J,) [rad2/s2] that white position noise has in velocities within the band."""
         return np.asarray(self.noise.position**2 * (2.0 / self.rate) * (2 * np.pi) ** 2 * self.band**3 / 3.0)
@@ -340,34 +441,3 @@ class RecordedMotion:
             index -= (grid - ticks[index - 1]) < (ticks[index] - grid)
             return values[index]
         return np.stack([np.interp(grid, ticks, column) for column in values.T], axis=1)
-
-
-def regular(time: np.ndarray) -> np.ndarray:
-    """Stamps freed of their jitter, where they belong to a regular clock; else as they are."""
-    index = np.arange(len(time))
-    period, start = np.polyfit(index, time, 1)
-    fitted = start + period * index
-    return fitted if float(np.max(np.abs(fitted - time))) < 0.45 * period else time
-
-
-def quantum(position: np.ndarray) -> np.ndarray:
-    """Step (J,) of the grid that readings (F, J) lie on; 0 where they lie on none."""
-    out = np.zeros(position.shape[1])
-    for j, steps in enumerate(np.abs(np.diff(position, axis=0)).T):
-        some = steps[steps > 1e-9]
-        if len(some) < 10:
-            continue
-        counts = some / np.min(some)
-        # A float's smallest difference is no grid: most steps would be thousands of it.
-        if np.median(counts) < 100.0 and np.all(np.abs(counts - np.round(counts)) < 0.02):
-            out[j] = np.min(some)
-    return out
-
-
-def white_noise(x: np.ndarray, rate: float) -> np.ndarray:
-    """Standard deviation (J,) of the white part of (F, J), from the spectrum's median in its upper half."""
-    length = min(len(x), 512)
-    frequency, power = signal.welch(x, fs=rate, nperseg=length, axis=0, detrend="linear")
-    upper = frequency > 0.25 * rate
-    # The median of a chi-square with 2 degrees of freedom per average is below its mean: 0.69 at worst.
-    return np.sqrt(np.median(power[upper], axis=0) * rate / 2.0)

@@ -14,12 +14,14 @@ from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.control_law import WOUND
 from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, Columns
+from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
 FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
 AHEAD_S = 0.009  # of stated friction: MuJoCo's default solreffriction of 0.02 s at impedance 0.9
 COMPLIANCE = 1e-4  # [rad] twist at the effort limit: no joint is quite rigid
+WALKS = 60  # functions of a random walk: up to 2.5 Hz in a recording of 12 s
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 
@@ -49,7 +51,7 @@ def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns,
     for j in joints:
         out.append((trial.drive(j, ones), offset[j]))
         out.append((trial.sensor(j, flat), offset[j]))
-        velocity = motion.full_velocity[:, j]
+        velocity = motion.sure_velocity[:, j]
         # Nobody states how sharply the remaining friction turns; several widths span what it may be.
         out += [(trial.drive(j, smooth_sign(velocity, w)[None]), 0.6 * coulomb[j]) for w in FLOOR_WIDTHS]
         out.append((trial.drive(j, velocity[None]), viscous[j]))
@@ -57,11 +59,11 @@ def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns,
             shapes = [smooth_sign(velocity, w) for w in FLOOR_WIDTHS]
             turn = smooth_sign(velocity, NOMINAL_SIGN)
             # MuJoCo's turns ahead of the velocity, the less abruptly the lighter the joint.
-            ahead = velocity + AHEAD_S * motion.full_acceleration[:, j]
+            ahead = velocity + AHEAD_S * motion.sure_acceleration[:, j]
             shapes += [smooth_sign(ahead, w) for w in (NOMINAL_SIGN, *FLOOR_WIDTHS[2:])]
             out += [(trial.drive(j, (x - turn)[None]), 0.6 * float(stated.friction[j])) for x in shapes]
         if trial.rotor[j] > 0:
-            rotor = motion.full_acceleration[:, j][None]
+            rotor = motion.sure_acceleration[:, j][None]
             out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j]))
     if {"link", "dynamics"} & set(trial.channels):
         out += _bodies(trial, tolerances)
@@ -121,7 +123,7 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
         out.append((columns, stamp))
         if np.any(trial.rotor > 0):
             # States that are stamped half a period early or late move the rotor's share of the torque.
-            jerk = motion.derivative(trial.rotor * motion.ddq)
+            jerk = motion.derivative(trial.rotor * motion.sure_ddq)
             out.append(({("drive", j): jerk[None, :, j] for j in range(trial.joints)}, stamp))
     torque, channel = (motion.tau, "link") if "link" in trial.channels else (motion.u, "dynamics")
     if torque is not None and channel in trial.channels:
@@ -145,7 +147,7 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
 
 
 def _motors(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
-    """Torque per volt or ampere of each motor, and what integrals held when the recording began."""
+    """Torque per volt or ampere of each motor."""
     motion, controller = trial.motion, trial.recording.arm.controller
     if controller is None:
         return []
@@ -156,12 +158,38 @@ def _motors(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
     for j in range(trial.joints):
         if known[j] > 0 and torque is not None:
             out.append((trial.drive(j, torque[None, :, j]), spread[j]))
-    winds = law.of_joints("integral", trial.joints) + law.of_joints("velocity_integral", trial.joints)
-    elapsed = (motion.time - motion.time[0]) / max(float(motion.time[-1] - motion.time[0]), 1e-9)
-    for j in np.flatnonzero(winds > 0).tolist() if trial.shows_controller else ():
+    return out
+
+
+def recording_columns(trial: Trial) -> list[tuple[Columns, float]]:
+    """The same of what differs from recording to recording: what a controller's integrals hold.
+
+    Nobody knows what they held when the recording began. From there on they add up the noise of every
+    reading, those between two samples included: a random walk, here by its Karhunen-Loeve functions.
+    """
+    motion, controller = trial.motion, trial.recording.arm.controller
+    if controller is None or not trial.shows_controller or motion.command is None:
+        return []
+    winds = [controller.law.of_joints(name, trial.joints) for name in ("integral", "velocity_integral")]
+    if not np.any(winds):
+        return []
+    out: list[tuple[Columns, float]] = []
+    law, span = motion.described_law, max(float(motion.time[-1] - motion.time[0]), 1e-9)
+    elapsed = (motion.time - motion.time[0]) / span
+    # The terms that are integrated, as torque per second.
+    stiff, damped = (np.where(x > 0, x, 1.0) for x in (controller.stiffness, controller.damping))
+    rate = winds[0] * law.spring / stiff + winds[1] * law.damper / damped
+    step = 1.0 / motion.rate
+    noise = white_noise(rate, motion.rate) * np.sqrt(step + min(controller.period_s, step))  # per root second
+    for j in np.flatnonzero(winds[0] + winds[1] > 0).tolist():
         for shape in (np.ones_like(elapsed), elapsed):
             out.append((trial.controller(j, shape[None]), WOUND * trial.scale[j]))
-    return out
+        out.append((trial.controller(j, rate[None, :, j]), step))
+        for k in range(1, WALKS + 1):
+            turns = (k - 0.5) * np.pi
+            wave = np.sin(turns * elapsed)[None]
+            out.append((trial.controller(j, wave), float(noise[j]) * np.sqrt(2.0 * span) / turns))
+    return [(columns, std) for columns, std in out if std > 0]
 
 
 def _six(matrix: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +11,7 @@ from scipy import signal
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.residuals.equations import (
+    UNITS,
     Columns,
     Equations,
     armature,
@@ -19,6 +21,9 @@ from samrl_core.diagnosis.residuals.equations import (
     settled,
 )
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.residuals.noise_color import NoiseColor
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.phases import phases_of_motion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_core.diagnosis.simulation.sprung_link import sprung_link
 
@@ -27,8 +32,10 @@ SWINGS = 60.0  # times the variance of noise: beyond, they do so up to the band
 FINE_HZ = 40.0  # of torques whose turning points count
 
 
-class Trial:
-    """A recording with its residuals, and the places where effects put their columns."""
+class Trial(Observed):
+    """An arm's recording with its residuals, and the places where effects put their columns."""
+
+    kind = "arm"
 
     def __init__(self, recording: ArmRecording, rigid: RigidArm | None, start_s: float = 0.0) -> None:
         """Bring the recording to one clock and form the equations."""
@@ -38,10 +45,90 @@ class Trial:
         self.scale = scale_limits(recording.arm, rigid, self.motion)
         self.channels = self.equations.channels
         self.joints = self.motion.joints
-        self.cached: dict[tuple[str, str], Any] = {}  # what a form works out once per trial
+        self.cached: dict[tuple[str, str], Any] = {}
+        self._phases: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.motion)
+
+    # -- what any recording tells ----------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.recording.name
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The joints."""
+        return tuple(f"joint:{name}" for name in self.recording.arm.joints)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each channel."""
+        return UNITS
+
+    @property
+    def residual(self) -> dict[str, np.ndarray]:
+        """Per channel (N, J)."""
+        return self.equations.residual
+
+    @property
+    def sigma(self) -> dict[str, np.ndarray]:
+        """Per channel (N, J)."""
+        return self.equations.sigma
+
+    @property
+    def color(self) -> dict[str, NoiseColor]:
+        """Per channel whose noise is not white."""
+        return self.equations.color
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return float(self.motion.time[-1] - self.motion.time[0])
+
+    def elapsed(self, channel: str) -> np.ndarray:
+        """Times (N,) since the recording began [s], the same for all channels."""
+        return self.motion.t - self.motion.time[0]
+
+    def spacing(self, channel: str) -> float:
+        """Time between samples [s]."""
+        return self.motion.dt
+
+    def phases(self, channel: str) -> np.ndarray:
+        """Phase (N, J) of each sample."""
+        if self._phases is None:
+            self._phases = phases_of_motion(self.motion.dq, self.motion.dt)
+        return self._phases
+
+    def drivers(self, channel: str, row: int) -> dict[str, np.ndarray]:
+        """Quantities (N,) of a joint's motion and effort."""
+        motion = self.motion
+        q, dq = motion.q[:, row], motion.dq[:, row]
+        drivers = {
+            "sign of velocity": np.tanh(dq / 0.01),
+            "velocity": dq,
+            "acceleration": motion.ddq[:, row],
+            "position": q,
+            "sine of position": np.sin(q),
+            "cosine of position": np.cos(q),
+            "velocity squared, signed": dq * np.abs(dq),
+            "time": motion.t - motion.t[0],
+        }
+        if motion.u is not None:
+            drivers["commanded effort"] = motion.u[:, row]
+            drivers["rate of commanded effort"] = motion.derivative(motion.u[:, row])
+        return drivers
+
+    def names_of(self, kind: str) -> tuple[str, ...]:
+        """Joints, the arm, or links but the last: a mass there and one in the gripper are the same."""
+        if kind == "joint":
+            return self.places
+        if kind == "arm":
+            return (f"arm:{self.recording.arm.role}",)
+        assert self.rigid is not None
+        return tuple(f"link:{name}" for name in self.rigid.links[:-1])
 
     # -- where columns go ------------------------------------------------------------------------------
 
@@ -106,13 +193,13 @@ class Trial:
     def stiffness(self) -> np.ndarray:
         """Derivative of inverse dynamics with respect to position (N, J, J)."""
         assert self.rigid is not None
-        return self.rigid.position_derivative(self.motion.q, self.motion.dq, self.motion.ddq)
+        return self.rigid.position_derivative(self.motion.q, self.motion.dq, self.motion.sure_ddq)
 
     @cached_property
     def regressor(self) -> np.ndarray:
         """Inertial regressor (N, J, J links, 10)."""
         assert self.rigid is not None
-        return self.rigid.regressor(self.motion.q, self.motion.dq, self.motion.ddq)
+        return self.rigid.regressor(self.motion.q, self.motion.dq, self.motion.sure_ddq)
 
     @cached_property
     def tilt(self) -> np.ndarray:
@@ -128,10 +215,11 @@ class Trial:
     @cached_property
     def model_torque(self) -> np.ndarray:
         """Link-side torque of the nominal model along the measured motion (N, J)."""
-        if self.equations.model is not None:
+        motion = self.motion
+        if self.equations.model is not None and motion.sure_ddq is motion.ddq:
             return self.equations.model
         assert self.rigid is not None
-        return self.rigid.inverse_dynamics(self.motion.q, self.motion.dq, self.motion.ddq)
+        return self.rigid.inverse_dynamics(motion.q, motion.dq, motion.sure_ddq)
 
     @cached_property
     def transmitted(self) -> np.ndarray:
@@ -152,15 +240,13 @@ class Trial:
 
         Where it is the only torque, its noise is in the residual too: as with accelerations (`rotor_share`).
         """
-        assert self.motion.raw_commanded is not None
         calm, swings = self._slow_torque
-        return np.where(swings, self.motion.raw_commanded, calm)
+        return np.where(swings, self.motion.sure_torque, calm)
 
     @cached_property
     def _slow_torque(self) -> tuple[np.ndarray, np.ndarray]:
         """Motors' torque (F, J) below `ROTOR_HZ`, and which joints' fast torque is more than noise, (J,)."""
-        motion, torque = self.motion, self.motion.raw_commanded
-        assert torque is not None
+        motion, torque = self.motion, self.motion.sure_torque
         low = min(ROTOR_HZ, 0.5 * motion.band)
         slow = signal.butter(3, low, fs=motion.rate, output="sos")
         calm = np.asarray(signal.sosfiltfilt(slow, torque, axis=0))
@@ -172,7 +258,7 @@ class Trial:
     def rotor_share(self) -> np.ndarray:
         """Nominal torque (F, J) of rotor and friction at full rate; of accelerations more than noise."""
         motion = self.motion
-        friction = nominal_friction(self.recording.arm, motion.full_velocity)
+        friction = nominal_friction(self.recording.arm, motion.sure_velocity)
         return self.rotor * self.sure_acceleration + friction
 
     @cached_property
@@ -184,7 +270,7 @@ class Trial:
         well above that noise are its fast accelerations used.
         """
         motion = self.motion
-        acceleration = np.gradient(motion.full_velocity, 1.0 / motion.rate, axis=0)
+        acceleration = motion.sure_acceleration
         low = min(ROTOR_HZ, 0.5 * motion.band)
         slow = signal.butter(3, low, fs=motion.rate, output="sos")
         calm = np.asarray(signal.sosfiltfilt(slow, acceleration, axis=0))
@@ -200,7 +286,7 @@ class Trial:
             return None
         if motion.computed or (motion.tau is None and not np.all(self._slow_torque[1])):
             return None
-        torque = motion.raw_commanded - self.rotor_share
+        torque = motion.sure_torque - self.rotor_share
         low = signal.butter(3, FINE_HZ, fs=motion.rate, output="sos")
         return np.asarray(signal.sosfiltfilt(low, torque, axis=0))[:: self._fine_step]
 
@@ -225,7 +311,7 @@ class Trial:
         assert self.rigid is not None
         motion = self.motion
         return self.rigid.inverse_dynamics(
-            motion.full_position, motion.full_velocity, motion.full_acceleration
+            motion.full_position, motion.full_velocity, motion.sure_acceleration
         )
 
     def sprung(self, joint: int, stiffness: float, damping: float, gap: float) -> np.ndarray:
@@ -243,7 +329,7 @@ class Trial:
     def base_reaction(self) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (N, 6) of the arm on its mount, and joint torques (6, N, J) per unit base acceleration."""
         assert self.rigid is not None
-        return self.rigid.base_reaction(self.motion.q, self.motion.dq, self.motion.ddq)
+        return self.rigid.base_reaction(self.motion.q, self.motion.dq, self.motion.sure_ddq)
 
     @cached_property
     def rotor(self) -> np.ndarray:
@@ -261,6 +347,13 @@ class Trial:
             np.einsum("nj,pn->pnj", self.stiffness[:, :, joint], delta)
             + np.einsum("nj,pn->pnj", self.mass[:, :, joint], second)
         )
+
+
+def as_arms(trials: Sequence[Observed]) -> list[Trial]:
+    """The trials of what can only be an arm's: laws, plants, excitation."""
+    arms = [t for t in trials if isinstance(t, Trial)]
+    assert len(arms) == len(trials), "recordings of another kind reached a computation of arms"
+    return arms
 
 
 def add(*parts: Columns) -> Columns:

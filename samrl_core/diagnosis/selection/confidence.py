@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import ParameterEstimate
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 
@@ -16,14 +16,13 @@ TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every f
 RELATIVE_TEMPERATURE = 0.005  # of the best evidence, likewise: a tie within half a percent is one
 REMAINDER_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
-FORMULA = 0.05  # relative deviation of every parameter: no formula is the thing itself
 REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
 SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 
 
-def probabilities(fits: Sequence[Fit], remaining: float = 0.0) -> np.ndarray:
-    """Probability of each rival set, tempered.
+def probabilities(fits: Sequence[Fit], remaining: float = 0.0, tied: Collection[int] = ()) -> np.ndarray:
+    """Probability of each rival set, tempered; those of `tied` indices are as probable as the first.
 
     `remaining` [nat] is what the best of them leaves unexplained: formulas that are wrong by so much are not
     told apart by less.
@@ -34,6 +33,7 @@ def probabilities(fits: Sequence[Fit], remaining: float = 0.0) -> np.ndarray:
         float(np.max(evidence) - np.min(evidence)) if len(fits[0].hypotheses) > 1 else float(np.max(evidence))
     )
     temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REMAINDER_TEMPERATURE * remaining)
+    evidence[list(tied)] = evidence[0]
     weights = np.exp((evidence - np.max(evidence)) / temperature)
     return weights / np.sum(weights)
 
@@ -92,7 +92,9 @@ def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
     alone = likelihood.minus(h.regressors, -fit.amplitudes[index], rest)
     before, after = likelihood.deficit(alone, k, there), likelihood.deficit(rest, k, there)
     return float(
-        np.hypot(FORMULA, REMAINDER_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0)))
+        np.hypot(
+            h.form.deviation, REMAINDER_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))
+        )
     )
 
 
@@ -135,7 +137,7 @@ def invariance_alarms(
         for trial, kind in whole:
             got = _size_alone(trial, fit, index, k)
             if got is not None:
-                sizes.append((f"{trial.recording.name} ({kind})", *got))
+                sizes.append((f"{trial.name} ({kind})", *got))
         for a in range(len(sizes)):
             for b in range(a + 1, len(sizes)):
                 (first, va, ea, wa), (second, vb, eb, wb) = sizes[a], sizes[b]
@@ -163,7 +165,7 @@ def undone_alarms(evidence: Evidence, fit: Fit) -> list[str]:
     return alarms
 
 
-def _size_alone(trial: Trial, fit: Fit, index: int, k: float) -> tuple[float, float, float] | None:
+def _size_alone(trial: Observed, fit: Fit, index: int, k: float) -> tuple[float, float, float] | None:
     """Size of one effect in one recording relative to the joint fit: value, deviation, evidence [nat]."""
     alone = Likelihood([trial])
     rest = alone.y

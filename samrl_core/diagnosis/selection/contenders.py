@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
 from samrl_core.diagnosis.selection.resimulation import begins, gap, plant_of, resimulable, resimulate
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
@@ -68,17 +68,18 @@ def contend(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[F
     return [c.fit for c in [*ranked, *(c for c in within if c.on_bound)]]
 
 
-def motion_left(trials: Sequence[Trial], fits: Sequence[Fit]) -> list[float | None]:
+def motion_left(trials: Sequence[Observed], fits: Sequence[Fit]) -> list[float | None]:
     """Share of the squared simulated gap of motion that each fit leaves; None without a simulation."""
     out: list[float | None] = [None] * len(fits)
-    if not trials or not all(resimulable(t) for t in trials):
+    arms = [t for t in trials if resimulable(t)]
+    if not trials or len(arms) < len(trials):
         return out
-    plants = {str(k): p for k, fit in enumerate(fits) if (p := plant_of(trials[0], fit)) is not None}
+    plants = {str(k): p for k, fit in enumerate(fits) if (p := plant_of(arms[0], fit)) is not None}
     if not plants:
         return out
     used, seconds = [], 0.0
-    for trial in trials:
-        seconds += float(trial.motion.time[-1] - trial.motion.time[0])
+    for trial in arms:
+        seconds += trial.duration
         if used and seconds > SIMULATED_S:
             break
         used.append(trial)

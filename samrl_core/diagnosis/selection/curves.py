@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import Curve
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 
@@ -24,6 +24,7 @@ BINS = 80
 def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
     """Data and fit where the effect acts most strongly; other named effects are taken out."""
     likelihood = evidence.likelihood
+    trials = as_arms(likelihood.trials)
     index = fit.hypotheses.index(h)
     rest = evidence.remainder(fit)
     # What tolerances cause, a torque offset above all, would shift the data off the curve.
@@ -35,15 +36,16 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
     strongest = max(blocks, key=lambda b: float(np.sum(own[likelihood.blocks[b]] ** 2)))
     channel, joint = strongest[1:]
     xs, ys, fits = [], [], []
-    for (r, c, j), part in likelihood.blocks.items():
+    for r, c, j in likelihood.blocks:
         if (c, j) != (channel, joint):
             continue
-        trial = likelihood.trials[r]
-        sigma = trial.equations.sigma[channel][:, joint]
+        trial = trials[r]
+        sigma = trial.sigma[channel][:, joint]
         xs.append(_driver(trial, h.effect.curve_over, joint)[1])
-        ys.append((rest[part] + own[part]) * sigma)
-        fits.append(own[part] * sigma)
-    label = _driver(likelihood.trials[0], h.effect.curve_over, joint)[0]
+        block = (r, c, j)
+        ys.append(likelihood.uncolored(block, rest + own) * sigma)
+        fits.append(likelihood.uncolored(block, own) * sigma)
+    label = _driver(trials[0], h.effect.curve_over, joint)[0]
     x, y, f = np.concatenate(xs), np.concatenate(ys), np.concatenate(fits)
     edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
     middle, mean = [], []
@@ -54,7 +56,7 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
             mean.append(float(np.mean(f[inside])))
     step = max(1, len(x) // MOST_POINTS)
     unit = "rad" if channel == "tracking" else "N m"
-    joint_name = likelihood.trials[0].recording.arm.joints[joint]
+    joint_name = trials[0].recording.arm.joints[joint]
     return Curve(
         h.name, label, f"{channel} residual of {joint_name} [{unit}]", x[::step], y[::step],
         np.array(middle), np.array(mean),

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 
 from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
@@ -26,10 +28,11 @@ LONGEST_STEP_S = 0.002
 BY_THE_LAW = ("stiffness_scale", "damping_scale", "command_delay", "command_cutoff")  # fields of a controller
 
 
-def drivable(trial: Trial) -> bool:
+def drivable(trial: Observed) -> TypeGuard[Trial]:
     """Whether the recording has a model and the efforts that moved it."""
     return (
-        trial.rigid is not None
+        isinstance(trial, Trial)
+        and trial.rigid is not None
         and trial.motion.dynamic
         and trial.motion.raw_commanded is not None
         and float(trial.motion.time[-1] - trial.motion.time[0]) > 3 * WINDOW_S

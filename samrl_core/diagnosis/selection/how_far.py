@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from samrl_core.diagnosis.export.correction import Correction
-from samrl_core.diagnosis.residuals.equations import UNITS as CHANNEL_UNITS
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
 from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
+from samrl_core.diagnosis.selection.gap_in_noise import compare_in_noise
 from samrl_core.diagnosis.selection.gap_metric import shrink
 from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.resimulation import (
@@ -57,6 +57,7 @@ def how_far(
     simulate: bool,
     rng: np.random.Generator,
     progress: Callable[[str], None] = lambda _: None,
+    fitted: Likelihood | None = None,
 ) -> HowFar:
     """Nominal model, named effect and runner-up on recordings that were never fitted."""
     if not held_out.trials or not held_out.blocks:
@@ -65,13 +66,17 @@ def how_far(
         found = _simulated(held_out, selection, rng)
         if found is not None:
             return found
+    if held_out.exact and fitted is not None:
+        gap_found, overlays = compare_in_noise(fitted, held_out, selection, rng)
+        return HowFar(gap_found, (), overlays)
     return _along_the_log(held_out, selection, rng)
 
 
 def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar | None:
     """Re-simulation; None where an effect has no simulation or diverges."""
     chosen = selection.chosen
-    first = held_out.trials[0]
+    trials = [t for t in held_out.trials if resimulable(t)]
+    first = trials[0]
     plants = {"nominal": PlantParameters()}
     runner_up = None
     if chosen is not None:
@@ -89,7 +94,7 @@ def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Genera
             if size != 1.0 and scaled is not None:
                 plants[f"size {size}"] = scaled
     onset = None if chosen is None else begins(chosen)
-    runs = tuple(resimulate(trial, plants, onset) for trial in held_out.trials)
+    runs = tuple(resimulate(trial, plants, onset) for trial in trials)
     nominal = gap(runs, "nominal")
     if not np.isfinite(nominal):
         return None
@@ -100,7 +105,7 @@ def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Genera
     other = gap(runs, "runner_up") if "runner_up" in plants else None
     other = other if other is not None and np.isfinite(other) else None
     share = None if with_effect is None else shrink(nominal, with_effect)
-    closed = all(simulable(t) for t in held_out.trials)
+    closed = all(simulable(t) for t in trials)
     way = "closed-loop re-simulation" if closed else f"simulation forward over windows of {WINDOW_S:g} s"
     held = HeldOutGap(
         f"{way}, RMS over joints and channels in tolerances",
@@ -206,13 +211,14 @@ def _along_the_log(held_out: Likelihood, selection: Selection, rng: np.random.Ge
     third = None if other is None else _physical(held_out, other, channel)
     runner_up = None if third is None else float(np.sqrt(np.mean(np.concatenate(third) ** 2)))
     share = None if with_effect is None else shrink(nominal, with_effect)
+    unit = held_out.trials[0].units[channel]
     held = HeldOutGap(
-        f"residual along the log, RMS over joints ({channel})", CHANNEL_UNITS[channel], nominal, with_effect,
-        runner_up, None if rival is None else rival.hypotheses[0].name, share,
-        None if after is None else _interval(held_out, before, after, rng),
+        f"residual along the log, RMS over joints ({channel})", unit, nominal, with_effect, runner_up,
+        None if rival is None else rival.hypotheses[0].name, share,
+        None if after is None else _interval(held_out, channel, before, after, rng),
         None if share is None or runner_up is None else share - shrink(nominal, runner_up),
-        ((channel, CHANNEL_UNITS[channel], nominal, with_effect),),
-        tuple(t.recording.name for t in held_out.trials),
+        ((channel, unit, nominal, with_effect),),
+        tuple(t.name for t in held_out.trials),
     )  # fmt: skip
     return HowFar(held, (), _log_overlays(held_out, channel, before, after))
 
@@ -233,17 +239,21 @@ def _physical(held_out: Likelihood, y: np.ndarray, channel: str) -> list[np.ndar
     """Residuals of a channel in physical units, one (N, J) per recording."""
     out = []
     for r, trial in enumerate(held_out.trials):
-        parts = [y[held_out.blocks[r, channel, j]] for j in range(trial.joints)]
-        out.append(np.stack(parts, axis=1) * trial.equations.sigma[channel])
+        parts = [held_out.uncolored((r, channel, j), y) for j in range(len(trial.places))]
+        out.append(np.stack(parts, axis=1) * trial.sigma[channel])
     return out
 
 
 def _interval(
-    held_out: Likelihood, before: list[np.ndarray], after: list[np.ndarray], rng: np.random.Generator
+    held_out: Likelihood,
+    channel: str,
+    before: list[np.ndarray],
+    after: list[np.ndarray],
+    rng: np.random.Generator,
 ) -> tuple[float, float]:
     sums = []
     for trial, b, a in zip(held_out.trials, before, after, strict=True):
-        size = max(1, round(BLOCK_S / trial.motion.dt))
+        size = max(1, round(BLOCK_S / trial.spacing(channel)))
         for start in range(0, len(b), size):
             sums.append((np.sum(b[start : start + size] ** 2), np.sum(a[start : start + size] ** 2)))
     table = np.array(sums)
@@ -263,8 +273,8 @@ def _log_overlays(
             predicted = None if after is None else before[r][:, j] - after[r][:, j]
             out.append(
                 Overlay(
-                    trial.recording.name, trial.recording.arm.joints[j], "residual", CHANNEL_UNITS[channel],
-                    trial.motion.t - trial.motion.time[0], before[r][:, j], np.zeros(len(before[r])),
+                    trial.name, trial.places[j].partition(":")[2], "residual", trial.units[channel],
+                    trial.elapsed(channel), before[r][:, j], np.zeros(len(before[r])),
                     predicted,
                 )
             )  # fmt: skip

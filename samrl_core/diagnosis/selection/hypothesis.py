@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import linalg, optimize
@@ -17,7 +18,7 @@ from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.effects.form import Form, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.likelihood import Likelihood, Regressors
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.observed import Observed
 
 ONSET = "onset"  # shape of any effect that was switched on within the recordings [s]
 PLAUSIBLE = 1.7  # times the catalogue's range, for quantities that do not scale with the arm
@@ -28,8 +29,8 @@ BOUND_MARGIN = 0.02  # of the log range: a shape this close to its bound counts 
 class Hypothesis:
     """One effect at one place with its shape held."""
 
-    effect: Effect
-    form: Form
+    effect: Effect[Any]
+    form: Form[Any]
     shape: Shape
     regressors: Regressors
     mean: np.ndarray  # (p,) prior
@@ -60,7 +61,9 @@ class Fit:
     log_evidence: float  # against no effect [nat]
 
 
-def hypothesis(likelihood: Likelihood, effect: Effect, form: Form, shape: Shape) -> Hypothesis | None:
+def hypothesis(
+    likelihood: Likelihood, effect: Effect[Any], form: Form[Any], shape: Shape
+) -> Hypothesis | None:
     """Evaluate an effect's regressors; None where nothing of it is seen in these recordings."""
     columns = [form.columns(trial, shape) for trial in likelihood.trials]
     if ONSET in shape:
@@ -77,10 +80,10 @@ def hypothesis(likelihood: Likelihood, effect: Effect, form: Form, shape: Shape)
     return Hypothesis(effect, form, shape, regressors, mean, spread, gram, moment, cost=cost)
 
 
-def _from(trial: Trial, columns: Columns, onset: float) -> Columns:
+def _from(trial: Observed, columns: Columns, onset: float) -> Columns:
     """Columns that are zero until an onset [s] after the start of their recording."""
-    there = trial.motion.t - trial.motion.time[0] >= onset
-    return {key: rows * there for key, rows in columns.items()}
+    there = {channel: trial.elapsed(channel) >= onset for channel in trial.channels}
+    return {key: rows * there[key[0]] for key, rows in columns.items()}
 
 
 class Evidence:
@@ -141,7 +144,7 @@ class Evidence:
             y = self.likelihood.minus(h.regressors, a, y)
         return y
 
-    def screen(self, effects: Sequence[Effect]) -> list[Hypothesis]:
+    def screen(self, effects: Sequence[Effect[Any]]) -> list[Hypothesis]:
         """Every effect at every place, form and grid shape that can be seen."""
         out: list[Hypothesis] = []
         trial = self.likelihood.trials[0]
@@ -194,7 +197,7 @@ class Evidence:
         return best
 
 
-def implausible(h: Hypothesis, trial: Trial, amplitudes: np.ndarray) -> bool:
+def implausible(h: Hypothesis, trial: Observed, amplitudes: np.ndarray) -> bool:
     """Whether a relative or angular parameter lies far outside of what the catalogue has ever seen."""
     ranges = {
         p.name: PLAUSIBLE * max(abs(p.low), abs(p.high))

@@ -9,7 +9,7 @@ refused, the first is the nearest.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from samrl_core.diagnosis.selection.confidence import (
 from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
 from samrl_core.diagnosis.selection.selection import Selection, with_chosen, without_member
+from samrl_core.diagnosis.selection.twins import find_twins
 
 RUNNER_UPS = 5
 ATTEMPTS = 4  # sets that are judged at most
@@ -72,6 +73,9 @@ def judge_sets(
             return one
         nearest = nearest or one
     assert nearest is not None
+    if nearest.selection.chosen is not None and nearest.outcome.verdict == "none_of_mine":
+        quiet = rules.unconfirmed(nearest.outcome, nearest.selection, nearest.named[0], settings)
+        return nearest if quiet is None else replace(nearest, outcome=quiet)
     return nearest
 
 
@@ -143,21 +147,23 @@ def judge_set(
     alarms: list[str] = []
     if chosen is not None:
         progress("how sure")
-        p = probabilities([chosen, *selection.rivals], selection.remaining)
+        twins = find_twins(evidence, chosen, selection.rivals)
+        rivals = (*twins, *(r for r in selection.rivals if r not in twins)) if twins else selection.rivals
+        p = probabilities([chosen, *rivals], selection.remaining, range(1, len(twins) + 1))
         named = tuple(
             _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
             for i in range(len(chosen.hypotheses))
         )
         runner_ups = tuple(
             _named(evidence, f, 0, float(q), "runner_up", rng)
-            for f, q in zip(selection.rivals[:RUNNER_UPS], p[1:], strict=False)
+            for f, q in zip(rivals[:RUNNER_UPS], p[1:], strict=False)
         )
         alarms += invariance_alarms(likelihood, held, evidence, chosen)
         alarms += undone_alarms(evidence, chosen)
         for h in chosen.hypotheses:
             alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
     progress("how far")
-    far = how_far(held, selection, simulate, rng, progress)
+    far = how_far(held, selection, simulate, rng, progress, likelihood)
     alarms += list(far.alarms)
     outcome = rules.decide(selection, named, runner_ups, alarms, far, settings)
     contradicted = tuple(

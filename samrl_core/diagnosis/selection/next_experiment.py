@@ -21,7 +21,8 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import SamrlError
 from samrl_core.diagnosis.residuals.equations import nominal_friction
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis, hypothesis
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
@@ -36,7 +37,7 @@ def next_experiment(
     likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
 ) -> NextExperiment | None:
     """Propose a trajectory for the rivals with these `family@place` names; None for an arm without a role."""
-    trial = likelihood.trials[0]
+    (trial, *_) = as_arms(likelihood.trials)
     arm = trial.recording.arm
     if arm.role not in ROLES:
         return None
@@ -57,7 +58,7 @@ def next_experiment(
                 (run, *_) = file_runs("next", file, spec, _payload(trial))
             except SamrlError:
                 continue  # this arm has no room for it
-            scored.append((_discrimination(_virtual(trial, run, spec), list(rivals.values())), file))
+            scored.append((discrimination(_virtual(trial, run, spec), list(rivals.values())), file))
     pair = " and ".join(names[:3])
     if scored:
         best, file = max(scored, key=lambda item: item[0])
@@ -113,7 +114,7 @@ def _virtual(trial: Trial, run: Run, spec: RobotSpec) -> Trial:
     return Trial(ArmRecording("next", "", "", arm, states, command, sent), rigid)
 
 
-def _discrimination(virtual: Trial, rivals: Sequence[tuple[Hypothesis, np.ndarray]]) -> float:
+def discrimination(virtual: Observed, rivals: Sequence[tuple[Hypothesis, np.ndarray]]) -> float:
     """Smallest energy [nat] over ordered pairs that remains when the wrong rival is fitted."""
     likelihood = Likelihood([virtual])
     least = np.inf
@@ -128,6 +129,9 @@ def _discrimination(virtual: Trial, rivals: Sequence[tuple[Hypothesis, np.ndarra
                 continue
             cross = likelihood.tempered_gram(wrong.regressors, own, 2.0)[:, 0]
             gram = likelihood.tempered_gram(wrong.regressors, wrong.regressors, 2.0)
+            # Beyond what the wrong one does at its prior's mean, which is its presence where it has no size.
+            whole = energy - 2.0 * float(wrong.mean @ cross) + float(wrong.mean @ gram @ wrong.mean)
+            cross = cross - gram @ wrong.mean
             gram = gram + np.diag(1.0 / wrong.spread**2)
-            least = min(least, 0.5 * (energy - float(cross @ np.linalg.solve(gram, cross))))
+            least = min(least, 0.5 * (whole - float(cross @ np.linalg.solve(gram, cross))))
     return float(max(least, 0.0)) if np.isfinite(least) else 0.0

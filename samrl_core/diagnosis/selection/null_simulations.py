@@ -21,6 +21,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.resimulation import from_start, simulable
@@ -32,7 +33,7 @@ VERSION = 2  # of what is computed; part of the cache's key
 
 
 def simulate_null_evidence(
-    trials: Sequence[Trial],
+    trials: Sequence[Observed],
     effects: Sequence[Effect],
     count: int,
     seed: int = 0,
@@ -44,15 +45,16 @@ def simulate_null_evidence(
     Simulations that were made before, with the same commands, arm and library, come from the cache: an
     interrupted run goes on where it stopped.
     """
-    if not trials or not all(simulable(t) for t in trials):
+    arms = [t for t in trials if simulable(t)]
+    if not trials or len(arms) < len(trials):
         return None
-    file = None if cache is None else cache / f"{_key(trials, effects, seed)}.json"
+    file = None if cache is None else cache / f"{_key(arms, effects, seed)}.json"
     found: list[float] = json.loads(file.read_text())["gains"] if file is not None and file.exists() else []
     for k in range(len(found), count):
         progress(f"simulation {k + 1} of {count} without an effect")
         rng = np.random.default_rng([seed, k])
-        recordings = simulate_null_recordings(trials, sample_plant(trials[0], rng), rng)
-        found.append(-np.inf if recordings is None else best_log_evidence(recordings, trials, effects))
+        recordings = simulate_null_recordings(arms, sample_plant(arms[0], rng), rng)
+        found.append(-np.inf if recordings is None else best_log_evidence(recordings, arms, effects))
         if file is not None:
             write_whole(file, json.dumps({"gains": found}))
     made = np.array(found[:count])

@@ -12,7 +12,7 @@ from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.diagnosis.export.correction import BODY, Correction, NominalLaw
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import HeldOutGap
 from samrl_core.diagnosis.selection.confidence import formula_deviation, shape_width
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
@@ -32,7 +32,7 @@ def correction_of(
     rng: np.random.Generator,
 ) -> Correction:
     """The correction that a fit makes of its arm's model."""
-    trials = evidence.likelihood.trials
+    trials = as_arms(evidence.likelihood.trials)
     trial = trials[0]
     arm = trial.recording.arm
     stated = joint_dynamics(arm)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import numpy as np
 
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError, LimitError
+from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.forward_windows import drivable, drive_forward, has_no_law
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, channel_scales, shrink
@@ -33,17 +35,18 @@ class Resimulation:
     scales: dict[str, np.ndarray]  # (J,)
 
 
-def simulable(trial: Trial) -> bool:
+def simulable(trial: Observed) -> TypeGuard[Trial]:
     """Whether the recording's arm, controller and command suffice for a closed loop."""
     return (
-        trial.rigid is not None
+        isinstance(trial, Trial)
+        and trial.rigid is not None
         and trial.motion.dynamic
         and trial.recording.arm.controller is not None
         and trial.motion.drive_input is not None
     )
 
 
-def resimulable(trial: Trial) -> bool:
+def resimulable(trial: Observed) -> TypeGuard[Trial]:
     """Whether the recording can be simulated again, in closed loop or forward from its efforts."""
     return simulable(trial) or drivable(trial)
 

@@ -54,7 +54,7 @@ def _inside_first(fits: list[Fit]) -> list[Fit]:
 
 def find_onset(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
     """The best single effect that begins within the recordings, at one time after each one's start."""
-    shortest = min(float(t.motion.time[-1] - t.motion.time[0]) for t in evidence.likelihood.trials)
+    shortest = min(t.duration for t in evidence.likelihood.trials)
     best: Fit | None = None
 
     def attempt(fit: Fit, onset: float) -> Fit | None:

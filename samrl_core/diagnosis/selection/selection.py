@@ -22,6 +22,7 @@ from samrl_core.diagnosis.selection.search import (
     find_rivals,
     swap_members,
 )
+from samrl_core.diagnosis.selection.twins import does_the_same
 
 MOST_EFFECTS = 3
 CLEARLY_MORE = 1.5  # times what the first member adds to the others
@@ -138,7 +139,7 @@ def select(
 
 def _stands_wide(evidence: Evidence, fit: Fit, settings: SelectionSettings) -> bool:
     """Whether an effect of little evidence is believed with wider tolerances too."""
-    if fit.log_evidence > SURELY * settings.threshold:
+    if fit.log_evidence > SURELY * settings.threshold or evidence.likelihood.exact:
         return True
     wide = Evidence(Likelihood(evidence.likelihood.trials, WIDE), evidence.correlation_time)
     made = [hypothesis(wide.likelihood, h.effect, h.form, h.shape) for h in fit.hypotheses]
@@ -271,11 +272,16 @@ def _worth(
     common = added.place.startswith("arm:") and added.effect.at_every_joint
     mends = before < settings.local_remainder * at_all and not common
     same = {b[1:] for b in there} <= {b[1:] for h in narrow.hypotheses for b in h.regressors.blocks}
-    if same and not common and explained < settings.same_share * at_all:
-        return False
-    share = 0.9 if mends else 0.5 * settings.local_share if common else settings.local_share
-    if explained < share * before:
-        return False
+    # Geometry is exact: there is no formula to mend, and two errors of one chain act on all its channels.
+    if likelihood.exact:
+        if any(does_the_same(likelihood, added, h) for h in narrow.hypotheses):
+            return False
+    else:
+        if same and not common and explained < settings.same_share * at_all:
+            return False
+        share = 0.9 if mends else 0.5 * settings.local_share if common else settings.local_share
+        if explained < share * before:
+            return False
     known = _known(held_out, there)
     held_before = held_out.deficit(held_left, k, known)
     held_after = held_out.deficit(held_out_remainder(held_out, wide), k, known)

@@ -27,8 +27,8 @@ def signatures(likelihood: Likelihood, rest: np.ndarray, evidence: Evidence) -> 
         for r, trial in enumerate(likelihood.trials):
             if (r, channel, j) not in likelihood.blocks:
                 continue
-            x = rest[likelihood.blocks[r, channel, j]]
-            for name, driver in _drivers(trial, j).items():
+            x = likelihood.uncolored((r, channel, j), rest)
+            for name, driver in trial.drivers(channel, j).items():
                 hints.setdefault(name, []).append(_correlation(x, driver))
         mean = {name: float(np.mean(values)) for name, values in hints.items()}
         strong = tuple(
@@ -36,8 +36,8 @@ def signatures(likelihood: Likelihood, rest: np.ndarray, evidence: Evidence) -> 
             for name, value in sorted(mean.items(), key=lambda item: -abs(item[1]))
             if abs(value) > HINT
         )
-        joint = likelihood.trials[0].recording.arm.joints[j]
-        out.append(Signature(f"joint:{joint}", channel, strong or (("no simple pattern", 0.0),)))
+        place = likelihood.trials[0].places[j]
+        out.append(Signature(place, channel, strong or (("no simple pattern", 0.0),)))
     return tuple(out)
 
 
@@ -48,8 +48,9 @@ def couplings(likelihood: Likelihood, rest: np.ndarray) -> tuple[tuple[str, str,
     a shaft that turns with two joints is a coupling, whether or not it has been explained.
     """
     out = []
-    joints = likelihood.trials[0].recording.arm.joints if likelihood.trials else ()
-    for channel in likelihood.trials[0].channels if likelihood.trials else ():
+    trials = [t for t in likelihood.trials if isinstance(t, Trial)]
+    joints = trials[0].recording.arm.joints if trials else ()
+    for channel in trials[0].channels if trials else ():
         if channel not in ("drive", "dynamics"):
             continue
         for j, name in enumerate(joints):
@@ -57,36 +58,16 @@ def couplings(likelihood: Likelihood, rest: np.ndarray) -> tuple[tuple[str, str,
                 if i == j:
                     continue
                 found: dict[str, list[float]] = {}
-                for r, trial in enumerate(likelihood.trials):
-                    part = likelihood.blocks[r, channel, j]
+                for r, trial in enumerate(trials):
+                    seen = [likelihood.uncolored((r, channel, j), x) for x in (likelihood.y, rest)]
                     own = _moving(trial, j)
                     for quantity, driver in _moving(trial, i).items():
-                        values = [_partial(x[part], driver, list(own.values())) for x in (likelihood.y, rest)]
+                        values = [_partial(x, driver, list(own.values())) for x in seen]
                         found.setdefault(quantity, []).append(max(values, key=abs))
                 for quantity, values in found.items():
                     if abs(float(np.mean(values))) > COUPLING:
                         out.append((name, other, quantity, round(float(np.mean(values)), 2)))
     return tuple(sorted(out, key=lambda item: -abs(item[3]))[:8])
-
-
-def _drivers(trial: Trial, joint: int) -> dict[str, np.ndarray]:
-    motion = trial.motion
-    q, dq = motion.q[:, joint], motion.dq[:, joint]
-    time = motion.t - motion.t[0]
-    drivers = {
-        "sign of velocity": np.tanh(dq / 0.01),
-        "velocity": dq,
-        "acceleration": motion.ddq[:, joint],
-        "position": q,
-        "sine of position": np.sin(q),
-        "cosine of position": np.cos(q),
-        "velocity squared, signed": dq * np.abs(dq),
-        "time": time,
-    }
-    if motion.u is not None:
-        drivers["commanded effort"] = motion.u[:, joint]
-        drivers["rate of commanded effort"] = motion.derivative(motion.u[:, joint])
-    return drivers
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
@@ -97,7 +78,7 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 def _moving(trial: Trial, joint: int) -> dict[str, np.ndarray]:
     """Quantities by which a joint's motion may act on another."""
-    drivers = _drivers(trial, joint)
+    drivers = trial.drivers("drive", joint)
     return {name: drivers[name] for name in ("sign of velocity", "velocity", "acceleration")}
 
 

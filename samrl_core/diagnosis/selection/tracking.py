@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.effects import EFFECTS
+from samrl_core.diagnosis.effects import EVERY_EFFECT, Effect
 from samrl_core.diagnosis.result import NamedEffect
 from samrl_core.diagnosis.selection.confidence import estimates
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
@@ -18,9 +19,9 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
     """`family@place` each.
 
     Raises:
-        InputError: a name without a place, or of a family that joint channels cannot show.
+        InputError: a name without a place, or of a family that no recording shows.
     """
-    known = {e.family for e in EFFECTS}
+    known = {e.family for e in EVERY_EFFECT}
     for name in names:
         family, at, place = name.partition("@")
         if not (at and place) or family not in known:
@@ -32,7 +33,11 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def track(
-    evidence: Evidence, chosen: Fit | None, names: Sequence[str], rng: np.random.Generator
+    evidence: Evidence,
+    chosen: Fit | None,
+    names: Sequence[str],
+    rng: np.random.Generator,
+    effects: Sequence[Effect[Any]],
 ) -> tuple[NamedEffect, ...]:
     """Each effect beside the chosen ones, in the form and shape that fit best; what is not seen is left out.
 
@@ -41,12 +46,13 @@ def track(
         chosen: what the diagnosis named, if anything.
         names: `family@place` of effects that are not among the chosen ones.
         rng: for the intervals.
+        effects: that these recordings may show.
     """
     beside = () if chosen is None else chosen.hypotheses
     out = []
     for name in names:
         family, _, place = name.partition("@")
-        pool = [h for h in evidence.screen([e for e in EFFECTS if e.family == family]) if h.place == place]
+        pool = [h for h in evidence.screen([e for e in effects if e.family == family]) if h.place == place]
         fits = [evidence.fit([h, *(other for other in beside if other.name != name)]) for h in pool]
         best = max(
             (f for f in fits if np.isfinite(f.log_evidence)), key=lambda f: f.log_evidence, default=None

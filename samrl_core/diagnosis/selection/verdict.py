@@ -44,6 +44,7 @@ class Decision:
     reasons: tuple[str, ...]
     tied: tuple[str, ...] = ()
     unexplained: float = 0.0
+    contradicted: bool = False  # held-out recordings are worse off with what was found
 
 
 def decide(
@@ -85,6 +86,7 @@ def decide(
         )
     reasons, refusals = [], []
     much_left = []
+    contradicted = False
     if selection.excess > settings.visible and selection.unexplained > settings.unexplained:
         much_left.append(
             f"{selection.unexplained:.0%} of the gap stays unexplained with {named[0].name}, "
@@ -100,8 +102,10 @@ def decide(
             )
     elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
         refusals.append("with it, held-out recordings fit worse than without")
+        contradicted = True
     if far.gap is not None and far.gap.shrink is not None and far.gap.shrink < settings.worse:
         refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
+        contradicted = True
     if selection.chosen.hypotheses[0].effect.limits_motion and 0.0 <= _moves(far) < settings.limits:
         refusals.append(f"{named[0].name} is no limit: without it the motion is hardly simulated worse")
     refusals += list(alarms)
@@ -109,7 +113,8 @@ def decide(
     if much_left and not stands:
         refusals = [*much_left, *refusals]
     if refusals:
-        return Decision("none_of_mine", (*refusals, f"nearest is {named[0].name}, which would be wrong"))
+        wrong = f"nearest is {named[0].name}, which would be wrong"
+        return Decision("none_of_mine", (*refusals, wrong), contradicted=contradicted)
     if stands:
         reasons.append(
             f"{selection.unexplained:.0%} of the torque residual stays unexplained: there is more, and"
@@ -144,6 +149,26 @@ def hidden_in_noise(named: NamedEffect) -> Decision:
             "no joint, channel and phase stands out of noise and the stated tolerances",
             f"the best effect, {named.name}, gains {named.gain:.0f} of log evidence, but what it does stays"
             " below the noise everywhere",
+        ),
+    )
+
+
+def unconfirmed(
+    refused: Decision, selection: Selection, named: NamedEffect, settings: VerdictSettings
+) -> Decision | None:
+    """The verdict where only an effect shows a gap, and held-out recordings contradict it; else None.
+
+    A gap that no effect explains must be seen without one: in more than noise and tolerances leave.
+    """
+    most = max(selection.excess, selection.held_out_excess)
+    if not refused.contradicted or most >= settings.no_gap:
+        return None
+    return Decision(
+        "no_gap",
+        (
+            f"what {named.name} explains of the fitted recordings, {named.gain:.0f} of log evidence, is"
+            " contradicted by the held-out ones",
+            "without it nothing beyond sensor noise and the stated tolerances was found",
         ),
     )
 

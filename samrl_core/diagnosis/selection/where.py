@@ -1,4 +1,4 @@
-"""Where the gap lies: whitened residuals by joint, channel, phase and window, and when it began."""
+"""Where the gap lies: whitened residuals by place, channel, phase and window, and when it began."""
 
 from __future__ import annotations
 
@@ -7,33 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from samrl_core.diagnosis.residuals.equations import CHANNELS
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import PHASES, Heatmap, Timeline, WhereItem
 
 WINDOW_S = 0.25
-REST_SPEED = 0.01  # [rad/s]
-SLOW_SPEED = 0.15  # [rad/s]
-REVERSAL_S = 0.15  # around a change of direction
 FALSE_DISCOVERY = 0.01
 LEAST_SHARE = 0.01  # of the excess that an item must have to be listed
-
-
-def phases_of(trial: Trial) -> np.ndarray:
-    """Phase index (N, J) of each sample: rest, reversal, slow, fast."""
-    velocity = trial.motion.dq
-    speed = np.abs(velocity)
-    out = np.where(speed < REST_SPEED, 0, np.where(speed < SLOW_SPEED, 2, 3))
-    reach = max(1, round(REVERSAL_S / trial.motion.dt))
-    for j in range(velocity.shape[1]):
-        moving = np.flatnonzero(speed[:, j] > REST_SPEED)
-        turns = np.flatnonzero(np.diff(np.sign(velocity[moving, j])))
-        for k in turns:
-            first, last = moving[k], moving[k + 1]
-            if (last - first) * trial.motion.dt < 1.0:  # a long rest in between is no reversal
-                out[max(0, first - reach) : last + reach, j] = 1
-    return out
 
 
 def heatmap(
@@ -46,14 +25,13 @@ def heatmap(
     """
     z = _standing_out(z, effects)
     trials = likelihood.trials
-    joints = trials[0].recording.arm.joints
-    channels = [c for c in CHANNELS if c in trials[0].channels]
+    places, channels = trials[0].places, trials[0].channels
     columns = [(c, p) for c in channels for p in PHASES]
-    total = np.zeros((len(joints), len(columns)))
+    total = np.zeros((len(places), len(columns)))
     count = np.zeros_like(total)
     per: dict[tuple[int, str, int, int], float] = {}
     for (r, channel, j), part in likelihood.blocks.items():
-        square, phase = z[part] ** 2, phases_of(trials[r])[:, j]
+        square, phase = z[part] ** 2, trials[r].phases(channel)[:, j]
         for p in range(len(PHASES)):
             chosen = phase == p
             column = channels.index(channel) * len(PHASES) + p
@@ -79,15 +57,14 @@ def heatmap(
             t0, t1 = _span(likelihood, z, r, channel, j, PHASES.index(phase))
             items.append(
                 WhereItem(
-                    f"joint:{joints[j]}", channel, phase, t0, t1, float(excess[j, column] / everything),
-                    trials[r].recording.name,
+                    places[j], channel, phase, t0, t1, float(excess[j, column] / everything), trials[r].name,
                 )
             )  # fmt: skip
     values = np.where(count > 0, np.sqrt(np.nan_to_num(mean)), np.nan)
     below = values[enough & ~significant]
     # Just above the largest that is not significant, so that it is not counted itself.
     threshold = float(np.nextafter(np.max(below), np.inf)) if below.size else 1.0
-    return Heatmap(tuple(f"joint:{j}" for j in joints), tuple(columns), values, threshold), tuple(items)
+    return Heatmap(places, tuple(columns), values, threshold), tuple(items)
 
 
 def timelines(
@@ -104,24 +81,25 @@ def timelines(
     z = _standing_out(z, effects)
     out = []
     for r, trial in enumerate(likelihood.trials):
-        size = max(1, round(WINDOW_S / trial.motion.dt))
-        windows = len(trial) // size
+        channel = trial.channels[0]
+        elapsed = trial.elapsed(channel)
+        size = max(1, round(WINDOW_S / trial.spacing(channel)))
+        windows = len(elapsed) // size
         if windows < 1:
             continue
-        joints = trial.recording.arm.joints
 
         def per_window(samples: np.ndarray, size: int = size, windows: int = windows) -> np.ndarray:
             return samples[: windows * size].reshape(windows, size).mean(axis=1)
 
         energy = {}
-        for j, name in enumerate(joints):
+        for j, place in enumerate(trial.places):
             parts = [part for (rr, _, jj), part in likelihood.blocks.items() if (rr, jj) == (r, j)]
-            energy[f"joint:{name}"] = np.sqrt(np.max([per_window(z[part] ** 2) for part in parts], axis=0))
+            energy[place] = np.sqrt(np.max([per_window(z[part] ** 2) for part in parts], axis=0))
         freedom = max(size / correlation, 1.0)
-        chance = FALSE_DISCOVERY / (windows * len(joints))
+        chance = FALSE_DISCOVERY / (windows * len(trial.places))
         threshold = float(np.sqrt(stats.chi2.isf(chance, freedom) / freedom))
-        time = per_window(trial.motion.t) - float(trial.motion.time[0])
-        out.append(Timeline(trial.recording.name, time, energy, threshold, onsets[r]))
+        time = per_window(elapsed)
+        out.append(Timeline(trial.name, time, energy, threshold, onsets[r]))
     return tuple(out)
 
 
@@ -132,7 +110,8 @@ def onset(likelihood: Likelihood, prediction: np.ndarray, recording: int, correl
     a coefficient of nothing turns into one of the whole, and the effect would have shown before.
     """
     trial = likelihood.trials[recording]
-    numerator, power = np.zeros(len(trial)), np.zeros(len(trial))
+    elapsed = trial.elapsed(trial.channels[0])
+    numerator, power = np.zeros(len(elapsed)), np.zeros(len(elapsed))
     for (r, _, _), part in likelihood.blocks.items():
         if r == recording:
             numerator += prediction[part] * likelihood.y[part]
@@ -149,7 +128,7 @@ def onset(likelihood: Likelihood, prediction: np.ndarray, recording: int, correl
         return None
     if abs(before_n[k] / before_p[k]) > 0.3 or after_n[k] / after_p[k] < 0.5:
         return None
-    return float(trial.motion.t[k] - trial.motion.time[0])
+    return float(elapsed[k])
 
 
 def _standing_out(z: np.ndarray, effects: np.ndarray | None) -> np.ndarray:
@@ -163,17 +142,17 @@ def _span(
     """First and last time at which a cell's windows stand out."""
     trial = likelihood.trials[r]
     square = z[likelihood.blocks[r, channel, j]] ** 2
-    chosen = phases_of(trial)[:, j] == phase
+    chosen = trial.phases(channel)[:, j] == phase
     high = (
         chosen & (square > max(4.0, 0.25 * float(np.quantile(square[chosen], 0.9))))
         if chosen.any()
         else chosen
     )
     index = np.flatnonzero(high if high.any() else chosen)
-    start = float(trial.motion.time[0])
+    elapsed = trial.elapsed(channel)
     if not len(index):
-        return 0.0, float(trial.motion.t[-1] - start)
-    return float(trial.motion.t[index[0]] - start), float(trial.motion.t[index[-1]] - start)
+        return 0.0, float(elapsed[-1])
+    return float(elapsed[index[0]]), float(elapsed[index[-1]])
 
 
 def _benjamini_hochberg(p_values: np.ndarray, rate: float) -> float:

@@ -11,7 +11,6 @@ import warp as wp
 from samrl_core.diagnosis.simulation.simulation_arrays import F, H, L, P, S, f64
 
 ZERO = wp.constant(f64(0.0))
-HALF = wp.constant(f64(0.5))
 ONE = wp.constant(f64(1.0))
 TINY = wp.constant(f64(1.0e-12))
 CABLE_SLIP = wp.constant(f64(0.05))  # motion over which a cable's friction turns round [rad]. ASSUMPTION

@@ -46,6 +46,7 @@ class RigidArm:
         self._ids = ids
         self._q_index = [model.joints[i].idx_q for i in ids]
         self._v_index = [model.joints[i].idx_v for i in ids]
+        self.slides = tuple("JointModelP" in model.joints[i].shortname() for i in ids)  # prismatic, per joint
         self._continuous = [model.joints[i].nq == 2 for i in ids]
         self.flange_joint, self.flange, self.flange_in_joint = _flange(model, ids[-1])
         if arm.tool is not None:
@@ -156,6 +157,22 @@ class RigidArm:
                 unit[axis, k] = pin.rnea(model, data, qs[k], zero, zero)[self._v_index]
         model.gravity = kept
         return wrench, unit
+
+    def kinematics(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Flange (N, 4, 4) and moving links (N, J, 4, 4) in the base, and the joints' twists (N, J, 6).
+
+        Twists are per radian, of the base's origin, translation first, in base axes.
+        """
+        flanges = np.empty((len(q), 4, 4))
+        links = np.empty((len(q), len(self._ids), 4, 4))
+        twists = np.empty((len(q), len(self._ids), 6))
+        for k, row in enumerate(self._full_q(q)):
+            pin.computeJointJacobians(self.model, self.data, row)
+            flanges[k] = (self.data.oMi[self.flange_joint] * self.flange_in_joint).homogeneous
+            twists[k] = np.asarray(self.data.J)[:, self._v_index].T
+            for j, i in enumerate(self._ids):
+                links[k, j] = self.data.oMi[i].homogeneous
+        return flanges, links, twists
 
     def _full_q(self, q: np.ndarray) -> np.ndarray:
         q = np.asarray(q, dtype=float)

@@ -14,7 +14,7 @@ PSEUDO = 1.0  # transitions that are believed before any were seen, as the first
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class AgeChain:
     """Probabilities of the next sample's age; (B, ages) each, of B chains."""
 
     up: np.ndarray  # one sample older; the oldest stays the oldest
@@ -24,22 +24,22 @@ class Chain:
     target: np.ndarray  # what it is set to: sums to one
 
     @staticmethod
-    def held(chains: int, ages: int) -> Chain:
+    def held(chains: int, ages: int) -> AgeChain:
         """Packets that get lost: the last one grows old until the next arrives, which is fresh."""
         zero = np.zeros((chains, ages))
         up = np.full_like(zero, 0.5)
         up[:, 0] = 0.02
         target = zero.copy()
         target[:, 0] = 1.0
-        return Chain(up, zero, zero, 1.0 - up, target)
+        return AgeChain(up, zero, zero, 1.0 - up, target)
 
     @staticmethod
-    def wandering(chains: int, ages: int) -> Chain:
+    def wandering(chains: int, ages: int) -> AgeChain:
         """A delay that stays for a while, drifts by single samples, and now and then jumps."""
         one = np.ones((chains, ages))
-        return Chain(0.2 * one, 0.5 * one, 0.2 * one, 0.1 * one, one / ages)
+        return AgeChain(0.2 * one, 0.5 * one, 0.2 * one, 0.1 * one, one / ages)
 
-    def learnt(self, counts: np.ndarray) -> Chain:
+    def learnt(self, counts: np.ndarray) -> AgeChain:
         """From expected transitions (B, 5, ages) in the order of the fields."""
         total = counts + PSEUDO * np.stack([self.up, self.stay, self.down, self.new, self.target], axis=1)
         # A drift does not depend on the age. Losses come in bursts (Gilbert 1960, Bell Syst. Tech. J. 39):
@@ -48,7 +48,7 @@ class Chain:
         total[:, :4, alike] = np.sum(total[:, :4, alike], axis=2, keepdims=True)
         moves = total[:, :4] / np.sum(total[:, :4], axis=1, keepdims=True)
         target = total[:, 4] / np.sum(total[:, 4], axis=1, keepdims=True)
-        return Chain(moves[:, 0], moves[:, 1], moves[:, 2], moves[:, 3], target)
+        return AgeChain(moves[:, 0], moves[:, 1], moves[:, 2], moves[:, 3], target)
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -127,7 +127,7 @@ def _smooth(
             counts[c, 4, a] += renewal * moves[c, 4, a] * work[c, 0, a]
 
 
-def forward_backward(logs: np.ndarray, chain: Chain) -> tuple[np.ndarray, np.ndarray, Chain]:
+def forward_backward(logs: np.ndarray, chain: AgeChain) -> tuple[np.ndarray, np.ndarray, AgeChain]:
     """Posterior (B, F, ages), log likelihood (B,) [nat], and the chain that makes the ages more probable.
 
     Args:

@@ -8,7 +8,10 @@ from samrl_core.diagnosis.effects.drive_torque import track_joints
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import TIMING_RATE_HZ, Columns
+from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
+
+FOREIGN = 0.2  # of a damper's noise: so much that the recorded torque lacks is no noise of the controller
 
 
 class ControllerGain(Effect):
@@ -55,7 +58,7 @@ class ScaledGains(Form):
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
         law = trial.motion.described_law
-        terms = {"eK": law.spring + law.stiff_integral, "eD": law.damper}
+        terms = {"eK": law.spring + law.stiff_integral, "eD": sure_damper(trial)}
         if trial.motion.computed:
             # By the model: against what tolerances of masses say, a law would seem to explain their noise.
             done = trial.delivered_torque + trial.motion.back_emf_loss
@@ -82,6 +85,22 @@ class ScaledGains(Form):
             fields[name]: self.at_joints(trial, 1.0 + value, 1.0)
             for name, value in self.parameters(trial, shape, amplitudes).items()
         }
+
+
+def sure_damper(trial: Trial) -> np.ndarray:
+    """The law's damper (F, J) without noise that the controller did not read itself.
+
+    Speeds that were differenced from rounded logs have noise of their own. The torque then lacks it, the
+    residual holds it, and a weaker damper would seem to explain it.
+    """
+    motion, damper = trial.motion, trial.motion.described_law.damper
+    own = white_noise(damper, motion.rate)
+    if motion.computed or motion.asked is None:
+        foreign = own
+    else:
+        foreign = white_noise(trial.motion.described_law.total - motion.asked, motion.rate)
+    calm = motion.sure(damper, own)
+    return np.where(foreign > FOREIGN * own, calm, damper)
 
 
 class Sag(Form):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from samrl_core.diagnosis.effects.drive.age_chain import Chain, forward_backward
+from samrl_core.diagnosis.effects.drive.age_chain import AgeChain, forward_backward
 from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.residuals.motion import BAND_HZ
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -139,7 +139,7 @@ def _by_age(x: np.ndarray, ages: int) -> np.ndarray:
 def _find(trial: Trial, side: str, clock: str) -> tuple[Age, ...]:
     sent, done = _sent(trial, side), _done(trial, side)
     rate, joints, oldest = trial.motion.rate, sent.shape[1], _oldest(trial)
-    chain = Chain.held(joints + 1, oldest) if clock == HELD else Chain.wandering(joints + 1, oldest)
+    chain = AgeChain.held(joints + 1, oldest) if clock == HELD else AgeChain.wandering(joints + 1, oldest)
     low = _slow_filter(rate)
     sharpest = SHARPEST * np.sqrt(np.mean(np.diff(sent, axis=0) ** 2, axis=0)) + 1e-9
     old = [_by_age(sent[:, j], oldest) for j in range(joints)]

@@ -90,7 +90,7 @@ class DriveClip(LimitedTorque):
     """The drive clips."""
 
     def asked(self, trial: Trial) -> np.ndarray | None:
-        return trial.motion.raw_commanded
+        return None if trial.motion.raw_commanded is None else trial.motion.sure_torque
 
     def given(self, u: np.ndarray, shape: Shape) -> np.ndarray:
         return np.clip(u, -shape["L"], shape["L"])
@@ -103,7 +103,7 @@ class SoftKnee(LimitedTorque):
     """The drive gives way before it ends."""
 
     def asked(self, trial: Trial) -> np.ndarray | None:
-        return trial.motion.raw_commanded
+        return None if trial.motion.raw_commanded is None else trial.motion.sure_torque
 
     def given(self, u: np.ndarray, shape: Shape) -> np.ndarray:
         return u / (1.0 + np.abs(u / shape["L"]) ** shape["p"]) ** (1.0 / shape["p"])

@@ -113,7 +113,7 @@ class StiffBristle(DriveForm):
     """A bristle along the position: too stiff to be told from a jump, but it parks where it stopped."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
-        return bristle(travel(trial.motion.full_velocity[:, joint], trial.motion.rate), shape["xs"])[None]
+        return bristle(travel(trial.motion.sure_velocity[:, joint], trial.motion.rate), shape["xs"])[None]
 
     def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.array([0.1 * trial.scale[joint]])

@@ -86,7 +86,7 @@ class Offset(DriveForm):
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         offset = self.side * shape["b"]
-        speed = trial.motion.full_velocity[:, joint]
+        speed = trial.motion.sure_velocity[:, joint]
         return (smooth_sign(speed + offset, shape["v"]) - np.tanh(offset / shape["v"]))[None]
 
     def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
@@ -122,7 +122,7 @@ class Offset(DriveForm):
 
 def _level_rows(trial: Trial, joint: int, width: float) -> np.ndarray:
     """Lost torque (2, F) per unit of mean and of difference."""
-    sign = smooth_sign(trial.motion.full_velocity[:, joint], width)
+    sign = smooth_sign(trial.motion.sure_velocity[:, joint], width)
     return np.stack([sign, sign**2])
 
 

@@ -52,7 +52,7 @@ class ByLoad(DriveForm):
         # The model's load: a reading has an offset, which would make plain Coulomb friction of it, and the
         # commanded effort holds the friction itself.
         load = np.interp(motion.time, motion.t, trial.model_torque[:, joint])
-        speed = motion.full_velocity[:, joint]
+        speed = motion.sure_velocity[:, joint]
         lost = np.abs(load) * smooth_sign(speed, shape["v"])
         if "Kb" not in self.amplitudes:
             return lost[None]

@@ -101,7 +101,7 @@ class FrictionWave(WaveForm):
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         rows = self.waves(shape["k"] * trial.motion.full_position[:, joint])
-        return rows * smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
+        return rows * smooth_sign(trial.motion.sure_velocity[:, joint], 0.005)
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         return self.varies(trial, shape, amplitudes, LEAST_WAVE)
@@ -143,7 +143,7 @@ class FrictionEverywhere(WaveForm):
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         rows = self.waves(shape["k"] * trial.motion.full_position[:, joint])
-        return rows * smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
+        return rows * smooth_sign(trial.motion.sure_velocity[:, joint], 0.005)
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         # Also where the joint has not been: else a short travel is fitted by huge waves that cancel.

@@ -87,7 +87,7 @@ class DahlBristle(BuildingUp):
     """One bristle."""
 
     def build_up(self, motion: RecordedMotion, joint: int, distance: float) -> np.ndarray:
-        return bristle(travel(motion.full_velocity[:, joint], motion.rate), distance)
+        return bristle(travel(motion.sure_velocity[:, joint], motion.rate), distance)
 
 
 class MaxwellSlip(BuildingUp):

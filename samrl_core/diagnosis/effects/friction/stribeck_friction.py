@@ -70,7 +70,7 @@ class FallingForm(DriveForm):
         """Integral of the fall over x."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
-        speed = trial.motion.full_velocity[:, joint]
+        speed = trial.motion.sure_velocity[:, joint]
         sign = smooth_sign(speed, shape["v"])
         return np.stack([sign, sign * self.fall(np.abs(speed) / shape["vs"], shape)])
 

@@ -68,7 +68,7 @@ class WarmingForm(DriveForm):
         """Share (F,) of the rise that is left."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
-        sign = smooth_sign(trial.motion.full_velocity[:, joint], 0.005)
+        sign = smooth_sign(trial.motion.sure_velocity[:, joint], 0.005)
         return np.stack([sign, sign * self.cold(trial.motion, joint, shape)])
 
     def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
@@ -124,7 +124,7 @@ def _warmth(motion: RecordedMotion, joint: int, time_constant: float) -> np.ndar
 
     The friction's own work per time is its torque times the speed; its torque changes less than the speed.
     """
-    speed = np.abs(motion.full_velocity[:, joint])
+    speed = np.abs(motion.sure_velocity[:, joint])
     # The filter starts settled on its first sample: a zero ahead of the recording makes that cold.
     return low_passed(np.append(0.0, speed), 1.0 / (2.0 * np.pi * time_constant), motion.rate)[1:]
 

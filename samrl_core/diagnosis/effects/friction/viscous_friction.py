@@ -42,7 +42,7 @@ class ProportionalToSpeed(ShaftForm):
         return speed
 
     def spread(self, trial: Trial, joint: int) -> float:
-        speed = float(np.sqrt(np.mean(trial.motion.full_velocity[:, joint] ** 2))) + 1e-9
+        speed = float(np.sqrt(np.mean(trial.motion.sure_velocity[:, joint] ** 2))) + 1e-9
         return 0.1 * trial.scale[joint] / max(speed, 0.05)
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:

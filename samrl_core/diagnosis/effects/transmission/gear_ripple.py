@@ -38,7 +38,8 @@ class GearRipple(DriveEffect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         (joint,) = place.joints
         grid = tuple({"N": n} for n in _peaks(trial, joint))
-        limits, first, second = {"N": (14.0, 430.0)}, ("sine", "cosine"), ("sine2", "cosine2")
+        unit = _unit(trial, joint)
+        limits, first, second = {"N": (14.0 / unit, 430.0 / unit)}, ("sine", "cosine"), ("sine2", "cosine2")
         return (
             Ripple(place=place, amplitudes=first, shapes=grid, refine=limits, step=0.003),
             # Per turn of a wave generator, and twice.
@@ -78,18 +79,27 @@ class Ripple(DriveForm):
         }
 
 
+def _unit(trial: Trial, joint: int) -> float:
+    """1 for a joint that turns; of one that slides the travel [m] that counts as a radian."""
+    assert trial.rigid is not None
+    if not trial.rigid.slides[joint]:
+        return 1.0
+    return max(float(np.ptp(trial.motion.q[:, joint])) / 3.0, 1e-3)
+
+
 def _peaks(trial: Trial, joint: int, count: int = 4) -> list[float]:
     """Orders at which the drive residual of a joint has most power over position, well inside the band."""
     channel = "drive" if "drive" in trial.channels else "dynamics"
     residual = trial.equations.residual[channel][:, joint]
+    unit = _unit(trial, joint)
     q, speed = trial.motion.q[:, joint], np.abs(trial.motion.dq[:, joint])
-    moving = speed > 0.01
+    moving = speed > 0.01 * unit
     if np.count_nonzero(moving) < 50:
-        return [100.0]
+        return [100.0 / unit]
     smooth = signal.medfilt(residual, 15)
     detail, q, speed = (residual - smooth)[moving], q[moving], speed[moving]
-    span = max(float(np.ptp(q)), 0.1)
-    orders = np.arange(15.0, 420.0, np.pi / 2 / span)
+    span = max(float(np.ptp(q)), 0.1 * unit)
+    orders = np.arange(15.0 / unit, 420.0 / unit, np.pi / 2 / span)
     power = np.zeros(len(orders))
     for k, n in enumerate(orders):
         inside = n * speed < 2 * np.pi * 0.8 * trial.motion.band

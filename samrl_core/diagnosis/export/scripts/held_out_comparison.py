@@ -12,6 +12,33 @@ import numpy as np
 QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
 
 
+def impedance(held, gains, clock, period):
+    """The controller without gravity: a function of period k, positions and velocities (J,), to efforts (J,).
+
+    The command comes late and through a low-pass, as `gains` says. To be called at k = 0, 1, ... in turn.
+    """
+    names = ("position", "velocity")
+    late = clock - gains["command_delay"][:, None]
+    wanted, speed = (_interpolated(late, held["command_time"], held["command_" + name]) for name in names)
+    forward = _interpolated([clock] * wanted.shape[1], held["command_time"], held["command_effort"])
+    stiffness = held["stiffness"] * gains["stiffness_scale"]
+    damping = held["damping"] * gains["damping_scale"]
+    blend = 1.0 - np.exp(-2 * np.pi * period * gains["command_cutoff"])
+    filtered, filtered_speed = wanted[0].copy(), speed[0].copy()
+
+    def effort(k, q, v):
+        filtered[:] += blend * (wanted[k] - filtered)
+        filtered_speed[:] += blend * (speed[k] - filtered_speed)
+        return stiffness * (filtered - q) + damping * (filtered_speed - v) + forward[k]
+
+    return effort
+
+
+def _interpolated(times, known, values):
+    """Values (K, J) at times `known` (K,), at times of each joint's own (J, N); (N, J)."""
+    return np.stack([np.interp(t, known, c) for t, c in zip(times, values.T, strict=True)], 1)
+
+
 def effort_on_its_way(gains, sent, k, period, last, soft):
     """Effort (J,) between controller and drive at period k, as the controller's code would have it.
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from held_out_comparison import QUANTITIES, compare, effort_on_its_way
+from held_out_comparison import QUANTITIES, compare, effort_on_its_way, impedance
 
 HEAVY = 1e9  # rotor inertia of joints that are held [kg m2]
 
@@ -49,12 +49,13 @@ def load(path):
     return model
 
 
-class Arm:
+class MujocoArm:
     """One model under the controller."""
 
     def __init__(self, model, law, reference, gains):
         """`reference` is the original model: its gains are those that the controller knows."""
         self.model, self.data, self.law = model, mujoco.MjData(model), law
+        self.reference, self.still = reference, mujoco.MjData(reference)
         ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in law["joints"]]
         self.q, self.v = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
         others = np.setdiff1d(np.arange(model.nv), self.v)
@@ -82,14 +83,14 @@ class Arm:
         found = [a for a in range(self.model.nu) if self.model.actuator_trnid[a, 0] == joint]
         return found[0] if len(found) == 1 else None
 
-    def gravity(self, nominal, q):
-        """Gravity torques of the nominal model."""
-        data = mujoco.MjData(nominal)
-        data.qpos[self.q] = q
-        mujoco.mj_forward(nominal, data)
-        return data.qfrc_bias[self.v].copy()
+    def gravity(self, q):
+        """Gravity torques of the original model, which stands still."""
+        self.still.qpos[self.q] = q
+        mujoco.mj_fwdPosition(self.reference, self.still)
+        mujoco.mj_fwdVelocity(self.reference, self.still)
+        return self.still.qfrc_bias[self.v].copy()
 
-    def run(self, held, nominal):
+    def run(self, held):
         """Simulate one recording's command; quantities (N, J) at the recording's times."""
         model, data, law, gains = self.model, self.data, self.law, self.gains
         mujoco.mj_resetData(model, data)
@@ -100,38 +101,17 @@ class Arm:
         period = inner * step
         count = round(float(time[-1] - time[0]) / period) + 1
         clock = np.arange(count) * period
-        late = clock - gains["command_delay"][:, None]
-        wanted = np.stack(
-            [
-                np.interp(t, held["command_time"], c)
-                for t, c in zip(late, held["command_position"].T, strict=True)
-            ],
-            1,
-        )
-        speed = np.stack(
-            [
-                np.interp(t, held["command_time"], c)
-                for t, c in zip(late, held["command_velocity"].T, strict=True)
-            ],
-            1,
-        )
+        asked = impedance(held, gains, clock, period)
         plain = np.stack([np.interp(clock, held["command_time"], c) for c in held["command_position"].T], 1)
-        forward = np.stack([np.interp(clock, held["command_time"], c) for c in held["command_effort"].T], 1)
-        stiffness = held["stiffness"] * gains["stiffness_scale"]
-        damping = held["damping"] * gains["damping_scale"]
-        blend = 1.0 - np.exp(-2 * np.pi * period * gains["command_cutoff"])
         out = {name: np.zeros((count, len(self.q))) for name in QUANTITIES}
-        filtered, filtered_speed = wanted[0].copy(), speed[0].copy()
         self.fill(plain[0], held["start_position"], held["start_velocity"])
         sent, drive = [], None
         soft = 1.0 - np.exp(-2 * np.pi * period * gains["effort_cutoff"])
         for k in range(count):
             q, v = data.qpos[self.q].copy(), data.qvel[self.v].copy()
-            filtered += blend * (wanted[k] - filtered)
-            filtered_speed += blend * (speed[k] - filtered_speed)
-            u = stiffness * (filtered - q) + damping * (filtered_speed - v) + forward[k]
+            u = asked(k, q, v)
             if law["gravity_compensation"]:
-                u = u + self.gravity(nominal, q)
+                u = u + self.gravity(q)
             u = np.clip(u, -self.limit, self.limit)
             out["position"][k], out["velocity"][k], out["commanded_effort"][k] = q, v, u
             sent.append(u)
@@ -184,7 +164,7 @@ def main(folder):
 
     def simulate(name, law, gains, held):
         file = folder / f"{name}.xml"
-        return [Arm(load(file), law, reference, gains[name]).run(one, reference) for one in held]
+        return [MujocoArm(load(file), law, reference, gains[name]).run(one) for one in held]
 
     compare(folder, f"mujoco {mujoco.__version__}", simulate)
 

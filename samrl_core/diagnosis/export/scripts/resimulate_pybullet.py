@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 import pybullet
-from held_out_comparison import QUANTITIES, compare, effort_on_its_way
+from held_out_comparison import QUANTITIES, compare, effort_on_its_way, impedance
 
 MOST_STEP = 1e-3  # [s]
 
 
-class Arm:
+class BulletArm:
     """One URDF under the controller."""
 
     def __init__(self, path, law, gains):
@@ -93,36 +93,15 @@ class Arm:
         time = held["time"]
         count = round(float(time[-1] - time[0]) / period) + 1
         clock = np.arange(count) * period
-        late = clock - gains["command_delay"][:, None]
-        wanted = np.stack(
-            [
-                np.interp(t, held["command_time"], c)
-                for t, c in zip(late, held["command_position"].T, strict=True)
-            ],
-            1,
-        )
-        speed = np.stack(
-            [
-                np.interp(t, held["command_time"], c)
-                for t, c in zip(late, held["command_velocity"].T, strict=True)
-            ],
-            1,
-        )
-        forward = np.stack([np.interp(clock, held["command_time"], c) for c in held["command_effort"].T], 1)
+        asked = impedance(held, gains, clock, period)
         for i, q, v in zip(self.joints, held["start_position"], held["start_velocity"], strict=True):
             pybullet.resetJointState(self.body, i, q, v, physicsClientId=client)
-        stiffness = held["stiffness"] * gains["stiffness_scale"]
-        damping = held["damping"] * gains["damping_scale"]
-        blend = 1.0 - np.exp(-2 * np.pi * period * gains["command_cutoff"])
         soft = 1.0 - np.exp(-2 * np.pi * period * gains["effort_cutoff"])
         out = {name: np.zeros((count, len(self.joints))) for name in QUANTITIES}
-        filtered, filtered_speed = wanted[0].copy(), speed[0].copy()
         sent, drive = [], None
         for k in range(count):
             q, v = self.state()
-            filtered += blend * (wanted[k] - filtered)
-            filtered_speed += blend * (speed[k] - filtered_speed)
-            u = stiffness * (filtered - q) + damping * (filtered_speed - v) + forward[k]
+            u = asked(k, q, v)
             if law["gravity_compensation"]:
                 u = u + nominal.inverse(q, 0 * q, 0 * q)
             u = np.clip(u, -self.limit, self.limit)
@@ -164,8 +143,8 @@ def main(folder):
     """Both models on all recordings."""
 
     def simulate(name, law, gains, held):
-        nominal = Arm(folder / "original.urdf", law, gains["original"])
-        return [Arm(folder / f"{name}.urdf", law, gains[name]).run(one, nominal) for one in held]
+        nominal = BulletArm(folder / "original.urdf", law, gains["original"])
+        return [BulletArm(folder / f"{name}.urdf", law, gains[name]).run(one, nominal) for one in held]
 
     compare(folder, f"pybullet {pybullet.getAPIVersion()}", simulate)
 

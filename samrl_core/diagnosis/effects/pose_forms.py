@@ -1,0 +1,102 @@
+"""Forms of effects on seen poses: a constant transform that is off, and a clock that is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.effect import Parameter
+from samrl_core.diagnosis.effects.form import Form, Shape
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
+
+RADIAN_PER_METRE = 2.0  # of errors of one origin: 0.1 degree comes with 1 mm
+SIX = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def six_parameters(reach_m: float, reach_rad: float, frame: str) -> tuple[Parameter, ...]:
+    """Translation and rotation vector of a small transform, applied last: true = stated . small."""
+    moved = tuple(Parameter(n, "m", -reach_m, reach_m, f"along {frame}'s {n}") for n in SIX[:3])
+    turned = tuple(Parameter(n, "rad", -reach_rad, reach_rad, f"about {frame}'s {n[1]}") for n in SIX[3:])
+    return (*moved, *turned)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SmallTransform(Form[PoseTrial]):
+    """A constant transform of the chain that differs by a small one from what is stated."""
+
+    deviation: ClassVar[float] = 0.0
+    twists: Callable[[PoseTrial], np.ndarray]  # (6, N, 6) of the target in the camera per unit
+    # Standard deviations of the prior: a small error and a gross one are different things that happen.
+    scales: ClassVar[tuple[Shape, ...]] = ({"spread": 0.0015}, {"spread": 0.005}, {"spread": 0.02})  # [m]
+    shapes: tuple[Shape, ...] = scales
+
+    def columns(self, trial: PoseTrial, shape: Shape) -> Columns:
+        return trial.columns(self.twists(trial))
+
+    def prior(self, trial: PoseTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(6), shape["spread"] * np.array([1.0] * 3 + [RADIAN_PER_METRE] * 3)
+
+    def parameters(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return dict(zip(SIX, map(float, amplitudes), strict=True))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OneNumber(Form[PoseTrial]):
+    """An error of one number, to which the twists of the target are proportional."""
+
+    deviation: ClassVar[float] = 0.0
+    twist: Callable[[PoseTrial], np.ndarray]  # (N, 6) per unit
+    spread: float
+
+    def columns(self, trial: PoseTrial, shape: Shape) -> Columns:
+        return trial.columns(self.twist(trial)[None])
+
+    def prior(self, trial: PoseTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(1), np.full(1, self.spread)
+
+    def parameters(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {self.amplitudes[0]: float(amplitudes[0])}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShiftedStamps(Form[PoseTrial]):
+    """Arms read at other stamps than the camera's, by `sign` times the shape T, for arms of `roles`.
+
+    The twist of a finite shift is exact; its amplitude is one, with a little freedom to be polished by.
+    """
+
+    deviation: ClassVar[float] = 0.0
+    freedom: ClassVar[float] = 0.003
+    parameter: str
+    sign: float  # of the shift of the arms' reading per T
+    reported: float  # sign of the reported parameter
+    roles: tuple[str, ...]
+    drifts: bool = False
+
+    def columns(self, trial: PoseTrial, shape: Shape) -> Columns:
+        sides = {trial.side_of(role) for role in self.roles}
+        shift = self.sign * shape["T"]
+        twists = [trial.chain.shift_twist([shift if side in sides else 0.0 for side in (0, 1)])]
+        if self.drifts:
+            elapsed = trial.chain.time - trial.chain.time[0]
+            rate = sum((trial.rates[role] for role in self.roles), np.zeros((len(elapsed), 6)))
+            twists.append(elapsed[:, None] * rate)
+        return trial.columns(np.stack(twists))
+
+    def prior(self, trial: PoseTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        if self.drifts:
+            return np.array([1.0, 0.0]), np.array([self.freedom, 1e-3])
+        return np.ones(1), np.full(1, self.freedom)
+
+    def is_admissible(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(amplitudes[0] > 0.5)
+
+    def parameters(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        out = {self.parameter: self.reported * float(shape["T"] * amplitudes[0])}
+        if self.drifts:
+            out["drift"] = self.reported * self.sign * float(amplitudes[1])
+        return out

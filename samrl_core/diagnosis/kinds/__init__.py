@@ -1,0 +1,1 @@
+"""Kinds of recordings: what each brings to the one diagnosis."""

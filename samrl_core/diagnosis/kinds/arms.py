@@ -1,0 +1,106 @@
+"""Recordings of one arm's joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
+from samrl_core.diagnosis.export.correction import Correction
+from samrl_core.diagnosis.kinds.kind import Kind
+from samrl_core.diagnosis.recordings import split
+from samrl_core.diagnosis.recordings.in_common import in_common
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.trial import Trial, as_arms
+from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
+from samrl_core.diagnosis.selection.curves import curve_of
+from samrl_core.diagnosis.selection.description import Misdescription, misdescription
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.selection.joint_units import with_joint_units
+from samrl_core.diagnosis.selection.next_experiment import next_experiment
+from samrl_core.diagnosis.selection.posterior import correction_of
+from samrl_core.diagnosis.selection.resimulation import simulable
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+
+class Arms(Kind[ArmRecording]):
+    """Joint positions, efforts and commands against a URDF and a controller."""
+
+    effects = EFFECTS
+    elsewhere = NOT_BY_JOINTS
+    shown_by = "joint channels"
+    nothing = "no channel of the recordings can be compared with a model"
+
+    def alike(self, recordings: Sequence[ArmRecording]) -> tuple[list[ArmRecording], list[str]]:
+        first = recordings[0].arm
+        for other in recordings[1:]:
+            if other.arm.joints != first.joints:
+                raise InputError(
+                    f"{other.name} has joints {other.arm.joints}, {recordings[0].name} has {first.joints}; "
+                    "diagnose one arm at a time"
+                )
+        return in_common(recordings)
+
+    def trials(
+        self, fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]
+    ) -> tuple[list[Observed], list[Observed]]:
+        made = arm_trials(fit, held_out)
+        return list(made[0]), list(made[1])
+
+    def system(self, trial: Observed) -> str:
+        return as_arms([trial])[0].recording.arm.role
+
+    def halves(self, recording: ArmRecording) -> tuple[ArmRecording, ArmRecording]:
+        first, last = split(recording, 0.5)
+        return replace(first, name=f"{recording.name}, first half"), replace(
+            last, name=f"{recording.name}, second half"
+        )
+
+    def next_experiment(
+        self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
+    ) -> tuple[NextExperiment | None, str]:
+        return next_experiment(likelihood, fits, names, seed), ""
+
+    def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:
+        return misdescription(as_arms(trials))
+
+    def curve(self, evidence: Evidence, chosen: Fit, index: int) -> Curve | None:
+        return curve_of(evidence, chosen, chosen.hypotheses[index])
+
+    def correction(
+        self, evidence: Evidence, chosen: Fit, far: HowFar, rng: np.random.Generator
+    ) -> Correction | None:
+        closed = tuple(r for r in far.resimulations if simulable(r.trial))  # an export replays the law
+        return correction_of(evidence, chosen, closed, far.gap, rng)
+
+    def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:
+        return with_joint_units(diagnosis, as_arms([trial])[0].recording.arm)
+
+
+def arm_trials(
+    fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]
+) -> tuple[list[Trial], list[Trial]]:
+    """Trials of one session: their clocks follow one another.
+
+    Raises:
+        InputError: recordings that allow other channels than the fitted ones have in common.
+    """
+    start, out = 0.0, []
+    for recording in [*fit, *held_out]:
+        rigid = RigidArm(recording.arm) if recording.arm.urdf is not None else None
+        out.append(Trial(recording, rigid, start))
+        start += recording.duration
+    common = set.intersection(*(set(t.channels) for t in out[: len(fit)]))
+    for trial, recording in zip(out, [*fit, *held_out], strict=True):
+        if set(trial.channels) != common and not set(trial.channels) >= common:
+            raise InputError(
+                f"{recording.name} allows {trial.channels}, the others {sorted(common)}; "
+                "record the same topics in all of them"
+            )
+    return out[: len(fit)], out[len(fit) :]

@@ -1,0 +1,87 @@
+"""What a kind of recording brings to the diagnosis; all else is the same for every kind."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from samrl_core.diagnosis.effects import Effect
+from samrl_core.diagnosis.export.correction import Correction
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
+from samrl_core.diagnosis.selection.description import Misdescription
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+
+
+class Recording(Protocol):
+    """What the report tells of any recording."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def sha256(self) -> str: ...
+    @property
+    def duration(self) -> float: ...
+
+
+R = TypeVar("R", bound=Recording)
+
+
+class Kind(ABC, Generic[R]):
+    """Recordings of one kind: how they become trials, and which effects they may show."""
+
+    effects: tuple[Effect[Any], ...]
+    elsewhere: ClassVar[dict[str, str]]  # families of such a system that these recordings never show, and why
+    shown_by: str  # what is recorded, as it is spoken
+    nothing: str  # why a recording without any channel cannot be used
+
+    @abstractmethod
+    def alike(self, recordings: Sequence[R]) -> tuple[list[R], list[str]]:
+        """The recordings reduced to what all of them carry, with notes. Raises `InputError`."""
+
+    @abstractmethod
+    def trials(self, fit: Sequence[R], held_out: Sequence[R]) -> tuple[list[Observed], list[Observed]]:
+        """Residuals of fitted and held-out recordings. Raises `InputError`."""
+
+    @abstractmethod
+    def system(self, trial: Observed) -> str:
+        """Name of the diagnosed system, as the report shows it: an arm's role, a camera."""
+
+    @abstractmethod
+    def halves(self, recording: R) -> tuple[R, R]:
+        """First and second half, as recordings of their own. Raises `InputError`."""
+
+    @abstractmethod
+    def next_experiment(
+        self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
+    ) -> tuple[NextExperiment | None, str]:
+        """The recording that would split the named effects, and why there is none where there is none."""
+
+    def notes(self, trials: Sequence[Observed]) -> list[str]:
+        """Remarks about the input that only residuals show."""
+        return []
+
+    def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:
+        """An error of the description that must be corrected first."""
+        return None
+
+    def curve(self, evidence: Evidence, chosen: Fit, index: int) -> Curve | None:
+        """A named effect over the data."""
+        return None
+
+    def correction(
+        self, evidence: Evidence, chosen: Fit, far: HowFar, rng: np.random.Generator
+    ) -> Correction | None:
+        """What was named as a change of the model, for exports; None where no export takes it."""
+        return None
+
+    def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:
+        """The report in the units of this system."""
+        return diagnosis

@@ -1,0 +1,119 @@
+"""Recordings of poses: a target seen by a camera, either of them moved by arms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+from samrl_core.cell.types.pose_recording import PoseRecording
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import POSE_EFFECTS
+from samrl_core.diagnosis.kinds.kind import Kind
+from samrl_core.diagnosis.kinds.next_views import next_views
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
+from samrl_core.diagnosis.residuals.poses.solve import check_stated, solved
+from samrl_core.diagnosis.result import NextExperiment
+from samrl_core.diagnosis.selection.hypothesis import Fit
+
+
+class Poses(Kind[PoseRecording]):
+    """Poses of a target in a camera against the chain of stated transforms and moving flanges."""
+
+    effects = POSE_EFFECTS
+    elsewhere: ClassVar[dict[str, str]] = {
+        "intrinsics": "a detected pose does not tell its pixels; needs images or depth",
+        "lens_distortion": "a detected pose does not tell its pixels; needs images",
+    }
+    shown_by = "recorded poses"
+    nothing = "no pose of the recordings can be compared with the stated chain"
+
+    def alike(self, recordings: Sequence[PoseRecording]) -> tuple[list[PoseRecording], list[str]]:
+        first = recordings[0]
+        for other in recordings[1:]:
+            if _chain_of(other) != _chain_of(first):
+                raise InputError(
+                    f"{other.name} is of {_chain_of(other)}, {first.name} of {_chain_of(first)}; diagnose one"
+                    " camera, target and pair of arms at a time"
+                )
+        return list(recordings), []
+
+    def trials(
+        self, fit: Sequence[PoseRecording], held_out: Sequence[PoseRecording]
+    ) -> tuple[list[Observed], list[Observed]]:
+        constants, _ = solved(fit)
+        made = [PoseTrial(r, constants) for r in (*fit, *held_out)]
+        if not constants.free:
+            check_stated(fit[0], made[0].at_target(made[0].twist))
+        return list(made[: len(fit)]), list(made[len(fit) :])
+
+    def notes(self, trials: Sequence[Observed]) -> list[str]:
+        """What was solved for, and detections that are no poses of the target."""
+        made = [t for t in trials if isinstance(t, PoseTrial)]
+        out = solved([t.recording for t in made])[1] if made else []
+        for trial in made:
+            if trial.outliers:
+                out.append(
+                    f"{trial.name}: {trial.outliers} of {len(trial.chain.time)} seen poses stand apart from"
+                    " all others and hardly count"
+                )
+        return out
+
+    def system(self, trial: Observed) -> str:
+        assert isinstance(trial, PoseTrial)
+        return trial.recording.camera
+
+    def halves(self, recording: PoseRecording) -> tuple[PoseRecording, PoseRecording]:
+        first, last = split_poses(recording, 0.5, 0.0)
+        return replace(first, name=f"{recording.name}, first half"), replace(
+            last, name=f"{recording.name}, second half"
+        )
+
+    def next_experiment(
+        self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
+    ) -> tuple[NextExperiment | None, str]:
+        return next_views(likelihood, fits, names, seed)
+
+
+def _chain_of(recording: PoseRecording) -> tuple[object, ...]:
+    return (
+        recording.camera,
+        recording.target,
+        tuple((arm.role, arm.joints) for arm in recording.arms),
+        recording.camera_arm is None,
+        tuple(
+            p is None
+            for p in (recording.camera_in_flange, recording.base_in_base, recording.target_in_flange)
+        ),
+    )
+
+
+def split_poses(
+    recording: PoseRecording, held_out_share: float = 0.3, gap_s: float = 0.5
+) -> tuple[PoseRecording, PoseRecording]:
+    """First part to fit, last part to hold out; pairs at rest alternate, three to fit and one to hold out.
+
+    Raises:
+        InputError: too few poses to hold any out.
+    """
+    seen = recording.seen
+    if len(seen) < 16:
+        raise InputError(
+            f"{recording.name} has {len(seen)} seen poses; at least 16 are needed to hold any out"
+        )
+    if not recording.timed:
+        kept = [k for k in range(len(seen)) if k % 4 != 3]
+        rest = [k for k in range(len(seen)) if k % 4 == 3]
+        if held_out_share >= 0.5:
+            kept, rest = list(range(0, len(seen), 2)), list(range(1, len(seen), 2))
+        parts = [type(seen)(seen.time[k], seen.position[k], seen.quat_xyzw[k]) for k in (kept, rest)]
+        return replace(recording, seen=parts[0]), replace(recording, seen=parts[1])
+    begin, end = float(seen.time[0]), float(seen.time[-1])
+    border = end - held_out_share * (end - begin)
+    gap_s = min(gap_s, 0.1 * (border - begin))
+    return (
+        replace(recording, seen=seen.between(begin, border - gap_s)),
+        replace(recording, seen=seen.between(border, float("inf"))),
+    )

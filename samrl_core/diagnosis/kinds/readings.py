@@ -1,0 +1,136 @@
+"""Readings of a sensor against their reference: depth against planes, stamps against another clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from samrl_core.cell.types.reading_recording import ReadingRecording
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import READING_EFFECTS
+from samrl_core.diagnosis.kinds.kind import Kind
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.readings.reading_trial import ReadingTrial
+from samrl_core.diagnosis.result import NextExperiment
+from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+from samrl_core.diagnosis.selection.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
+from samrl_core.diagnosis.selection.twins import AS_MUCH
+
+LEAST = 40  # readings of a recording that is cut
+NEXT_DEPTHS_M = (0.3, 0.5, 0.8, 1.2, 1.8)
+NEXT_READINGS = 400
+NEXT_HOURS = 2.0
+
+
+class Readings(Kind[ReadingRecording]):
+    """One quantity of one sensor."""
+
+    effects = READING_EFFECTS
+    elsewhere: ClassVar[dict[str, str]] = {
+        "depth_noise": "noise is estimated from the readings; nothing is stated that it could contradict",
+        "intrinsics": "needs the pixels of the readings",
+    }
+    shown_by = "readings against a reference"
+    nothing = "no reading can be compared with its reference"
+
+    def alike(self, recordings: Sequence[ReadingRecording]) -> tuple[list[ReadingRecording], list[str]]:
+        first = recordings[0]
+        for other in recordings[1:]:
+            if (other.quantity, other.sensor) != (first.quantity, first.sensor):
+                raise InputError(
+                    f"{other.name} is {other.quantity} of {other.sensor}, {first.name} {first.quantity} of"
+                    f" {first.sensor}; diagnose one sensor at a time"
+                )
+        return list(recordings), []
+
+    def trials(
+        self, fit: Sequence[ReadingRecording], held_out: Sequence[ReadingRecording]
+    ) -> tuple[list[Observed], list[Observed]]:
+        # One clock for all: a drift goes on between recordings.
+        start = float(fit[0].reference[0])
+        return [ReadingTrial(r, start) for r in fit], [ReadingTrial(r, start) for r in held_out]
+
+    def notes(self, trials: Sequence[Observed]) -> list[str]:
+        made = [t for t in trials if isinstance(t, ReadingTrial) and t.outliers]
+        return [
+            f"{t.name}: {t.outliers} of {len(t.recording.reading)} readings stand apart from all others and"
+            " hardly count"
+            for t in made
+        ]
+
+    def system(self, trial: Observed) -> str:
+        assert isinstance(trial, ReadingTrial)
+        return trial.recording.sensor
+
+    def halves(self, recording: ReadingRecording) -> tuple[ReadingRecording, ReadingRecording]:
+        first, last = split_readings(recording, 0.5)
+        return replace(first, name=f"{recording.name}, first half"), replace(
+            last, name=f"{recording.name}, second half"
+        )
+
+    def next_experiment(
+        self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
+    ) -> tuple[NextExperiment | None, str]:
+        trial = likelihood.trials[0]
+        assert isinstance(trial, ReadingTrial)
+        recording, rivals = trial.recording, dict[str, tuple[Hypothesis, np.ndarray]]()
+        for fit in fits:
+            if fit.hypotheses[0].name in names:
+                rivals.setdefault(fit.hypotheses[0].name, (fit.hypotheses[0], fit.amplitudes[0]))
+        time = np.arange(NEXT_READINGS) / 30.0
+        if recording.quantity == "depth":
+            reference = np.repeat(NEXT_DEPTHS_M, NEXT_READINGS // len(NEXT_DEPTHS_M))
+            motion = f"a plane at {', '.join(f'{d:g}' for d in NEXT_DEPTHS_M)} m"
+        else:
+            time = np.linspace(0.0, 3600.0 * NEXT_HOURS, NEXT_READINGS)
+            reference = float(recording.reference[0]) + time
+            motion = f"{NEXT_HOURS:g} hours of stamps"
+        planned = replace(recording, name="next", time=time, reading=reference, reference=reference)
+        made = ReadingTrial(planned, float(recording.reference[0]), trial.level)
+        best, pair = discrimination(made, list(rivals.values())), " and ".join(names)
+        if best < AS_MUCH:
+            return None, (
+                f"no recording of these readings splits {pair}: in {motion} they would differ by {best:.1f}"
+                " of log evidence; an outside measurement must"
+            )
+        why = f"{pair} would differ by {best:.0f} of log evidence in {motion}"
+        content = {
+            "schema": 1,
+            "kind": "readings",
+            "quantity": recording.quantity,
+            "why": why,
+            "record": motion,
+        }
+        return NextExperiment(FILE, why, float(1.0 - np.exp(-best / NAT_PER_CERTAINTY)), content), ""
+
+
+def split_readings(
+    recording: ReadingRecording, held_out_share: float = 0.3
+) -> tuple[ReadingRecording, ReadingRecording]:
+    """Stretches of a tenth each: of depth some from everywhere are held out, of stamps the last ones.
+
+    Raises:
+        InputError: too few readings.
+    """
+    count = len(recording.reading)
+    if count < LEAST:
+        raise InputError(
+            f"{recording.name} has {count} readings; at least {LEAST} are needed to hold any out"
+        )
+    tenth = np.minimum(10 * np.arange(count) // count, 9)
+    if recording.quantity == "depth":
+        held = tenth % 2 == 1 if held_out_share >= 0.5 else np.isin(tenth, (2, 5, 8))
+    else:
+        held = tenth >= round(10 * (1.0 - held_out_share))
+
+    def part(keep: np.ndarray) -> ReadingRecording:
+        return replace(
+            recording, time=recording.time[keep], reading=recording.reading[keep],
+            reference=recording.reference[keep],
+        )  # fmt: skip
+
+    return part(~held), part(held)

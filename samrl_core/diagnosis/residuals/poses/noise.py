@@ -1,0 +1,48 @@
+"""Noise of detected poses, from what the recording itself leaves when everything in the chain may be off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
+OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target
+ROUNDS = 6
+LEAST = np.array([1e-6] * 3 + [1e-6] * 3)  # [m], [rad]: rounding of a log
+
+
+def leftover(residual: np.ndarray, columns: Sequence[np.ndarray], spread: Sequence[float]) -> np.ndarray:
+    """Residuals (N, 6) after a robust fit of columns (N, 6) with Gaussian priors, scaled to their freedom.
+
+    Cauchy weights keep wrong detections from pulling the fit (Huber 1981, Robust Statistics).
+    """
+    design = np.stack([c.reshape(-1) * s for c, s in zip(columns, spread, strict=True)], axis=1)
+    y = residual.reshape(-1)
+    left, used = residual, 0.0
+    for _ in range(ROUNDS):
+        level = scale(left)
+        weight = 1.0 / (1.0 + (left / (2.5 * level)) ** 2)
+        root = (np.sqrt(weight) / level).reshape(-1)
+        a, b = design * root[:, None], y * root
+        normal = a.T @ a
+        inverse = np.linalg.inv(normal + np.eye(len(normal)))
+        left = (y - design @ (inverse @ (a.T @ b))).reshape(residual.shape)
+        used = float(np.trace(inverse @ normal))
+    return left * np.sqrt(y.size / max(y.size - used, 0.25 * y.size))
+
+
+def scale(values: np.ndarray) -> np.ndarray:
+    """Robust standard deviation (6,) of residuals (N, 6)."""
+    return np.maximum(ROBUST * np.median(np.abs(values - np.median(values, axis=0)), axis=0), LEAST)
+
+
+def noise_level(left: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """Standard deviation (6,) of what is left: its white part, and of what lasts no more than `floor` (6,).
+
+    Differences of neighbours hold the white part alone. Errors of a detector last over neighbouring views;
+    beyond what detectors are known for, what lasts is a gap.
+    """
+    white = np.maximum(scale(np.diff(left, axis=0)) / np.sqrt(2.0), LEAST) if len(left) > 4 else scale(left)
+    lasting = np.sqrt(np.maximum(scale(left) ** 2 - white**2, 0.0))
+    return np.hypot(white, np.minimum(lasting, floor))

@@ -1,0 +1,1 @@
+"""Readings of one quantity against its reference as residuals."""

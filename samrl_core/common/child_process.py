@@ -16,10 +16,17 @@ _prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
 def ends_with_parent(number: int = signal.SIGKILL) -> Callable[[], None]:
     """A `preexec_fn`: the child gets this signal when the thread that started it ends.
 
-    Elsewhere than on Linux it does nothing.
+    The signal has its default effect in the child: a shell's background job, whose children would ignore
+    an interrupt, can so be stopped by one. Elsewhere than on Linux nothing asks for the signal.
     """
     parent = os.getpid()
-    return lambda: end_with(parent, number)
+
+    def prepare() -> None:
+        if number != signal.SIGKILL:
+            signal.signal(number, signal.SIG_DFL)
+        end_with(parent, number)
+
+    return prepare
 
 
 def end_with(parent: int, number: int = signal.SIGKILL) -> None:

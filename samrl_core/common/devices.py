@@ -21,3 +21,13 @@ def checked_device(name: str) -> torch.device:
         found = torch.cuda.device_count() or "no"
         raise InputError(f"device is {name}, but torch finds {found} CUDA devices; use cpu")
     return device
+
+
+def numbered_device(name: str) -> torch.device:
+    """A device by torch's name, with its number: torch takes "cuda" for the current one, Warp takes no name
+    without a number.
+    """
+    device = torch.device(name)
+    if device.type == "cuda" and device.index is None:
+        return torch.device("cuda", torch.cuda.current_device())
+    return device

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -27,6 +28,8 @@ from typing import Any
 from samrl_core.common.child_process import end_with
 from samrl_core.common.errors import InputError, SolveError
 
+NODES_LOST = 3  # under one item of work, before it is given up
+
 
 @dataclass(frozen=True)
 class Done:
@@ -38,8 +41,16 @@ class Done:
     error: BaseException | None = None
 
 
-def run_calls(calls: Sequence[Callable[[], Any]], workers: int) -> Iterator[Done]:
-    """Calls without arguments (`functools.partial`), in so many processes, or one by one in this one.
+@dataclass(frozen=True)
+class RayCluster:
+    """In place of a number of worker processes: the Ray cluster that `ray.init` finds."""
+
+
+Workers = int | RayCluster
+
+
+def run_calls(calls: Sequence[Callable[[], Any]], workers: Workers) -> Iterator[Done]:
+    """Calls without arguments (`functools.partial`), in so many processes, one by one in this one, or on Ray.
 
     The first error ends the rest.
 
@@ -47,6 +58,12 @@ def run_calls(calls: Sequence[Callable[[], Any]], workers: int) -> Iterator[Done
         Exception: what a call raised.
         SolveError: a worker process was ended from outside.
     """
+    if isinstance(workers, RayCluster):
+        for done in run_on_ray(_call, calls, 0):
+            if done.error is not None:
+                raise done.error
+            yield done
+        return
     workers = min(workers, len(calls))
     if workers <= 1:
         for index, call in enumerate(calls):
@@ -98,7 +115,8 @@ def run_on_ray(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -
             "--ray needs the package ray, which is not installed: pip install 'ray>=2.10' (extra cluster)"
         ) from error
     ray.init(ignore_reinit_error=True, log_to_driver=False)
-    task = ray.remote(num_cpus=1, max_retries=1)(work)
+    # A node that dies takes its tasks with it: Ray runs them on the nodes that are left.
+    task = ray.remote(num_cpus=1, max_retries=NODES_LOST)(work)
     pending = {task.remote(item): (index, item) for index, item in enumerate(items)}
     while pending:
         ready, _ = ray.wait(list(pending), num_returns=1)
@@ -106,7 +124,7 @@ def run_on_ray(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -
         try:
             result = ray.get(ready[0])
         except (ray.exceptions.RayError, InputError) as error:
-            yield Done(index, item, error=error)
+            yield Done(index, item, error=getattr(error, "cause", None) or error)
         else:
             yield Done(index, item, result)
 
@@ -192,9 +210,10 @@ class _DeafProcess(SpawnProcess):
 def _begin(parent: int) -> None:
     end_with(parent)
     signal.signal(signal.SIGTERM, _give_up)
-    import torch
-
-    torch.set_num_threads(1)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"  # of libraries that the work will load
+    if "torch" in sys.modules:  # the main module has loaded it
+        sys.modules["torch"].set_num_threads(1)
 
 
 def _give_up(number: int, frame: object) -> None:

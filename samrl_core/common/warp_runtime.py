@@ -8,7 +8,6 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import torch
 import warp as wp
 
 if "SAMRL_WARP_CACHE" in os.environ:
@@ -77,13 +76,3 @@ def _announce_compilation() -> None:
         return compiler(module, device, folder, output, *rest, **named)
 
     setattr(wp.Module, "_compile", compile_and_tell)  # noqa: B010 (no attribute that types know)
-
-
-def numbered_device(name: str) -> torch.device:
-    """A device by torch's name, with its number: torch takes "cuda" for the current one, Warp takes no name
-    without a number.
-    """
-    device = torch.device(name)
-    if device.type == "cuda" and device.index is None:
-        return torch.device("cuda", torch.cuda.current_device())
-    return device

@@ -110,11 +110,6 @@ class Model:
         used = self._mesh.group[(self._target > 0) & self._mesh.is_grouped]
         return np.unique(used.numpy())
 
-    @property
-    def n_triangles(self) -> int:
-        """Triangles rendered per image."""
-        return len(self._mesh.topology.faces)
-
     def initial_colors(self) -> np.ndarray:
         """CAD colours under the assumed light, (G, 3) linear RGB."""
         return self._mesh.initial_colors.copy()

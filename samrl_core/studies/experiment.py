@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,12 +20,12 @@ from typing import Any
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.common.devices import checked_device
 from samrl_core.common.errors import InputError
-from samrl_core.common.executor import free_cores, run_calls
+from samrl_core.common.executor import RayCluster, Workers, free_cores, run_calls
 from samrl_core.common.files import append_line, folder_lock, keep_to, write_whole
 
 Progress = Callable[[str], None]  # receives a line of progress
 Case = dict[str, Any]  # "key" (str), and what was found
-CONFIG, CASES = "experiment.json", "cases.jsonl"
+CONFIG, CASES, RUNS = "experiment.json", "cases.jsonl", "runs.jsonl"
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,8 @@ class Options:
     """What the command line asks for.
 
     Raises:
-        InputError: a number below its least value, a device or cell that is not there, or weights that are no
-            folder.
+        InputError: a number below its least value, a device or cell that is not there, weights that are no
+            folder, or a relative one where other machines shall find it.
     """
 
     out: Path  # folder of this experiment alone
@@ -44,6 +46,7 @@ class Options:
     weights: Path | None = None  # folder of trained networks, in place of the package's
     conditions: tuple[str, ...] = ()  # of those that it can leave out; none: all of them
     cell: str = DEFAULT_CELL  # arms and camera, by name
+    ray: bool = False  # cases on the Ray cluster that `ray.init` finds, in place of processes
 
     def __post_init__(self) -> None:
         if min(self.count, self.seed, self.workers) < 0:
@@ -56,11 +59,18 @@ class Options:
             raise InputError(
                 f"no folder of networks at {self.weights}; `samrl train TASK --out DIR` makes one"
             )
+        if self.ray and self.weights is not None and not self.weights.is_absolute():
+            raise InputError(f"weights {self.weights}: other nodes need an absolute path")
 
     @property
     def processes(self) -> int:
         """How many to use."""
         return self.workers or free_cores()
+
+    @property
+    def spread(self) -> Workers:
+        """Where cases that do not need each other are run."""
+        return RayCluster() if self.ray else self.processes
 
 
 @dataclass(frozen=True)
@@ -73,22 +83,26 @@ class Experiment:
     run: Callable[[Options, Progress], dict[str, Any]]  # returns the summary; writes `<name>.png` in `out`
     on_request: tuple[str, ...] = ()  # tasks that it knows, too, and leaves out unless asked for
     conditions: tuple[str, ...] = ()  # that may be asked for without the others; none: it makes them all
+    one_machine: bool = False  # its processes need each other
 
     def result(self, options: Options, progress: Progress) -> dict[str, Any]:
-        """Run what is left of it, and write `<name>.json`.
+        """Run what is left of it, write `<name>.json`, and add to `runs.jsonl` when and how long it ran.
 
         Raises:
-            InputError: a task or condition that it does not know, a folder of another experiment, or one in
-                which another process is at work.
+            InputError: a task or condition that it does not know, Ray for what needs one machine, a folder of
+                another experiment, or one in which another process is at work.
         """
         self._must_know("task", options.tasks, (*self.tasks, *self.on_request))
         self._must_know("condition", options.conditions, self.conditions)
+        if options.ray and self.one_machine:
+            raise InputError(f"{self.name} needs all its processes on one machine; leave --ray out")
         options = replace(options, tasks=options.tasks or self.tasks)
         with folder_lock(options.out):
-            free = ("out", "device", "workers", "conditions")  # may differ when it goes on
+            free = ("out", "device", "workers", "conditions", "ray")  # may differ when it goes on
             asked = {k: v for k, v in asdict(options).items() if k not in free}
             wanted, before = {"experiment": self.name, **asked}, {"cell": DEFAULT_CELL}
             keep_to(options.out / CONFIG, wanted, "experiment", {}, before)
+            began, clock, load = datetime.now(UTC), time.perf_counter(), os.getloadavg()[0]
             summary = {
                 "schema": 1,
                 "experiment": self.name,
@@ -96,6 +110,16 @@ class Experiment:
                 **self.run(options, progress),
             }
             write_whole(options.out / f"{self.name}.json", json.dumps(summary, indent=1) + "\n")
+            run = {
+                "began": began.isoformat(timespec="seconds"),
+                "wall_s": round(time.perf_counter() - clock, 1),
+                "workers": options.processes,
+                "cores": os.cpu_count(),
+                "load_before": load,  # others' runnable processes, mean of a minute
+                "load_after": os.getloadavg()[0],
+                "conditions": list(options.conditions),
+            }
+            append_line(options.out / RUNS, json.dumps(run))
         return summary
 
     def _must_know(self, what: str, asked: Sequence[str], known: Sequence[str]) -> None:
@@ -142,16 +166,16 @@ def run_cases(
     log: CaseLog,
     work: Callable[[Any], list[Case]],
     jobs: Sequence[tuple[Sequence[str], Any]],
-    workers: int,
+    workers: Workers,
     progress: Progress,
 ) -> list[Case]:
     """Every case of the jobs, in their order; jobs whose cases are all known are not run again.
 
     Args:
         log: keeps them.
-        work: of the top level of a module: one job's cases, in a process of its own where workers > 1.
+        work: of the top level of a module: one job's cases, in a process of its own or on Ray, if asked for.
         jobs: for each the keys of its cases, and what `work` gets.
-        workers: processes.
+        workers: processes, or Ray.
         progress: called with each case.
     """
     keys = [key for of_job, _ in jobs for key in of_job]

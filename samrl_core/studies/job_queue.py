@@ -38,7 +38,7 @@ class CommandJob:
 
 
 @dataclass(frozen=True)
-class Machine:
+class Resources:
     """What there is to share out."""
 
     cores: int
@@ -69,7 +69,7 @@ class JobQueue:
     """
 
     def __init__(
-        self, jobs: Sequence[CommandJob], machine: Machine, folder: Path, progress: Progress
+        self, jobs: Sequence[CommandJob], resources: Resources, folder: Path, progress: Progress
     ) -> None:
         """`folder`: where the commands run; their output goes to `logs/NAME.log` in it."""
         names = [job.name for job in jobs]
@@ -79,7 +79,7 @@ class JobQueue:
             missing = [name for name in job.needs if name not in names]
             if missing:
                 raise InputError(f"job {job.name!r} needs {missing[0]!r}, which is not in the list")
-        self._left, self._machine, self._folder, self._progress = list(jobs), machine, folder, progress
+        self._left, self._resources, self._folder, self._progress = list(jobs), resources, folder, progress
         self._running: list[_Running] = []
         self._done: set[str] = set()
         self._failed: list[str] = []
@@ -117,8 +117,8 @@ class JobQueue:
                     self._running.append(self._started(job, gpu))
 
     def _started(self, job: CommandJob, gpu: int) -> _Running:
-        device = "cpu" if not self._machine.gpu_gb else "cuda" if gpu < 0 else f"cuda:{gpu}"
-        filled = {DEVICE: device, WORKERS: str(self._machine.workers(job))}
+        device = "cpu" if not self._resources.gpu_gb else "cuda" if gpu < 0 else f"cuda:{gpu}"
+        filled = {DEVICE: device, WORKERS: str(self._resources.workers(job))}
         command = [filled.get(part, part) for part in job.command]
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         if device == "cpu" or DEVICE not in job.command:
@@ -167,7 +167,7 @@ class JobQueue:
 
     def _gpu_for(self, job: CommandJob) -> int | None:
         """The GPU with most memory left, -1 where none is needed, None while there is not enough."""
-        sizes = self._machine.gpu_gb
+        sizes = self._resources.gpu_gb
         if not sizes or not job.gpu_gb:
             return -1
         left = list(sizes)
@@ -179,8 +179,8 @@ class JobQueue:
         return best if left[best] >= job.gpu_gb or alone else None
 
     def _has_cores(self, job: CommandJob) -> bool:
-        used = sum(self._machine.workers(one.job) for one in self._running)
-        return not used or used + self._machine.workers(job) <= OVERBOOKED * self._machine.cores
+        used = sum(self._resources.workers(one.job) for one in self._running)
+        return not used or used + self._resources.workers(job) <= OVERBOOKED * self._resources.cores
 
     def _interrupt(self) -> None:
         for one in self._running:

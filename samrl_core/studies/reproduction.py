@@ -9,6 +9,7 @@ from pathlib import Path
 
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS, plain_name
 from samrl_core.common.errors import InputError
+from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.policy.networks.weights import weights_name
 from samrl_core.studies.job_queue import DEVICE, WORKERS, CommandJob
 from samrl_core.studies.paper.sample_efficiency import BUDGET, weights_at
@@ -27,7 +28,7 @@ class Recipe:
     epochs: int  # of the actor
     gpu_gb: float  # for the cached images and the training on them
     share: float  # of the cores
-    states: int = 12_000
+    states: int = TrainSettings.states
     rounds: int = 1  # of DAgger
     q_loss: str = "square"
     q_unit: float = 0.1  # error of an action that leaves 1/e of its worth [action limits]
@@ -76,6 +77,7 @@ class Reproduction:
     trained: Path | None = None  # folder with `seed-1` ... and `occluded`, for what need not be trained
     count: int = 0  # of episodes; 0 takes each experiment's own
     steps: int = 0  # real steps of `sample_efficiency`; 0 takes its own
+    ray: bool = False  # episodes of the experiments on a Ray cluster
 
     def __post_init__(self) -> None:
         if self.trained is not None and not self.trained.is_dir():
@@ -144,15 +146,21 @@ class Reproduction:
         """No tasks are the experiment's own. Its folder is named after the label, or else its one task."""
         label = "-".join([name, *([label] if label else tasks)])
         trains = name == "sample_efficiency"
-        command = [*self.samrl, "experiment", name, "--out", label, "--weights", weights]
+        command = [*self.samrl, "experiment", name, "--out", label, "--weights", self._as_seen(weights)]
         command += [part for task in tasks for part in ("--task", task)]
         command += ["--workers", WORKERS, "--count", str(self.steps if trains else self.count)]
         if name in ("table1", "fig6", "fig7"):
             command += ["--device", DEVICE]
+        if self.ray and not trains:
+            command += ["--ray"]
         then = self._residual_copier(tasks[0]) if trains else None
         return CommandJob(
             label, tuple(command), self.out / label / f"{name}.json", needs, share=share, then=then
         )
+
+    def _as_seen(self, folder: str) -> str:
+        """A folder below the output's, where the commands run; a cluster's nodes stand elsewhere."""
+        return str(self.out / folder) if self.ray else folder
 
     def _residual_copier(self, task: str) -> Callable[[], None]:
         """Beside the task's actor and Q, as `fig8d` wants it: the first run's, as it was at the end."""

@@ -54,7 +54,7 @@ class PathFriction(SpeedFriction):
             self._path += abs(v) * dt
 
 
-class MaxwellSlip:
+class IwanElements:
     """Springs in parallel that slip one after another: hysteresis before sliding, whatever the rate."""
 
     def __init__(self, stiffness: np.ndarray, yields: np.ndarray) -> None:
@@ -146,7 +146,7 @@ def _presliding(site: Site, form: str, severity: float) -> Injection:
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
         if level > 0:
-            hooks.add_friction(site.joint, MaxwellSlip(*slip_elements(stiffness, level)))
+            hooks.add_friction(site.joint, IwanElements(*slip_elements(stiffness, level)))
 
     parameters = {"Fc": Quantity(level, "N m"), "sigma0": Quantity(stiffness, "N m/rad")}
     return Injection(parameters, attach)

@@ -46,7 +46,7 @@ class HertzFlanks:
         return math.copysign(self._b + (abs(torque) / self._k) ** (2.0 / 3.0), torque)
 
 
-class HardeningSpring:
+class DuffingSpring:
     """Torque = K x (1 + h (x / x0)^2) + D x'."""
 
     def __init__(self, stiffness: float, damping: float, hardening: float, usual_twist: float) -> None:
@@ -135,7 +135,7 @@ def _elasticity(site: Site, form: str, severity: float) -> Injection:
         "D": Quantity(damping, "N m s/rad"),
         "hardening": Quantity(hardening, "1"),
     }
-    return _into(site, parameters, HardeningSpring, stiffness, damping, hardening, usual)
+    return _into(site, parameters, DuffingSpring, stiffness, damping, hardening, usual)
 
 
 def _hysteresis(site: Site, form: str, severity: float) -> Injection:

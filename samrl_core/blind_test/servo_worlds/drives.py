@@ -153,7 +153,7 @@ def rotors(drive: dict[str, Any]) -> list[float]:
     return [j * n**2 for j, n in zip(drive["rotor_inertia"], drive["gear_ratio"], strict=True)]
 
 
-class Drive:
+class ServoDrive:
     """One recording's drives; `described` may differ from what a diagnosis is told."""
 
     def __init__(self, described: dict[str, Any], factor: list[float], wider: list[float]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from samrl_core.blind_test.disturbances.disturbance import Quantity, log_quantile, quantile
 from samrl_core.blind_test.servo_worlds.drives import Scales
-from samrl_core.blind_test.servo_worlds.engine import Law, Machine, Spring
+from samrl_core.blind_test.servo_worlds.engine import GearSpring, Law, Machine
 from samrl_core.blind_test.servo_worlds.links import scaled, with_point
 from samrl_core.blind_test.servo_worlds.mechanisms import Mechanism
 
@@ -151,7 +151,7 @@ def _backlash(m: Machine, i: int, severity: float, case: Case) -> Parameters:
         depth = abs(twist) - half
         return (math.copysign(flank * depth, twist), flank) if depth > 0 else (0.0, 0.0)
 
-    m.spring[i] = Spring(torque, 0.02 * math.sqrt(flank * m.rotor[i]))
+    m.spring[i] = GearSpring(torque, 0.02 * math.sqrt(flank * m.rotor[i]))
     return {"b": Quantity(half, "rad"), "flank_stiffness": Quantity(flank, "N m/rad")}
 
 
@@ -159,7 +159,7 @@ def _elasticity(m: Machine, i: int, severity: float, case: Case) -> Parameters:
     hertz = 14.0 * (3.0 / 14.0) ** severity if severity > 0 else 80.0
     stiffness = case.scales.inertia[i] * (2 * math.pi * hertz) ** 2
     damping = 2 * case.span(0.02, 0.06) * math.sqrt(stiffness * case.scales.inertia[i])
-    m.spring[i] = Spring(lambda twist: (stiffness * twist, stiffness), damping)
+    m.spring[i] = GearSpring(lambda twist: (stiffness * twist, stiffness), damping)
     return {"K": Quantity(stiffness, "N m/rad"), "D": Quantity(damping, "N m s/rad")}
 
 

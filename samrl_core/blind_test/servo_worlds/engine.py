@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.blind_test.servo_worlds.drives import Drive, rotors
+from samrl_core.blind_test.servo_worlds.drives import ServoDrive, rotors
 from samrl_core.blind_test.servo_worlds.links import Link
 from samrl_core.blind_test.servo_worlds.mechanisms import Mechanism
 from samrl_core.common.errors import InputError
@@ -28,7 +28,7 @@ Torques = Callable[[float, list[float], list[float]], list[float]]
 
 
 @dataclass(frozen=True)
-class Spring:
+class GearSpring:
     """Torque and its slope over the twist, and a damping."""
 
     torque: Callable[[float], tuple[float, float]]
@@ -51,7 +51,7 @@ class Machine:
     slip: dict[int, tuple[list[float], list[float], list[float]]] = field(
         default_factory=dict
     )  # k, most, bent
-    spring: dict[int, Spring] = field(default_factory=dict)
+    spring: dict[int, GearSpring] = field(default_factory=dict)
     push: list[Torques] = field(default_factory=list)
     # (time (N,), asked (N, n)) -> as it reaches the drive
     asked: list[Callable[[np.ndarray, np.ndarray], np.ndarray]] = field(default_factory=list)
@@ -99,7 +99,7 @@ def run_machine(
     for change in machine.asked:
         asked = change(time, asked)
     rate = np.gradient(asked, time, axis=0)
-    drive = Drive(machine.drive, machine.factor, machine.wider)
+    drive = ServoDrive(machine.drive, machine.factor, machine.wider)
     body = _Body(mechanism, machine, drive, start)
     steps = max(1, math.ceil(period / (0.00025 if machine.spring else 0.0005)))
     settle, count = round(SETTLE_S / period), len(time)
@@ -135,7 +135,7 @@ class RanAwayError(InputError):
 class _Body:
     """State of links and rotors."""
 
-    def __init__(self, mechanism: Mechanism, machine: Machine, drive: Drive, start: list[float]) -> None:
+    def __init__(self, mechanism: Mechanism, machine: Machine, drive: ServoDrive, start: list[float]) -> None:
         self._m, self._drive, self._motion = machine, drive, mechanism.motion(machine.links)
         self._n = len(start)
         self._q, self._v = list(start), [0.0] * self._n

@@ -32,7 +32,7 @@ ALSO = {"hand_eye": "board_in_base", "base_to_base": "board_in_flange"}
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class CalibratedPose:
     """A calibrated pose.
 
     `influence` (N, 6) is how far it moves without one of the pairs: position in the parent's axes [m],
@@ -55,14 +55,14 @@ class Calibration:
 
 
 @dataclass(frozen=True, eq=False)
-class HandEye:
+class HandEyePose:
     """Result of a hand-eye calibration, read back."""
 
     camera_in_flange: Pose
-    covariance: np.ndarray  # (6, 6) as of `Calibration`
+    covariance: np.ndarray  # (6, 6) as of `CalibratedPose`
 
 
-def calibrate(pairs_file: Path, hand_eye: Path | None) -> Calibration:
+def calibrate(pairs_file: Path, hand_eye: Path | None) -> CalibratedPose:
     """Calibrate from a file of pairs.
 
     Args:
@@ -98,20 +98,20 @@ def calibrate(pairs_file: Path, hand_eye: Path | None) -> Calibration:
 
 def _calibration(
     kind: Kind, solution: ChainSolution, board: Pose, moved: np.ndarray, camera: Pose, inherited: np.ndarray
-) -> Calibration:
+) -> CalibratedPose:
     pose = solution.inner if kind == "hand_eye" else solution.outer
-    return Calibration(
+    return CalibratedPose(
         kind, pose, board, solution.residual_m, solution.residual_rad, moved, camera, inherited
     )
 
 
-def read_hand_eye(path: Path) -> HandEye:
+def read_hand_eye(path: Path) -> HandEyePose:
     """Result of a hand-eye calibration by `write_calibration`. Raises InputError."""
     data = read_result(path, "hand_eye")
     covariance = np.array(data.get("covariance"), dtype=np.float64)
     if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
         raise InputError(f"{path} has no covariance of 6x6 finite numbers; calibrate anew")
-    return HandEye(pose_of(data, FOUND["hand_eye"], path), covariance)
+    return HandEyePose(pose_of(data, FOUND["hand_eye"], path), covariance)
 
 
 def calibrated_cell(cell: CellSpec, hand_eye: Path | None, bases: Path | None) -> CellSpec:
@@ -151,7 +151,7 @@ def pose_of(data: dict[str, Any], name: str, path: Path) -> Pose:
         raise InputError(f"{path}: {name} is no pose ({error!r}); calibrate anew") from error
 
 
-def as_json(found: Calibration, pairs_file: Path) -> dict[str, Any]:
+def as_json(found: CalibratedPose, pairs_file: Path) -> dict[str, Any]:
     """Contents of `calibration.json`; lengths in metres, angles in radians."""
     deviation = np.sqrt(np.diag(found.covariance))
     data: dict[str, Any] = {
@@ -174,7 +174,7 @@ def as_json(found: Calibration, pairs_file: Path) -> dict[str, Any]:
     return data
 
 
-def write_calibration(found: Calibration, pairs_file: Path, out: Path) -> None:
+def write_calibration(found: CalibratedPose, pairs_file: Path, out: Path) -> None:
     """`calibration.json` and `calibration.png` into a folder. Raises InputError if it cannot be written."""
     try:
         _plot(found, out)
@@ -184,7 +184,7 @@ def write_calibration(found: Calibration, pairs_file: Path, out: Path) -> None:
         raise InputError(f"cannot write to {out} ({error.strerror}); give another --out") from error
 
 
-def _plot(found: Calibration, out: Path) -> None:
+def _plot(found: CalibratedPose, out: Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.2), layout="constrained")

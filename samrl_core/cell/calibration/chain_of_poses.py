@@ -221,8 +221,3 @@ def _residuals(pairs: PosePairs, outer: Pose, inner: Pose) -> np.ndarray:
 def _moved(pose: Pose, by: np.ndarray) -> Pose:
     turn = Rotation.from_quat(pose.quat_xyzw) * Rotation.from_rotvec(by[3:])
     return Pose(pose.position + by[:3], turn.as_quat())
-
-
-def _displacement(start: Pose, end: Pose) -> np.ndarray:
-    turn = Rotation.from_quat(start.quat_xyzw).inv() * Rotation.from_quat(end.quat_xyzw)
-    return np.concatenate([end.position - start.position, turn.as_rotvec()])

@@ -22,7 +22,7 @@ class ExcitationParameter:
 
 
 @dataclass(frozen=True)
-class Kind:
+class TrajectoryKind:
     """One kind of trajectory."""
 
     shows: str  # what is told apart by it
@@ -44,21 +44,21 @@ _SPEEDS = ExcitationParameter("rad/s", 0.005, 1.0, (0.03, 0.1, 0.3))
 _BAND = ExcitationParameter("Hz", 0.05, 50.0, (0.1, 5.0))
 _POSES = ExcitationParameter("-", 2, 40, 8, whole=True)
 
-KINDS: dict[str, Kind] = {
-    "slow": Kind(
+KINDS: dict[str, TrajectoryKind] = {
+    "slow": TrajectoryKind(
         "friction: Coulomb, viscous, Stribeck, asymmetry, by speed and direction; loads, by rests",
         _COMMON | _SCALED | {"speeds": _SPEEDS, "poses": ExcitationParameter("-", 2, 40, 6, whole=True)},
     ),
-    "multisine": Kind(
+    "multisine": TrajectoryKind(
         "inertia, viscous friction, delay, low-pass and elasticity, by frequency",
         _COMMON | _SCALED | {"band": _BAND},
     ),
-    "task": Kind("nothing of its own: what is held out", _COMMON | _SCALED),
-    "static": Kind(
+    "task": TrajectoryKind("nothing of its own: what is held out", _COMMON | _SCALED),
+    "static": TrajectoryKind(
         "payload, base tilt, torque sensor, encoder offset, actuator gain: all without friction's sign",
         _COMMON | _SCALED | {"poses": _POSES, "duration_s": _lasting(24.0)},
     ),
-    "chirp": Kind(
+    "chirp": TrajectoryKind(
         "delay (phase linear in frequency) against low-pass (amplitude too) and elasticity (resonance)",
         _COMMON
         | {
@@ -66,7 +66,7 @@ KINDS: dict[str, Kind] = {
             "speed": ExcitationParameter("rad/s", 0.01, 0.5, 0.15),
         },
     ),
-    "micro_reversals": Kind(
+    "micro_reversals": TrajectoryKind(
         "presliding, backlash and elasticity against Coulomb friction: loops of milliradians under load",
         _COMMON
         | {
@@ -75,7 +75,7 @@ KINDS: dict[str, Kind] = {
             "poses": ExcitationParameter("-", 1, 20, 4, whole=True),
         },
     ),
-    "sweep": Kind(
+    "sweep": TrajectoryKind(
         "what repeats with position: gear ripple, position-dependent friction, eccentricity, cable",
         _COMMON
         | {
@@ -84,7 +84,7 @@ KINDS: dict[str, Kind] = {
             "duration_s": _lasting(65.0),
         },
     ),
-    "two_gains": Kind(
+    "two_gains": TrajectoryKind(
         "controller gain against every real effect: the same motion at two gains; delay against filter",
         _COMMON
         | _SCALED
@@ -94,7 +94,7 @@ KINDS: dict[str, Kind] = {
             "damping_scale": ExcitationParameter("-", 0.3, 1.2, 0.7),
         },
     ),
-    "two_loads": Kind(
+    "two_loads": TrajectoryKind(
         "payload against actuator and sensor gain, load-dependent against Coulomb friction: known extra mass",
         _COMMON
         | _SCALED

@@ -15,6 +15,7 @@ from samrl_core.cell.excitation.task_motion import task_motion
 from samrl_core.cell.excitation.workspace import WorkBox, work_box
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.robot import RobotSpec
+from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError, LimitError
 
@@ -44,7 +45,7 @@ def make_trajectory(
     kind: str,
     seed: int | np.random.Generator,
     duration_s: float,
-    period_s: float = 0.001,
+    period_s: float = ArmController.period_s,
 ) -> JointSignal:
     """An excitation trajectory for an arm: what it is commanded over time, from rest to rest.
 

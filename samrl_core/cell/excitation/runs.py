@@ -16,7 +16,7 @@ from samrl_core.cell.excitation.task_motion import task_motion
 from samrl_core.cell.excitation.trajectory_file import TrajectoryFile
 from samrl_core.cell.excitation.workspace import work_box
 from samrl_core.cell.robots.arm_model import Payload
-from samrl_core.cell.robots.robot import JointImpedance, RobotSpec
+from samrl_core.cell.robots.robot import ImpedanceGains, RobotSpec
 from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import LimitError
@@ -49,7 +49,7 @@ def scaled_controller(spec: RobotSpec, scale: GainScale) -> ArmController:
 
 def with_controller(spec: RobotSpec, controller: ArmController) -> RobotSpec:
     """The arm with the gains of a run, for whatever world or driver plays it."""
-    law = JointImpedance(controller.stiffness, controller.damping, controller.period_s)
+    law = ImpedanceGains(controller.stiffness, controller.damping, controller.period_s)
     return replace(spec, controller=law)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from samrl_core.cell.excitation.catalogue import KINDS, ExcitationParameter, Kind
+from samrl_core.cell.excitation.catalogue import KINDS, ExcitationParameter, TrajectoryKind
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
@@ -49,7 +49,7 @@ class TrajectoryFile:
         return known[name]
 
     @property
-    def about(self) -> Kind:
+    def about(self) -> TrajectoryKind:
         """The kind's entry in the catalogue."""
         return KINDS[self.kind]
 

@@ -20,7 +20,7 @@ _LOAD = "ASSUMPTION: a load weighed on kitchen scales, its centre by eye; carele
 
 
 @dataclass(frozen=True, eq=False)
-class Arms:
+class ArmDifferences:
     """Per joint, shares of the effort limit unless said otherwise."""
 
     tool_friction: np.ndarray = difference(

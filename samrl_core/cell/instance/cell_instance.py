@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.cell.instance.arms import Arms
+from samrl_core.cell.instance.arms import ArmDifferences
 from samrl_core.cell.instance.calibration import Calibration
 from samrl_core.cell.instance.depth import Depth
 from samrl_core.cell.instance.difference import LEVELS, draw_group
@@ -30,7 +30,7 @@ GROUPS: dict[str, type[Any]] = {
     "optics": Optics,
     "depth": Depth,
     "timing": Timing,
-    "arms": Arms,
+    "arms": ArmDifferences,
     "parts": Parts,
     "grip": Grip,
     "look": Look,
@@ -119,7 +119,7 @@ class CellInstance:
     optics: Optics
     depth: Depth
     timing: Timing
-    arms: Arms
+    arms: ArmDifferences
     parts: Parts
     grip: Grip
     look: Look

@@ -23,6 +23,14 @@ class Parts:
     size: np.ndarray = difference(
         "of a soft part, across and in thickness or length", "-", "uniform", 0.03, 0.08, _FOOD, (2,)
     )
+    either: float = difference(
+        "which of two kinds a cell has been given, where a task has two: by its sign",
+        "-",
+        "uniform",
+        1.0,
+        1.0,
+        "no range: a coin for each cell",
+    )
     mass: float = difference("of a part that moves", "-", "uniform", 0.10, 0.20, _FOOD)
     stiffness: float = difference(
         "of a part that bends and of contacts, logarithm", "-", "uniform", 0.20, 0.50, _FOOD

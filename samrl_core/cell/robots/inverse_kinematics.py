@@ -10,8 +10,6 @@ through its limit is held there, and the others take its share.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 import pinocchio as pin
 
@@ -57,49 +55,8 @@ def solve_ik(
     model = _model_of(arm)
     q, residual = _iterate(model, flange_in_base, seed, q0, margin_rad, iterations, tolerance, damping)
     if _norm(residual) > tolerance:
-        raise ReachError(
-            _explain(model.spec, flange_in_base, q, residual, margin_rad, tolerance, "this seed")
-        )
+        raise ReachError(_explain(model.spec, flange_in_base, q, residual, margin_rad, tolerance))
     return q
-
-
-def solve_ik_multi(
-    arm: ArmModel | RobotSpec,
-    flange_in_base: Pose,
-    seeds: Iterable[np.ndarray],
-    *,
-    q0: np.ndarray | None = None,
-    margin_rad: float = 0.05,
-    iterations: int = 200,
-    tolerance: float = 1e-5,
-    damping: float = 0.05,
-) -> np.ndarray:
-    """As `solve_ik`, from several seeds: of the solutions, the one nearest to the first seed.
-
-    Raises:
-        ReachError: none of the seeds leads there, with the smallest of what is left.
-        InputError: no seeds, or as `solve_ik`.
-    """
-    model = _model_of(arm)
-    seeds = [np.asarray(seed, dtype=np.float64) for seed in seeds]
-    if not seeds:
-        raise InputError("inverse kinematics got no seeds; give at least one, such as the arm's home")
-    runs = [
-        _iterate(model, flange_in_base, seed, q0, margin_rad, iterations, tolerance, damping)
-        for seed in seeds
-    ]
-    solved = [q for q, residual in runs if _norm(residual) <= tolerance]
-    if not solved:
-        q, residual = min(runs, key=lambda run: _norm(run[1]))
-        who = f"the best of {len(seeds)} seeds"
-        raise ReachError(_explain(model.spec, flange_in_base, q, residual, margin_rad, tolerance, who))
-    return min(solved, key=lambda q: float(np.abs(q - seeds[0]).max()))
-
-
-def sample_seeds(spec: RobotSpec, rng: np.random.Generator, count: int) -> list[np.ndarray]:
-    """The arm's home and `count` joint positions uniform over the limits, for `solve_ik_multi`."""
-    limits = spec.limits
-    return [spec.home, *rng.uniform(limits.lower, limits.upper, (count, len(spec.joint_names)))]
 
 
 def _iterate(
@@ -184,13 +141,12 @@ def _explain(
     error: np.ndarray,
     margin_rad: float,
     tolerance: float,
-    who: str,
 ) -> str:
     near = np.minimum(q - spec.limits.lower, spec.limits.upper - q) < margin_rad + 1e-6
     at_limit = [name for name, at in zip(spec.joint_names, near, strict=True) if at]
     return (
         f"'{spec.name}' does not reach {spec.flange} at {np.round(target.position, 4).tolist()} m, "
-        f"quaternion {np.round(target.quat_xyzw, 4).tolist()}: from {who} {1e3 * _norm(error[:3]):.2f} mm "
-        f"and {_norm(error[3:]):.4f} rad are left (limit {tolerance:g} together), joints at their limit: "
-        f"{at_limit or 'none'}; choose a nearer pose, another roll, or further seeds"
+        f"quaternion {np.round(target.quat_xyzw, 4).tolist()}: from this seed {1e3 * _norm(error[:3]):.2f}"
+        f" mm and {_norm(error[3:]):.4f} rad are left (limit {tolerance:g} together), joints at their limit: "
+        f"{at_limit or 'none'}; choose a nearer pose, another roll, or another seed"
     )

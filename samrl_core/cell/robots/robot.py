@@ -28,7 +28,7 @@ class JointLimits:
 
 
 @dataclass(frozen=True, eq=False)
-class JointImpedance:
+class ImpedanceGains:
     """Nominal controller: effort = clip(K (q_d - q) + D (dq_d - dq) + g(q) + feed-forward)."""
 
     stiffness: np.ndarray  # (J,) [N m/rad]
@@ -46,7 +46,7 @@ class RobotSpec:
     base_link: str
     flange: str
     limits: JointLimits
-    controller: JointImpedance
+    controller: ImpedanceGains
     home: np.ndarray  # (J,) [rad]
     armature: np.ndarray  # (J,) rotor inertia seen at the joint [kg m2]
     # Of links, `package://NAME/path` of a mesh, z up, in the link's frame: for viewers where it is installed.

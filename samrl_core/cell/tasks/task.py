@@ -66,6 +66,7 @@ class Ending:
     body_peak_height: dict[str, float]  # highest z of the bodies' origins in this episode [m]
     tip_position: np.ndarray  # (3,) tool tip [m]
     chain_points: np.ndarray  # (K + 1, 3) joints of the tool's chain, then its end; (0, 3) without one [m]
+    peak_contact_force: float = 0.0  # largest normal force on the tool in this episode [N]
 
 
 class Task(ABC):

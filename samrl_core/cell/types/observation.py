@@ -75,16 +75,3 @@ class Observation:
     def stamp_ns(self) -> int:
         """Stamp of the image [ns]."""
         return self.frame.stamp_ns
-
-
-@dataclass(frozen=True, eq=False)
-class Action:
-    """Displacement of the tool frame's origin in the tool arm's base frame over one control period."""
-
-    tool_displacement: np.ndarray  # (3,) [m]
-
-    def __post_init__(self) -> None:
-        d = np.asarray(self.tool_displacement, dtype=np.float64)
-        if d.shape != (3,) or not np.isfinite(d).all():
-            raise InputError(f"tool displacement {d} must be three finite numbers [m]")
-        object.__setattr__(self, "tool_displacement", d)

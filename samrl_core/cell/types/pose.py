@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,6 +113,13 @@ class Pose:
         between = (self.inverse() @ other).quat_xyzw
         # Not by arccos: near zero it would turn rounding of 1e-7 into an angle of 1e-3.
         return 2.0 * float(np.arctan2(np.linalg.norm(between[:3]), abs(between[3])))
+
+
+def rotation_vector(vector: np.ndarray) -> Pose:
+    """The rotation about a vector (3,) by its length [rad]."""
+    angle = float(np.linalg.norm(vector))
+    share = 0.5 * float(np.sinc(0.5 * angle / math.pi))  # sin(angle / 2) / angle, 1/2 at 0
+    return Pose(np.zeros(3), np.array([*(share * vector), math.cos(0.5 * angle)]))
 
 
 def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ class Tool:
     mass: float  # [kg]
     center_of_mass: np.ndarray  # (3,) in the flange frame [m]
     inertia: np.ndarray  # (3, 3) about the centre of mass, flange axes [kg m2]
-    tip_in_flange: Pose  # the tool frame, whose origin an Action displaces
+    tip_in_flange: Pose  # the tool frame, whose origin an action displaces
     friction: float  # [-]
     chain: tuple[ChainLink, ...] = ()
     hand: int = 0  # so many of the last parts are the gripper's own; a grip leaves them where they are

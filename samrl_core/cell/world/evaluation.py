@@ -75,6 +75,7 @@ def ending_of(entry: dict[str, Any]) -> Ending:
         dict(entry["body_peak_height"]),
         np.array(entry["tip_position"]),
         np.array(entry["chain_points"], dtype=np.float64).reshape(-1, 3),
+        float(entry["peak_contact_force"]),
     )
 
 
@@ -86,6 +87,7 @@ def ending_now(truth: Truth) -> Ending:
         dict(truth.body_peak_height),
         truth.tip_position,
         truth.chain_points,
+        truth.peak_contact_force,
     )
 
 

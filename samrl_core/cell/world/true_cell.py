@@ -6,7 +6,6 @@ or estimates.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,10 +15,10 @@ from samrl_core.cell.instance.grip import Grip
 from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.task import Task
-from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.pose import Pose, rotation_vector
 from samrl_core.cell.types.scene import Body, Part, Scene, Tool
 
-_LOADS = ("tool_arm", "camera_arm")  # order of the payloads in `Arms`
+_LOADS = ("tool_arm", "camera_arm")  # order of the payloads in `ArmDifferences`
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +80,6 @@ def true_pose(body: Body, nominal: Pose, is_target: bool, parts: Parts) -> Pose:
     return Pose(nominal.position + offset, nominal.quat_xyzw) @ Pose.from_rpy(
         np.zeros(3), (0.0, 0.0, parts.place_turn)
     )
-
-
-def rotation_vector(vector: np.ndarray) -> Pose:
-    """The rotation about a vector (3,) by its length [rad]."""
-    angle = float(np.linalg.norm(vector))
-    share = 0.5 * float(np.sinc(0.5 * angle / math.pi))  # sin(angle / 2) / angle, 1/2 at 0
-    return Pose(np.zeros(3), np.array([*(share * vector), math.cos(0.5 * angle)]))
 
 
 def _moved(pose: Pose, position: np.ndarray, rotation: np.ndarray) -> Pose:

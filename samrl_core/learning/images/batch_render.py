@@ -14,8 +14,8 @@ import torch
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
+from samrl_core.common.devices import numbered_device
 from samrl_core.common.errors import InputError
-from samrl_core.common.warp_runtime import numbered_device
 from samrl_core.learning.images.appearance import Appearances, model_appearances
 from samrl_core.learning.images.image_noise import ImageNoiseSettings, noisy
 from samrl_core.learning.states.frames import SceneFrames

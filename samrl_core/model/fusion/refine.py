@@ -15,7 +15,7 @@ from samrl_core.model.fusion.masked_view import MaskedView, checked_views
 from samrl_core.model.fusion.smooth_field import SmoothField
 from samrl_core.model.real2sim.emd import MAX_POINTS, earth_movers_distance
 from samrl_core.model.real2sim.target_cloud import eroded, target_cloud
-from samrl_core.model.rendering.renderer import Rendered, Renderer
+from samrl_core.model.rendering.renderer import SUPERSAMPLE, Rendered, Renderer
 from samrl_core.model.rendering.topology import Topology
 
 _KEEP_GRADIENT, _KEEP_SQUARE = 0.9, 0.95  # of the running means, per iteration
@@ -43,7 +43,7 @@ class RefineSettings:
     stiffness: float = 10.0  # of the displacements, see `SmoothField` [-]
     iterations: int = 30  # over which the steps fall to 0
     patience: int = 10  # iterations without a lower loss after which it has converged
-    supersample: int = 2  # samples per pixel and direction
+    supersample: int = SUPERSAMPLE  # samples per pixel and direction
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -81,7 +81,7 @@ class MeshRenderer:
     """Renders meshes of one set of faces from all views' cameras at once, colours as they are."""
 
     def __init__(
-        self, mesh: FusedMesh, views: Sequence[MaskedView], supersample: int = 2, threads: int = 1
+        self, mesh: FusedMesh, views: Sequence[MaskedView], supersample: int = SUPERSAMPLE, threads: int = 1
     ) -> None:
         """Finds the edges.
 

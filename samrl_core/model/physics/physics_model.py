@@ -6,12 +6,13 @@ from typing import Any
 
 import torch
 
+from samrl_core.common.devices import numbered_device
 from samrl_core.common.errors import InputError, SolveError
-from samrl_core.common.warp_runtime import numbered_device, start
+from samrl_core.common.warp_runtime import start
 from samrl_core.model.physics.layout import lay_out
 from samrl_core.model.physics.scene import PhysicsScene
 from samrl_core.model.physics.state import PhysicsAction, PhysicsParameters, PhysicsState, nominal_parameters
-from samrl_core.model.physics.workspace import MOTION, PARAMETERS, Constants, Workspace
+from samrl_core.model.physics.workspace import MOTION, PARAMETERS, SceneConstants, Workspace
 
 RESIDUAL_LIMIT = 1.0e-3  # of all impulses added without sign; above it a step is not solved
 CACHED_WORKSPACES = 4  # lengths and batches whose arrays are kept
@@ -36,7 +37,7 @@ class PhysicsModel:
         self.scene, self.dtype, self.device = scene, dtype, device
         self.layout = lay_out(scene)
         where = str(numbered_device(device))
-        self._constants = Constants(scene, self.layout, dtype == torch.float64, where)
+        self._constants = SceneConstants(scene, self.layout, dtype == torch.float64, where)
         self._workspaces: dict[tuple[int, int], Workspace] = {}
         self._checked: dict[str, tuple[torch.Tensor, int]] = {}  # parameters found good, and their versions
 

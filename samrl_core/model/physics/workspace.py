@@ -43,7 +43,7 @@ def _nothing(value: Any) -> Any:
     return None if not isinstance(value, (int, float)) else type(value)(0)
 
 
-class Constants:
+class SceneConstants:
     """A scene's structs on one device in one precision."""
 
     def __init__(self, scene: PhysicsScene, layout: Layout, double: bool, device: str) -> None:
@@ -94,7 +94,7 @@ class Workspace:
     parameters; `error` (T, B) is what Newton's method left of the residual, relative.
     """
 
-    def __init__(self, constants: Constants, batch: int, steps: int) -> None:
+    def __init__(self, constants: SceneConstants, batch: int, steps: int) -> None:
         c, t = constants, constants.kinds
         self.constants, self.batch, self.steps = c, batch, steps
         self.generation = 0

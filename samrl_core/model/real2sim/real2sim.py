@@ -59,7 +59,7 @@ class Real2SimSettings:
     color_floor: float = 0.02  # error of a colour that no number of pixels removes (shading), 0..1
     drift: float = 1e-4  # the target may move by this between images, standard deviation [unit of value]
     worse: float = 1.3  # a fit whose points and colours both end this many times farther off has diverged
-    surprise: float = 9.0  # squared Mahalanobis distance per parameter above which the belief is widened
+    surprise: float = PoseFitSettings.surprise
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
     least_thin_pixels: int = 12  # the same of a thread

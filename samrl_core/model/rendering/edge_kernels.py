@@ -18,7 +18,7 @@ from __future__ import annotations
 import warp as wp
 
 from samrl_core.model.rendering.kernel_types import EdgeUse, Pixel
-from samrl_core.model.rendering.raster_kernels import Lens, corner_value, triangle_of, value_at
+from samrl_core.model.rendering.raster_kernels import Pinhole, corner_value, triangle_of, value_at
 from samrl_core.model.rendering.sight_kernels import HIDE, inverse_depth, is_hidden
 
 # Products and sums are rounded one by one, or a GPU would see another triangle at an edge than a CPU.
@@ -107,7 +107,7 @@ def integrate_edges(
     edge_start: wp.array(dtype=wp.int32),  # (E + 1,) into edge_uses
     edge_uses: wp.array(dtype=EdgeUse),  # (U,) two ends, opposite vertex, face
     background: Pixel,
-    lens: Lens,
+    lens: Pinhole,
     samples: int,
     step: float,  # [px] longest step along an edge
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)

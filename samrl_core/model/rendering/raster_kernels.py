@@ -31,7 +31,7 @@ MIN_NEAR = 2.0**-7  # [m] keeps the key positive: 2^7 * 2^32 * 2^24 = 2^63
 
 
 @wp.struct
-class Lens:
+class Pinhole:
     """Pinhole parameters and the near plane."""
 
     fx: wp.float32
@@ -102,7 +102,7 @@ def value_at(
 def set_up_triangles(
     points: wp.array2d(dtype=wp.vec3),  # (B, V) camera coordinates [m]
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
-    lens: Lens,
+    lens: Pinhole,
     width: int,
     height: int,
     planes: wp.array2d(dtype=wp.mat33),  # (B, F) out

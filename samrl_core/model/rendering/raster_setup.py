@@ -8,7 +8,8 @@ from typing import Any
 import warp as wp
 
 from samrl_core.cell.types.camera import Intrinsics
-from samrl_core.common.warp_runtime import numbered_device, start
+from samrl_core.common.devices import numbered_device
+from samrl_core.common.warp_runtime import start
 from samrl_core.model.rendering import cut_kernels, edge_kernels, light_kernels, raster_kernels, shade_kernels
 from samrl_core.model.rendering.kernel_types import EdgeUse, Pixel
 from samrl_core.model.rendering.topology import Topology
@@ -30,7 +31,7 @@ class RasterSetup:
     corner_normal: Any  # wp.array (F, 3) int32
     normal_start: Any  # wp.array (N + 1,) int32
     normal_faces: Any  # wp.array (3F,) int32
-    lens: Any  # raster_kernels.Lens
+    lens: Any  # raster_kernels.Pinhole
     width: int  # [px]
     height: int  # [px]
     samples: int  # per pixel and direction
@@ -99,6 +100,6 @@ def make_setup(
 
 
 def _lens(intrinsics: Intrinsics, near: float) -> Any:
-    lens, k = raster_kernels.Lens(), intrinsics
+    lens, k = raster_kernels.Pinhole(), intrinsics
     lens.fx, lens.fy, lens.cx, lens.cy, lens.near = k.fx, k.fy, k.cx, k.cy, near
     return lens

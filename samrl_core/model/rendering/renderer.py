@@ -21,8 +21,8 @@ import torch
 
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.scene import Rgb
+from samrl_core.common.devices import numbered_device
 from samrl_core.common.errors import InputError
-from samrl_core.common.warp_runtime import numbered_device
 from samrl_core.model.rendering.autograd import Rasterize
 from samrl_core.model.rendering.light import Light
 from samrl_core.model.rendering.raster_kernels import MAX_FACES, MIN_NEAR
@@ -30,6 +30,7 @@ from samrl_core.model.rendering.raster_setup import make_setup
 from samrl_core.model.rendering.topology import Topology
 from samrl_core.model.rendering.window import Window
 
+SUPERSAMPLE = 2  # samples per pixel and direction
 _FAR = 1e6  # [m] single precision can no longer tell a centimetre there
 _EDGE_STEP = 0.5  # [px] longest; steps end at pixel borders anyway (0.25 is no more accurate)
 
@@ -56,7 +57,7 @@ class Renderer:
         self,
         topology: Topology,
         intrinsics: Intrinsics,
-        supersample: int = 2,
+        supersample: int = SUPERSAMPLE,
         device: str = "cpu",
         near: float = 0.01,
         background: Rgb = (0.0, 0.0, 0.0),

@@ -16,7 +16,7 @@ from samrl_core.model.rendering.raster_kernels import (
     DEPTH_SCALE,
     ID_BITS,
     ID_MASK,
-    Lens,
+    Pinhole,
     corner_value,
     triangle_of,
 )
@@ -214,7 +214,7 @@ def triangles_adjoint(
     faces: wp.array2d(dtype=wp.int32),  # (F, 3)
     attributes: wp.array2d(dtype=Pixel),  # (B, V)
     brightness: wp.array2d(dtype=wp.vec3),  # (B, F), per corner; (B, 0) when nothing is lit
-    lens: Lens,
+    lens: Pinhole,
     planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F)
     corner_grad: wp.array3d(dtype=Pixel),  # (B, F, 3)
     points_grad: wp.array2d(dtype=wp.vec3),  # (B, V) out, added

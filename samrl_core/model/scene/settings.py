@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from samrl_core.cell.types.scene import Rgb
+from samrl_core.model.rendering.renderer import SUPERSAMPLE
 
 
 @dataclass(frozen=True)
 class ModelSettings:
     """Appearance of the model. Colours and light are ASSUMPTIONS: first guesses that Real2Sim corrects."""
 
-    supersample: int = 2  # samples per pixel and direction
+    supersample: int = SUPERSAMPLE  # samples per pixel and direction
     device: str = "cpu"  # torch's name
     threads: int = 2  # that share the images of one call on a CPU
     near: float = 0.02  # near plane [m]

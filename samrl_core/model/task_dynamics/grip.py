@@ -12,14 +12,14 @@ from samrl_core.cell.tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class Grip:
+class GripCompliance:
     """Springs along and about the tool arm's base axes, at the tip; the spin about z is left out."""
 
     along: np.ndarray  # (3,) [N/m]
     about: np.ndarray  # (2,) of x and y [N m/rad]
 
 
-def grip_of(task: Task, cell: CellSpec) -> Grip:
+def grip_of(task: Task, cell: CellSpec) -> GripCompliance:
     """The compliance J K^-1 J^T of the arm in the task's start pose; what couples its axes is left out."""
     arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
     joints = task.start_joints(cell)["tool_arm"]
@@ -28,4 +28,4 @@ def grip_of(task: Task, cell: CellSpec) -> Grip:
     linear = jacobian[:3] + np.cross(jacobian[3:].T, lever).T
     whole = np.vstack([linear, jacobian[3:]])
     give = np.einsum("ij,j,ij->i", whole, 1.0 / cell.tool_arm.controller.stiffness, whole)
-    return Grip(1.0 / give[:3], 1.0 / give[3:5])
+    return GripCompliance(1.0 / give[:3], 1.0 / give[3:5])

@@ -72,4 +72,6 @@ class PegDynamics(TaskDynamics):
         return q[3:], q[:3]
 
     def _origin(self, values: np.ndarray) -> np.ndarray:
-        return np.array(self._task.body_poses(values)[self._name].position)
+        """Of an upright ring with its mouth where the estimate has it, also for one that leans."""
+        mouth = np.array([0.0, 0.0, self._sizes.top])
+        return self._task.body_poses(values)[self._name].apply(mouth) - mouth

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from samrl_core.common.errors import InputError
+from samrl_core.model.physics.scene import ContactPair, PhysicsScene
 
 
 @dataclass(frozen=True)
@@ -14,10 +15,10 @@ class ContactSettings:
     step_s: float = 1.0 / 240.0  # of the physics [s]
     stiffness: float = 1.0e4  # per ball [N/m]
     chain_stiffness: float = 500.0  # per ball of a chain, whose links weigh grams [N/m]
-    dissipation: float = 10.0  # of Hunt and Crossley [s/m]
+    dissipation: float = ContactPair.dissipation  # of Hunt and Crossley [s/m]
     table_friction: float = 0.3  # [-]
     table_height: float = 0.0  # of its top in world [m]
-    slip_speed: float = 1.0e-3  # below it friction fades [m/s]
+    slip_speed: float = PhysicsScene.slip_speed  # below it friction fades [m/s]
     margin: float = 0.004  # balls farther from a solid are left out of a step [m]
     edge: float = 0.0005  # rounding of edges where the body states none [m]
     rim_balls: int = 64  # on a rim of a cylinder or a hole

@@ -14,6 +14,7 @@ from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.prediction import likeliest, predictions
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
+from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
 from samrl_core.policy.networks.network_image import observed_image
@@ -44,8 +45,8 @@ class ActionChoice:
 class Agent:
     """Algorithm 1 in three verbs. A node of the cell uses one of them, `run_episode` all.
 
-    Its state: `estimate`, the tip at the last image, the residual policy, the exploration noise, and the
-    random generator of strategy "random".
+    Its state: `estimate`, the tip and its offset at the last image, the residual policy, the exploration
+    noise, and the random generator of strategy "random".
     """
 
     def __init__(
@@ -121,6 +122,9 @@ class Agent:
 
         Eq. 8 predicts each way that the last action may have gone, eq. 7 corrects each of them.
         """
+        if self._tip_offset is not None:
+            encoders = self.model.tip_in_base(observation.tool_arm.position).position
+            self._tip_offset = self._tip_offset_fit.update(self._tip_offset, observation, encoders)
         if self.settings.update:
             found = self._predictions(observation)
             several = len(found) > 1
@@ -129,6 +133,11 @@ class Agent:
         else:
             self.estimate = replace(self.estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")
         return self.estimate
+
+    def tip(self, observation: Observation) -> np.ndarray:
+        """The tool's tip (3,) in the tool arm's base frame [m]: by encoders, corrected by what was seen."""
+        tip = self.model.tip_in_base(observation.tool_arm.position).position
+        return tip if self._tip_offset is None else tip + self._tip_offset.offset
 
     def plan_view(self, estimate: Estimate, observation: Observation) -> ViewChoice:
         """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation."""
@@ -143,7 +152,7 @@ class Agent:
         Raises:
             InputError: networks whose answer is not finite.
         """
-        tip = self.model.tip_in_base(observation.tool_arm.position).position
+        tip = self.tip(observation)
         if self.settings.policy == "learned":
             name, nominal = self._learned_action(estimate, tip, observation)
         else:
@@ -153,6 +162,11 @@ class Agent:
     @cached_property
     def _real2sim(self) -> Real2Sim:
         return Real2Sim(self.model)
+
+    @cached_property
+    def _tip_offset_fit(self) -> TipOffsetFit:
+        cell = self.model.cell
+        return TipOffsetFit(self.model.task.scene(cell).tool, cell)
 
     @cached_property
     def _view_ascent(self) -> ViewAscent:
@@ -165,10 +179,13 @@ class Agent:
 
     def _forget(self) -> None:
         self.estimate: Estimate = initial_estimate(self.model)
+        self._tip_offset: TipOffset | None = (
+            self._tip_offset_fit.begin() if self.settings.tip_offset else None
+        )
         self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
 
     def _predictions(self, observation: Observation) -> tuple[Estimate, ...]:
-        tip = self.model.tip_in_base(observation.tool_arm.position).position
+        tip = self.tip(observation)
         before, self._tip = self._tip, tip
         if before is None:
             return (self.estimate,)

@@ -77,7 +77,7 @@ def run_episode(
         with watch("update"):
             estimate = agent.update_model(observation)
         state = state.updated(estimate.why_stopped, estimate.loss_after)
-        tip = agent.model.tip_in_base(observation.tool_arm.position).position
+        tip = agent.tip(observation)
         stage = stage_after_update(task, estimate.values, tip, state, loop)
         if stage == "again":
             state = state.confirmed_once()

@@ -29,12 +29,14 @@ class AgentSettings:
     """What the agent does in each of its parts.
 
     Raises:
-        InputError: a policy, strategy or actor's image that there is not, or a real one without an actor.
+        InputError: a policy, strategy or actor's image that there is not, a real one without an actor, or a
+            tip's offset without plans.
     """
 
     policy: str = DEFAULT_POLICY  # of `samrl_core.policy.agent.policies.POLICIES`
     strategy: str = STRATEGY_OF[DEFAULT_POLICY]  # of `samrl_core.policy.agent.policies.STRATEGIES`
     update: bool = True  # Real2Sim; off for ablations
+    tip_offset: bool = False  # where the camera sees the held part corrects the encoders' tip, for plans
     actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
     seed: int = 0  # of strategy "random" and of exploration
     exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]
@@ -55,6 +57,11 @@ class AgentSettings:
         if self.actor_image not in ACTOR_IMAGES:
             raise InputError(
                 f"no actor reads the image {self.actor_image!r}; there are: {', '.join(ACTOR_IMAGES)}"
+            )
+        if self.tip_offset and self.policy != "optimised":
+            raise InputError(
+                f"tip_offset corrects the tip that plans start from, policy {self.policy!r} makes none; take "
+                f"policy 'optimised'"
             )
         if self.actor_image == "real" and self.policy != "learned":
             raise InputError(

@@ -238,12 +238,15 @@ def _head(inputs: int, outputs: int, generator: torch.Generator, normalised: boo
 
 
 def _convolution(inputs: int, outputs: int, size: int, stride: int, generator: torch.Generator) -> nn.Module:
-    layer = nn.utils.skip_init(nn.Conv2d, inputs, outputs, size, stride=stride, padding=size // 2)
+    with torch.random.fork_rng(devices=()):  # torch's own first weights are not kept
+        layer = nn.Conv2d(inputs, outputs, size, stride=stride, padding=size // 2)
     return _initialised(layer, generator, 1.0)
 
 
 def _linear(inputs: int, outputs: int, generator: torch.Generator, gain: float = 1.0) -> nn.Module:
-    return _initialised(nn.utils.skip_init(nn.Linear, inputs, outputs), generator, gain)
+    with torch.random.fork_rng(devices=()):
+        layer = nn.Linear(inputs, outputs)
+    return _initialised(layer, generator, gain)
 
 
 def _initialised(layer: nn.Module, generator: torch.Generator, gain: float) -> nn.Module:

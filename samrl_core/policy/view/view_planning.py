@@ -19,10 +19,10 @@ from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.information import ImageNoise, TargetImage, ViewInformation, view_information
 from samrl_core.model.real2sim.pose_fit import PoseFitSettings, acts_together
-from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_core.model.real2sim.real2sim import Estimate, Real2SimSettings
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
 from samrl_core.model.scene.settings import ModelSettings
-from samrl_core.policy.view.view_reach import ReachSettings, View, ViewReach, motion_seconds
+from samrl_core.policy.view.view_reach import SPEED_SHARE, ReachSettings, View, ViewReach, motion_seconds
 
 STRATEGIES = ("best", "fixed", "random")
 
@@ -35,10 +35,10 @@ class ViewPlanningSettings:
     reach: ReachSettings = ReachSettings()
     coarse_scale: int = 2  # the first images of all views are this many times smaller
     finalists: int = 4  # views that are rendered in full
-    jacobian_step: float = 0.035  # half span of the differences [parameter's scale]
+    jacobian_step: float = Real2SimSettings.jacobian_step  # half span of the differences [parameter's scale]
     min_gain: float = 0.15  # least gain over the present view, the motion's penalty subtracted [nat]
     time_penalty: float = 0.03  # of camera motion [nat/s]
-    speed_share: float = 0.5  # of the joints' velocity limits, for the time of a motion
+    speed_share: float = SPEED_SHARE  # of the joints' velocity limits, for the time of a motion
 
 
 @dataclass(frozen=True, eq=False)

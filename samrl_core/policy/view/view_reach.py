@@ -42,6 +42,9 @@ class View:
     capsules: Capsules  # of the camera arm with its camera, in world
 
 
+SPEED_SHARE = 0.5  # of the velocity limits, at which the camera arm is taken to move
+
+
 def motion_seconds(start: np.ndarray, end: np.ndarray, velocity: np.ndarray, share: float) -> float:
     """How long a straight motion in joint space takes at a share of the velocity limits (J,) [rad/s]."""
     return float(np.max(np.abs(end - start) / (share * velocity)))

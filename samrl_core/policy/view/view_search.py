@@ -27,6 +27,7 @@ from samrl_core.cell.tasks.task import ViewRegion
 from samrl_core.cell.types.pose import look_at
 from samrl_core.model.model import CameraPose
 from samrl_core.policy.view.view_reach import (
+    SPEED_SHARE,
     ReachSettings,
     View,
     ViewReach,
@@ -56,7 +57,7 @@ class ViewAscentSettings:
     through_action: bool = False  # see `sensing_value.value_of`
     min_gain: float = 0.02  # least gain over the present view, the motion's penalty subtracted [Q]
     time_penalty: float = 0.01  # of camera motion [Q/s]
-    speed_share: float = 0.5  # of the joints' velocity limits, for the time of a motion
+    speed_share: float = SPEED_SHARE  # of the joints' velocity limits, for the time of a motion
     finalists: int = 4  # best views whose paths are checked for collisions
     # Share of the target's surface towards the camera that a view must show, 0..1. Q knows the state of the
     # model as if it were true, and so prefers views that serve the action; an update needs to see the target.

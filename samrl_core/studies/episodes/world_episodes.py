@@ -15,6 +15,7 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world.evaluation import evaluate_now
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import SamrlError
+from samrl_core.common.executor import Workers
 from samrl_core.model.model import Model
 from samrl_core.model.scene.settings import ModelSettings
 from samrl_core.policy.agent.agent import Agent
@@ -24,6 +25,7 @@ from samrl_core.policy.agent.settings import AgentSettings, announced_residual, 
 from samrl_core.policy.networks.weights import sha256_of
 from samrl_core.studies.episodes.differing_world import differing_world
 from samrl_core.studies.episodes.stopwatch import Stopwatch
+from samrl_core.studies.episodes.straw_men import run_straw_man
 from samrl_core.studies.episodes.world_plant import WorldPlant
 from samrl_core.studies.experiment import Case, CaseLog, Progress, run_cases
 
@@ -43,6 +45,8 @@ class Condition:
     update: bool = True  # Real2Sim
     residual: bool = False
     view_period: int = LoopSettings.view_period  # actions from one search for a view to the next
+    tip_offset: bool = False  # see `AgentSettings`
+    straw_man: str = ""  # of `STRAW_MEN`, in place of Algorithm 1; empty for none
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,9 @@ class EpisodeJob:
     instance: str = NOMINAL  # what the world's cell is, where it does not differ otherwise
 
 
-def run_episodes(log: CaseLog, jobs: Sequence[EpisodeJob], workers: int, progress: Progress) -> list[Case]:
+def run_episodes(
+    log: CaseLog, jobs: Sequence[EpisodeJob], workers: Workers, progress: Progress
+) -> list[Case]:
     """Cases of the jobs in their order, each run once and cached; see `run_cases`."""
     return run_cases(log, episode_cases, [((job.key,), job) for job in jobs], workers, progress)
 
@@ -98,7 +104,11 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     began_ns = world.time_ns
     trouble = ""
     try:
-        ended = str(run_episode(agent, plant, loop, watch).ended)
+        if job.condition.straw_man:
+            passed = run_straw_man(job.condition.straw_man, agent, plant, task.max_actions, watch)
+            ended = "done" if passed else "action_limit"
+        else:
+            ended = str(run_episode(agent, plant, loop, watch).ended)
     except SamrlError as error:  # out of reach, or a state that some part refuses: this episode has failed
         ended, trouble = "stopped", str(error)
     outcome = evaluate_now(world, task)
@@ -135,7 +145,12 @@ def _agent(task: str, cell: str, condition: Condition, weights: Path | None, res
     """An agent with all its parts compiled; one model per task serves them all, an episode at a time."""
     model = _model(task, cell)
     strategy = "fixed" if condition.strategy == HELD else condition.strategy
-    settings = AgentSettings(policy=condition.policy, strategy=strategy, update=condition.update)
+    settings = AgentSettings(
+        policy=condition.policy,
+        strategy=strategy,
+        update=condition.update,
+        tip_offset=condition.tip_offset,
+    )
     networks = trained_networks(task, model.cell, weights) if settings.needs_networks else None
     agent = Agent(model, settings, networks)
     if residual is not None:

@@ -9,6 +9,7 @@ from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.tool_motion import ToolMotion
 from samrl_core.cell.world.world import SimulatedWorld
+from samrl_core.model.task_dynamics.settings import TaskPhysicsSettings
 from samrl_core.studies.episodes.cell_driver import CellDriver
 
 
@@ -16,7 +17,12 @@ class WorldPlant:
     """See `samrl_core.policy.agent.episode.Plant`."""
 
     def __init__(
-        self, world: SimulatedWorld, task: Task, cell: CellSpec, period_s: float = 0.1, rest_s: float = 0.3
+        self,
+        world: SimulatedWorld,
+        task: Task,
+        cell: CellSpec,
+        period_s: float = TaskPhysicsSettings.action_s,
+        rest_s: float = TaskPhysicsSettings.rest_s,
     ) -> None:
         """`period_s` is the time of an action, `rest_s` that before an image [s]."""
         self._world = world

@@ -20,7 +20,7 @@ from samrl_core.learning.images.batch_render import model_of
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress, run_cases
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig6_picture import write_picture
-from samrl_core.studies.paper.view_bench import processes, view_bench
+from samrl_core.studies.paper.view_bench import spread, view_bench
 from samrl_core.studies.paper.view_maps import (
     DRAWS,
     rank_correlation,
@@ -91,7 +91,7 @@ def run(
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
     ]
-    cases = run_cases(CaseLog(options.out), run_job, jobs, processes(options), progress)
+    cases = run_cases(CaseLog(options.out), run_job, jobs, spread(options), progress)
     summary: dict[str, Any] = {
         "episodes": count,
         "draws_of_noise": noise_samples,

@@ -20,7 +20,7 @@ from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Pr
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.fig7_picture import write_picture
 from samrl_core.studies.paper.saliency import NETWORKS, Examined, SaliencySettings, examine, within_patches
-from samrl_core.studies.paper.view_bench import processes, view_bench
+from samrl_core.studies.paper.view_bench import spread, view_bench
 from samrl_core.studies.paper.view_maps import rank_correlation
 
 COUNT = 20  # episodes per task
@@ -73,7 +73,7 @@ def run(
         for task in options.tasks
         for seed in range(options.seed, options.seed + count)
     ]
-    cases = run_cases(CaseLog(options.out), run_job, jobs, processes(options), progress)
+    cases = run_cases(CaseLog(options.out), run_job, jobs, spread(options), progress)
     summary: dict[str, Any] = {"episodes": count, "views_of_each_state": views, "tasks": {}}
     shown = {}
     for task in options.tasks:

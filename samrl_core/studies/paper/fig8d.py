@@ -32,7 +32,7 @@ def run(options: Options, progress: Progress) -> dict[str, Any]:
     """All cases, the summary, and the picture."""
     jobs = {task: episodes_of(task, options) for task in options.tasks}
     together = [job for of_task in jobs.values() for job in of_task]
-    found = run_episodes(CaseLog(options.out), together, options.processes, progress)
+    found = run_episodes(CaseLog(options.out), together, options.spread, progress)
     summary: dict[str, Any] = {}
     versus: dict[str, Any] = {}
     for task, of_task in jobs.items():

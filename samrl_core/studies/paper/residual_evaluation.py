@@ -16,6 +16,7 @@ from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.common.errors import InputError
 from samrl_core.learning.residual.learner import LearnerSettings
 from samrl_core.learning.residual.td3 import TD3Settings
+from samrl_core.learning.residual.training import TrainingSettings
 from samrl_core.policy.networks.weights import WeightsInfo, load_weights
 from samrl_core.studies.episodes.residual_episodes import EpisodeSite, Order, Play
 
@@ -34,8 +35,10 @@ class RunSettings:
     learner: LearnerSettings = TD3Settings()  # which learner follows from their type
     episodes: int = 8  # per round, at least: while the longest of them lasts, nothing is learnt
     growth: float = 0.25  # more of them, up to this share of all before: they are played side by side
-    first_steps: int = 200  # in the replay before the first update
-    updates_per_step: float = 2.0  # each step beyond the first ones allows so many
+    first_steps: int = TrainingSettings.first_steps  # in the replay before the first update
+    updates_per_step: float = (
+        TrainingSettings.updates_per_step
+    )  # each step beyond the first ones allows so many
     # Small and steady: 1.5 mm that change within an episode keep the tool from where the nominal policy goes
     # on from, so that nothing succeeds, and there is no reward to learn from.
     exploration: float = 0.00075  # standard deviation per axis of what is tried [m]

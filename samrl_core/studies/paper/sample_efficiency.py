@@ -215,5 +215,9 @@ def evaluate_at(job: TrainingJob, point: int, out: Path, player: Play) -> Case:
 
 
 EXPERIMENT = Experiment(
-    NAME, "success over real steps of the residual, in a world that differs", tuple(TASKS), run
+    NAME,
+    "success over real steps of the residual, in a world that differs",
+    tuple(TASKS),
+    run,
+    one_machine=True,
 )

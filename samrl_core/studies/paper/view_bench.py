@@ -10,6 +10,7 @@ from pathlib import Path
 
 import torch
 
+from samrl_core.common.executor import Workers
 from samrl_core.learning.images.batch_render import BatchRenderer, renderer_of
 from samrl_core.policy.agent.settings import trained_networks
 from samrl_core.policy.view.sensing_value import Networks
@@ -54,6 +55,8 @@ def _own_device(device: str) -> str:
     return f"cuda:{(int(number.group()) if number else 0) % torch.cuda.device_count()}"
 
 
-def processes(options: Options) -> int:
+def spread(options: Options) -> Workers:
     """How many to use."""
-    return options.processes if options.device == "cpu" else min(options.processes, DEVICE_PROCESSES)
+    if options.device == "cpu" or options.ray:
+        return options.spread
+    return min(options.processes, DEVICE_PROCESSES)

@@ -11,7 +11,7 @@ import torch
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.pose import look_at
 from samrl_core.model.rendering.light import Light
-from samrl_core.model.rendering.renderer import Rendered, Renderer
+from samrl_core.model.rendering.renderer import SUPERSAMPLE, Rendered, Renderer
 from samrl_core.model.rendering.topology import Topology
 
 SIZE = 128
@@ -200,7 +200,7 @@ class PoseReference:
 
 
 def pose_gradients(
-    scene: ThreadScene, reference: PoseReference, light: Light | None = None, supersample: int = 2
+    scene: ThreadScene, reference: PoseReference, light: Light | None = None, supersample: int = SUPERSAMPLE
 ) -> dict[str, torch.Tensor]:
     """The renderer's own gradient (12,) of each functional."""
     plain = Renderer(scene.topology, LENS, supersample=supersample)
@@ -212,7 +212,7 @@ def pose_gradients(
 
 
 def pose_errors(
-    scene: ThreadScene, light: Light | None = None, supersample: int = 2
+    scene: ThreadScene, light: Light | None = None, supersample: int = SUPERSAMPLE
 ) -> dict[str, list[float]]:
     """Relative errors of the pose gradient per functional, over the four blocks of three parameters."""
     reference = PoseReference.of(scene, light)

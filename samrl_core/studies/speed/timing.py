@@ -19,19 +19,19 @@ class TimedCall:
 
 
 @dataclass(frozen=True)
-class Timing:
+class MedianTime:
     """What one alternative took."""
 
     name: str
     seconds: float  # median of one unit of work [s]
     per_second: float  # units of work, by the median [1/s]
 
-    def times_faster(self, other: Timing) -> float:
+    def times_faster(self, other: MedianTime) -> float:
         """How often this one does a unit while the other does one."""
         return other.seconds / self.seconds
 
 
-def in_turn(jobs: Sequence[TimedCall], rounds: int) -> dict[str, Timing]:
+def in_turn(jobs: Sequence[TimedCall], rounds: int) -> dict[str, MedianTime]:
     """Runs every job once to warm up, then all of them one after the other, `rounds` times."""
     taken: dict[str, list[float]] = {job.name: [] for job in jobs}
     for turn in range(rounds + 1):
@@ -41,4 +41,4 @@ def in_turn(jobs: Sequence[TimedCall], rounds: int) -> dict[str, Timing]:
             job.finish()
             if turn:
                 taken[job.name].append((time.perf_counter() - start) / job.amount)
-    return {name: Timing(name, median(seconds), 1.0 / median(seconds)) for name, seconds in taken.items()}
+    return {name: MedianTime(name, median(seconds), 1.0 / median(seconds)) for name, seconds in taken.items()}

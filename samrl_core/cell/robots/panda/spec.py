@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.cell.robots.robot import JointImpedance, JointLimits, RobotSpec
+from samrl_core.cell.robots.robot import ImpedanceGains, JointLimits, RobotSpec
 
 PANDA = RobotSpec(
     name="panda",
@@ -31,7 +31,7 @@ PANDA = RobotSpec(
     # axes 1, 3 and 5 are parallel, turning one against the other moves only 0.036 kg m2. Joints 1, 3, 5
     # and 7 are softer here; 2 and 4, which carry the weight, keep K = 600 and near-critical D.
     # tests/cell/robots/test_specs.py checks that the sampled law is stable all over the joint range.
-    controller=JointImpedance(
+    controller=ImpedanceGains(
         stiffness=np.array([150.0, 600.0, 150.0, 600.0, 50.0, 150.0, 20.0]),
         damping=np.array([18.0, 60.0, 16.0, 45.0, 2.0, 5.0, 0.8]),
         period_s=0.001,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_core.cell.robots.robot import JointImpedance, JointLimits, RobotSpec
+from samrl_core.cell.robots.robot import ImpedanceGains, JointLimits, RobotSpec
 
 RIZON4 = RobotSpec(
     name="rizon4",
@@ -28,7 +28,7 @@ RIZON4 = RobotSpec(
     ),
     # ASSUMPTION: not published per joint. As stiff as an arm without rotor inertia can be held at 1 kHz
     # (see panda/spec.py; joint 7 turns 0.001 kg m2); tests/cell/robots/test_specs.py checks stability.
-    controller=JointImpedance(
+    controller=ImpedanceGains(
         stiffness=np.array([200.0, 600.0, 100.0, 400.0, 30.0, 100.0, 10.0]),
         damping=np.array([14.0, 45.0, 6.0, 30.0, 1.2, 4.0, 0.2]),
         period_s=0.001,

@@ -1,6 +1,7 @@
 """Needle threading after the paper: a thread of 10 links, gripped at its upper end, goes through an eye.
 
-The eye stands where it is known to stand; what is unknown is how the thread hangs, 20 joint angles.
+What is unknown is how the thread hangs, 20 joint angles. The eye stands where it is known to stand; one that
+may stand elsewhere is found first (`with_needle_at`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from samrl_core.cell.tasks.needle_threading.thread import crossing_distance, len
 from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
-from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.cell.tasks.task import Ending, EpisodeStart, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import ChainLink, Rgb, Scene, Tool
 from samrl_core.common.errors import InputError
@@ -69,6 +70,10 @@ class NeedleThreading(Task):
     needle_label: int = 5
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
+    post_range: float = 0.0  # the needle stands within +- this of its place, in x and y [m]
+    eyes: tuple[float, ...] = ()  # least and largest radius of eyes as made; (): fitted to the thread [m]
+    softness: float = 1.0  # times what `Parts` says of the thread's length and stiffness [-]
+    force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
 
     def __post_init__(self) -> None:
         lengths = ("link_length", "thread_radius", "link_mass", "stiffness", "damping", "half_range")
@@ -84,6 +89,13 @@ class NeedleThreading(Task):
             raise InputError(
                 f"thread of radius {self.thread_radius} m, eye of {self.eye_radius} m in a ring of "
                 f"{self.eye_outer_radius} m: each must be larger than the one before"
+            )
+        if self.eyes and not (len(self.eyes) == 2 and self.eyes[0] <= self.eye_radius <= self.eyes[1]):
+            raise InputError(f"eyes are {self.eyes} m, must be two radii about {self.eye_radius} m, or none")
+        if not (0 <= self.post_range < math.inf and self.softness > 0 and self.force_limit > 0):
+            raise InputError(
+                f"post_range is {self.post_range} m, softness {self.softness}, force_limit "
+                f"{self.force_limit} N; must be at least 0 m, and positive"
             )
         if not self.links * self.link_length > self.success_depth + self.done_margin + self.thread_step:
             raise InputError(
@@ -123,16 +135,24 @@ class NeedleThreading(Task):
     def as_made(self, parts: Parts) -> NeedleThreading:
         """Another thread, longer, thicker and stiffer or not, and another eye."""
         radius = self.thread_radius + parts.held_size
+        eye = radius + (self.eye_radius - self.thread_radius) * (1.0 + parts.clearance)
+        if self.eyes:  # drilled, whatever the thread; others are sorted out
+            eye = min(max(self.eye_radius * (1.0 + parts.clearance), self.eyes[0]), self.eyes[1])
         return replace(
             self,
-            link_length=self.link_length * (1.0 + parts.size[1]),
+            link_length=self.link_length * (1.0 + self.softness * parts.size[1]),
             thread_radius=radius,
             link_mass=self.link_mass * (1.0 + parts.mass),
-            stiffness=self.stiffness * math.exp(parts.stiffness),
+            stiffness=self.stiffness * math.exp(self.softness * parts.stiffness),
             thread_friction=self.thread_friction * math.exp(parts.friction[0]),
-            eye_radius=radius + (self.eye_radius - self.thread_radius) * (1.0 + parts.clearance),
+            eye_radius=eye,
             eye_friction=self.eye_friction * math.exp(parts.friction[2]),
         )
+
+    def with_needle_at(self, place: np.ndarray) -> NeedleThreading:
+        """This task with the needle found at `place` (2,), the eye's centre in x and y [m]."""
+        x, y = np.asarray(place, dtype=np.float64).tolist()
+        return replace(self, eye_x=x, eye_y=y)
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
         """Angles of all joints about x and y, from the gripper down; uniform at the start."""
@@ -249,10 +269,19 @@ class NeedleThreading(Task):
         bound = np.full(2 * self.links, self.half_range)
         return -bound, bound
 
+    def sample_start(self, rng: np.random.Generator) -> EpisodeStart:
+        """See `Task`; where the needle stands, none of the parameters says."""
+        angles = self.chain_angles(self.start_values(rng))
+        if not self.post_range:
+            return EpisodeStart({}, angles)
+        place = self.eye + [*rng.uniform(-self.post_range, self.post_range, 2), 0.0]
+        return EpisodeStart({NEEDLE: Pose(place, np.array([0.0, 0.0, 0.0, 1.0]))}, angles)
+
     def succeeded(self, ending: Ending) -> bool:
-        """The thread's centre line crosses the eye's plane inside the eye, and its end is deep enough."""
+        """The centre line passes the eye's plane in the eye, the end is deep, and nothing was pressed."""
         eye = ending.body_in_world[NEEDLE].position
-        return self._threaded(ending.chain_points, self.success_depth, eye)
+        gentle = ending.peak_contact_force <= self.force_limit
+        return gentle and self._threaded(ending.chain_points, self.success_depth, eye)
 
     def final_error(self, ending: Ending) -> float:
         """Distance of the thread from hanging in the eye at the depth of success [m]."""

@@ -13,12 +13,13 @@ from samrl_core.cell.tasks.peg_insertion.board import board_body
 from samrl_core.cell.tasks.peg_insertion.tool import hand_with_peg
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.start import checked_tip, middle_view, require_origin, start_joints
-from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
-from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.tasks.task import Ending, EpisodeStart, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.cell.types.pose import Pose, rotation_vector
 from samrl_core.cell.types.scene import Scene
 from samrl_core.common.errors import InputError
 
 BODY = "hole_board"
+_STEEPEST = 0.3  # a block leans less than this [rad]
 
 
 @dataclass(frozen=True)
@@ -55,12 +56,25 @@ class PegInsertion(Task):
     tool_label: int = 2
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
+    tilt: float = 0.0  # the block leans up to this about x and about y at the start; 0: it never does [rad]
+    turn: float = 0.0  # it is turned up to this about its axis, which nobody estimates [rad]
+    fits: tuple[float, ...] = ()  # least and largest clearance of parts as made; (): as `clearance` [m]
+    force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
 
     def __post_init__(self) -> None:
         lengths = ("peg_radius", "peg_length", "clearance", "height", "half_range", "free_step", "fine_step")
         for field in lengths:
             if not getattr(self, field) > 0:
                 raise InputError(f"{field} is {getattr(self, field)} m, must be positive")
+        if self.fits and not (len(self.fits) == 2 and 0 < self.fits[0] <= self.clearance <= self.fits[1]):
+            raise InputError(
+                f"fits are {self.fits} m, must be two positive clearances about {self.clearance} m, or none"
+            )
+        if not (0 <= self.tilt < _STEEPEST and 0 <= self.turn < math.inf and self.force_limit > 0):
+            raise InputError(
+                f"tilt is {self.tilt} rad, turn {self.turn} rad, force_limit {self.force_limit} N; must be "
+                f"0 to {_STEEPEST} rad, at least 0 rad, and positive"
+            )
         if self.hole_radius >= self.outer_radius:
             raise InputError(
                 f"hole radius {self.hole_radius} m does not fit into a block of radius "
@@ -102,34 +116,51 @@ class PegInsertion(Task):
 
     def as_made(self, parts: Parts) -> PegInsertion:
         """Another peg, another fit, other friction."""
+        clearance = self.clearance * (1.0 + parts.clearance)
+        if self.fits:  # the hole is made apart from the peg, and a pair outside the fit is sorted out
+            clearance = min(max(clearance - parts.held_size, self.fits[0]), self.fits[1])
         return replace(
             self,
             peg_radius=self.peg_radius + parts.held_size,
-            clearance=self.clearance * (1.0 + parts.clearance),
+            clearance=clearance,
             friction=self.friction * math.exp(parts.friction[0]),
         )
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
-        """Position of the hole's axis, uniform over the range (its standard deviation is the scale)."""
+        """Position of the hole's mouth, uniform over the range (its standard deviation is the scale); and how
+        the block leans if it may, a rotation vector in the table's plane.
+        """
         scale = self.half_range / np.sqrt(3.0)
-        return tuple(
+        mouth = tuple(
             ParameterSpec(name, "m", middle, float(scale), middle - self.half_range, middle + self.half_range)
             for name, middle in (("hole_x", self.center_x), ("hole_y", self.center_y))
         )
+        if not self.tilt:
+            return mouth
+        lean = self.tilt / math.sqrt(3.0)
+        return mouth + tuple(
+            ParameterSpec(name, "rad", 0.0, lean, -_STEEPEST, _STEEPEST) for name in ("tilt_x", "tilt_y")
+        )
 
     def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
-        """The block stands on the table, its origin under the hole."""
-        x, y = self._hole(values)
-        return {BODY: Pose(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))}
+        """The block stands on the table, its origin under the hole; one that leans has its mouth as high."""
+        return {BODY: self._block(values, 0.0)}
 
     def chain_angles(self, values: np.ndarray) -> np.ndarray:
         """None: the tool is rigid."""
-        self._hole(values)
+        self._checked(values)
         return np.zeros(0)
 
     def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
         """See `Task`."""
-        return np.array(body_in_world[BODY].position[:2])
+        pose = body_in_world[BODY]
+        if not self.tilt:
+            return np.array(pose.position[:2])
+        axis = pose.rotation[:, 2]
+        lever = np.array([-axis[1], axis[0]])  # z cross axis, in the plane
+        sine = float(np.linalg.norm(lever))
+        lean = lever * (math.atan2(sine, axis[2]) / sine) if sine > 1e-12 else np.zeros(2)
+        return np.concatenate([pose.apply(np.array([0.0, 0.0, self.height]))[:2], lean])
 
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """Tip above the middle of the range, peg straight down; camera in the middle of its region."""
@@ -159,44 +190,61 @@ class PegInsertion(Task):
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
             return ()
-        x, y = self._hole(values)
-        lateral = float(np.hypot(tip[0] - x, tip[1] - y))
-        above = np.array([x, y, self.height + self.hover])
+        block = self._block(values, 0.0)
+        along = block.inverse().apply(tip)  # in the block's frame
+        lateral = float(np.hypot(along[0], along[1]))
+        above = block.apply(np.array([0.0, 0.0, self.height + self.hover]))
         # Half the clearance on arrival leaves the other half for the estimate's error and the descent.
         tolerance = 0.5 * self.clearance
         near = float(np.linalg.norm(tip - above)) < 2 * self.free_step
         goals = (
             SubGoal("above", above, tolerance, self.fine_step if near else self.free_step),
-            SubGoal("inserted", np.array([x, y, self.height - self.goal_depth]), 0.002, self.fine_step),
+            SubGoal(
+                "inserted",
+                block.apply(np.array([0.0, 0.0, self.height - self.goal_depth])),
+                0.002,
+                self.fine_step,
+            ),
         )
-        inside = tip[2] < self.height - 0.001 and lateral < self.clearance + self.done_slack
+        inside = along[2] < self.height - 0.001 and lateral < self.clearance + self.done_slack
         # On the way down a little more is allowed, or noise would send the tip up again and again.
-        descending = tip[2] < above[2] - tolerance
+        hover = self.height + self.hover
+        descending = along[2] < hover - tolerance
         allowed = 0.8 * self.clearance if descending else tolerance
-        aligned = tip[2] < above[2] + tolerance and lateral < allowed
+        aligned = along[2] < hover + tolerance and lateral < allowed
         return goals[1:] if inside or aligned else goals
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """Deep enough, and within the clearance and a slack of the estimated axis."""
-        tip = checked_tip(tip_position)
-        x, y = self._hole(values)
-        return self._inserted(tip, x, y, self.success_depth + self.done_margin, self.done_slack)
+        tip = self._block(values, 0.0).inverse().apply(checked_tip(tip_position))
+        return self._inserted(tip, self.success_depth + self.done_margin, self.done_slack)
 
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
-        """Hole uniform within the range."""
+        """Hole uniform within the range, and the block's lean within its own."""
         offset = rng.uniform(-self.half_range, self.half_range, 2)
-        return np.array([self.center_x, self.center_y]) + offset
+        mouth = np.array([self.center_x, self.center_y]) + offset
+        if not self.tilt:
+            return mouth
+        return np.concatenate([mouth, rng.uniform(-self.tilt, self.tilt, 2)])
 
     @property
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:
         """See `Task`."""
-        middle = np.array([self.center_x, self.center_y])
-        return middle - self.half_range, middle + self.half_range
+        nominal = np.array([p.nominal for p in self.parameters()])
+        spread = np.array([self.half_range, self.half_range, self.tilt, self.tilt])[: len(nominal)]
+        return nominal - spread, nominal + spread
+
+    def sample_start(self, rng: np.random.Generator) -> EpisodeStart:
+        """See `Task`; the block's turn is the world's own."""
+        values = self.start_values(rng)
+        turn = rng.uniform(-self.turn, self.turn) if self.turn else 0.0
+        return EpisodeStart({BODY: self._block(values, turn)}, self.chain_angles(values))
 
     def succeeded(self, ending: Ending) -> bool:
-        """Deep enough, and within the clearance and a smaller slack of the true axis."""
+        """Deep enough, within the clearance and a smaller slack of the true axis, and gently."""
         tip = ending.body_in_world[BODY].inverse().apply(checked_tip(ending.tip_position))
-        return self._inserted(tip, 0.0, 0.0, self.success_depth, self.success_slack)
+        gentle = ending.peak_contact_force <= self.force_limit
+        return gentle and self._inserted(tip, self.success_depth, self.success_slack)
 
     def final_error(self, ending: Ending) -> float:
         """Distance of the tip from the part of the true axis at or below the success depth [m]."""
@@ -208,12 +256,24 @@ class PegInsertion(Task):
         """Less the distance between the peg's end and its place in the hole [m]."""
         return -self.final_error(ending)
 
-    def _inserted(self, tip: np.ndarray, x: float, y: float, depth: float, slack: float) -> bool:
+    def _inserted(self, tip: np.ndarray, depth: float, slack: float) -> bool:
+        """Whether the tip (3,) in the block's frame [m] is that deep, and so near to the axis."""
         deep = tip[2] <= self.height - depth
-        return bool(deep and np.hypot(tip[0] - x, tip[1] - y) < self.clearance + slack)
+        return bool(deep and np.hypot(tip[0], tip[1]) < self.clearance + slack)
 
-    def _hole(self, values: np.ndarray) -> tuple[float, float]:
+    def _block(self, values: np.ndarray, turn: float) -> Pose:
+        """The block in world, turned about its axis by `turn` [rad]."""
+        v = self._checked(values)
+        if not self.tilt and not turn:
+            return Pose(np.array([v[0], v[1], 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+        lean = np.array([*v[2:], 0.0]) if self.tilt else np.zeros(3)
+        turned = rotation_vector(lean) @ rotation_vector(np.array([0.0, 0.0, turn]))
+        mouth = np.array([v[0], v[1], self.height])
+        return Pose(mouth - self.height * turned.rotation[:, 2], turned.quat_xyzw)
+
+    def _checked(self, values: np.ndarray) -> np.ndarray:
         v = np.asarray(values, dtype=np.float64)
-        if v.shape != (2,) or not np.isfinite(v).all():
-            raise InputError(f"peg insertion estimates hole_x and hole_y [m], got {values}")
-        return float(v[0]), float(v[1])
+        if v.shape != (4 if self.tilt else 2,) or not np.isfinite(v).all():
+            lean = ", tilt_x and tilt_y [rad]" if self.tilt else ""
+            raise InputError(f"peg insertion estimates hole_x and hole_y [m]{lean}, got {values}")
+        return v

@@ -79,6 +79,8 @@ class SpatulaFlipping(Task):
     lip_label: int = 5
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
+    small_radius: float = 0.0  # of the other size that a pancake may have; 0: there is one size [m]
+    force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
 
     def __post_init__(self) -> None:
         lengths = ("pancake_radius", "pancake_thickness", "pancake_mass", "blade_length", "blade_width")
@@ -92,6 +94,11 @@ class SpatulaFlipping(Task):
             raise InputError(
                 f"pancake_rounding is {self.pancake_rounding} m, must lie between 0 and half the thickness, "
                 f"{0.5 * self.pancake_thickness} m"
+            )
+        if not (0 <= self.small_radius < self.pancake_radius and self.force_limit > 0):
+            raise InputError(
+                f"small_radius is {self.small_radius} m, force_limit {self.force_limit} N; must be below "
+                f"{self.pancake_radius} m, 0 for one size, and positive"
             )
         room = self.lip_x - (self.center_x + self.half_range[0] + self.pancake_radius)
         if room < 0:
@@ -135,11 +142,14 @@ class SpatulaFlipping(Task):
         return Scene((pancake, lip, *bodies_of(self.screens)), self._tool())
 
     def as_made(self, parts: Parts) -> SpatulaFlipping:
-        """Another pancake, and other friction of pancake, blade and lip."""
+        """Another pancake, of either size where there are two, and other friction of all."""
         across, thick = parts.size
+        small = self.small_radius > 0.0 and parts.either < 0.0
+        radius = self.small_radius if small else self.pancake_radius
         return replace(
             self,
-            pancake_radius=self.pancake_radius * (1.0 + across),
+            pancake_radius=radius * (1.0 + across),
+            small_radius=0.0 if small else self.small_radius,
             pancake_thickness=self.pancake_thickness * (1.0 + thick),
             pancake_mass=self.pancake_mass * (1.0 + parts.mass),
             pancake_friction=self.pancake_friction * math.exp(parts.friction[0]),
@@ -266,10 +276,11 @@ class SpatulaFlipping(Task):
         return nominal - spread, nominal + spread
 
     def succeeded(self, ending: Ending) -> bool:
-        """It lies on its other face, was lifted on the way, and has come to rest."""
+        """It lies on its other face, was lifted on the way, has come to rest, and nothing was pressed."""
         turned = ending.body_in_world[PANCAKE].rotation[2, 2] < self.success_axis
         lifted = ending.body_peak_height[PANCAKE] > self.success_height
-        return bool(turned and lifted and ending.body_speed[PANCAKE] < self.success_speed)
+        gentle = ending.peak_contact_force <= self.force_limit
+        return bool(turned and lifted and gentle and ending.body_speed[PANCAKE] < self.success_speed)
 
     def final_error(self, ending: Ending) -> float:
         """Way that the rim has still to go about the centre until the other face is up [m]."""

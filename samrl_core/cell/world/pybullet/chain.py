@@ -42,7 +42,6 @@ class PyBulletChain:
         self._joints = [by_joint[name] for link in chain for name in joint_names(link)]
         self._springs = ChainSprings(chain, period_s, gravity)
         self._rest = np.zeros(len(self._joints))
-        self._tip_rotation = np.eye(3)
         for link, index in zip(chain, self.links, strict=True):
             pybullet.changeDynamics(
                 body, index, lateralFriction=float(np.sqrt(link.friction)), physicsClientId=client

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.cell.robots.robot import JointImpedance, JointLimits
+from samrl_core.cell.robots.robot import ImpedanceGains, JointLimits
 from samrl_core.cell.types.observation import ArmCommand
 
 
 def impedance_effort(
-    controller: JointImpedance,
+    controller: ImpedanceGains,
     limits: JointLimits,
     command: ArmCommand,
     position: np.ndarray,

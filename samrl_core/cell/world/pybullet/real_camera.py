@@ -8,13 +8,12 @@ import numpy as np
 
 from samrl_core.cell.instance.cell_instance import STREAM, CellInstance
 from samrl_core.cell.types.camera import Camera, Intrinsics
-from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.pose import Pose, rotation_vector
 from samrl_core.cell.world.bench_texture import paint_floor, paint_table
 from samrl_core.cell.world.image_errors import ImageErrors
 from samrl_core.cell.world.lens import Lens
 from samrl_core.cell.world.pybullet.bench import Bench, Caster
 from samrl_core.cell.world.pybullet.camera import Picture, TinyCamera
-from samrl_core.cell.world.true_cell import rotation_vector
 from samrl_core.common.streams import stream
 
 _SMEAR = 0.5  # a motion of the image that is worth more than one rendering [px]

@@ -17,6 +17,7 @@ from samrl_core.learning.sim.rollouts import RolloutSettings, roll_out
 from samrl_core.learning.states.explore import Starts
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import Model
+from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.view.sensing_value import Networks
 from samrl_core.policy.view.view_reach import ReachSettings, View, ViewReach
 from samrl_core.policy.view.view_search import ViewAscentSettings
@@ -44,7 +45,7 @@ class TableSettings:
     """Sizes of the table. Those of the choice of the fixed view are for as many episodes as `episodes`."""
 
     views: ViewAscentSettings = ViewAscentSettings()
-    view_period: int = 3  # actions from one search to the next, as `LoopSettings` has it
+    view_period: int = LoopSettings.view_period  # actions from one search to the next
     episodes: int = 200  # of active and best fixed view
     few_share: float = 0.25  # of them in the other conditions
     side_by_side: int = 25  # episodes of one group

@@ -164,7 +164,7 @@ class _Table:
 
     def _run(self, wanted: dict[Any, list[Group]]) -> dict[Any, list[Case]]:
         jobs = [((group.key,), group) for groups in wanted.values() for group in groups]
-        run_cases(self._log, run_group, jobs, self.options.processes, self._progress)
+        run_cases(self._log, run_group, jobs, self.options.spread, self._progress)
         return {name: [self._log.cases[g.key] for g in groups] for name, groups in wanted.items()}
 
 

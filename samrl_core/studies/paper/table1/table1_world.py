@@ -57,7 +57,7 @@ def run(options: Options, progress: Progress, search: SearchSettings | None = No
     plans = [_Plan(task, views[task], options, search) for task in options.tasks]
 
     def cases(jobs: Iterable[EpisodeJob]) -> list[Case]:
-        return run_episodes(log, list(jobs), options.processes, progress)
+        return run_episodes(log, list(jobs), options.spread, progress)
 
     wanted = [name for name in LOOKING if name in (options.conditions or LOOKING)]
     counts = {n: count if n in WHOLE else math.ceil(count / 2) for n in wanted if n != BEST}

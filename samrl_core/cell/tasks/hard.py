@@ -1,0 +1,72 @@
+"""Variants of the tasks at the difficulty that their names stand for.
+
+The plain tasks are easier: a peg believed 4 mm beside its hole goes in, a thread goes through after one
+look, a pancake is turned over by one who sees nothing. Here fits are tight and starts spread wider, too large
+a force is a failure, and an episode has 1.5 times the actions that an expert needs. What an instance is made
+of, its true clearance and lean, only its world knows; a model has the drawing and the ranges.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
+from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
+from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
+from samrl_core.cell.tasks.task import Task
+
+HARD = "_hard"  # ends the names of the variants
+# Fingers hold by friction: at 70 N (Franka Hand, continuous force) and a coefficient of 0.3 on both sides
+# what they hold slips at 2 x 0.3 x 70 N.
+SLIP_FORCE = 42.0  # [N]
+
+
+def hard() -> tuple[Task, ...]:
+    """One variant of each task."""
+    return _peg(), _flipping(), _threading()
+
+
+def _peg() -> Task:
+    """A radial clearance of 0.2 to 0.5 mm, and a block that leans.
+
+    A vertical peg and a hole of depth d agree within 2 c / d, 2 deg at 0.35 mm and 20 mm; beyond that the peg
+    jams and the arm has to give way: an expert presses with 75 N at 3 deg about both axes.
+    """
+    task = PegInsertion(
+        clearance=0.00035,
+        fits=(0.0002, 0.0005),
+        tilt=math.radians(1.5),
+        turn=math.radians(15.0),
+        force_limit=SLIP_FORCE,
+        max_actions=45,
+    )
+    return replace(task, name=task.name + HARD, variant_of=task.name)
+
+
+def _flipping() -> Task:
+    """Anywhere within 5 cm, 80 or 100 mm across, and a blade too narrow to turn over what it misses."""
+    task = SpatulaFlipping(
+        center_x=0.495,
+        half_range=(0.025, 0.025),
+        small_radius=0.040,
+        blade_width=0.030,
+        force_limit=SLIP_FORCE,
+        max_actions=58,
+    )
+    return replace(task, name=task.name + HARD, variant_of=task.name)
+
+
+def _threading() -> Task:
+    """A thread of 1.5 mm radius for an eye of 3 to 4 mm, which stands anywhere within 2 cm."""
+    task = NeedleThreading(
+        thread_radius=0.0015,
+        eye_radius=0.0035,
+        eyes=(0.0030, 0.0040),
+        eye_thickness=0.003,
+        post_range=0.010,
+        softness=3.0,
+        force_limit=1.0,
+        max_actions=27,
+    )
+    return replace(task, name=task.name + HARD, variant_of=task.name)

@@ -1,0 +1,102 @@
+"""Episodes without a loop: a belief formed once, or never, and straight steps through its sub-goals.
+
+What succeeds so needs no model that every image corrects, and a table without these rows says little.
+
+- script: one image, and a circle or a loose end fitted to what its masks show (`locate`).
+- one_update: one update of the model (eqs. 4 to 7), then blind.
+- no_image: what is drawn, and no image at all.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from samrl_core.cell.tasks.task import SubGoal, Task
+from samrl_core.cell.types.observation import Observation
+from samrl_core.common.errors import InputError
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.episode import Watch
+from samrl_core.policy.agent.loop import LoopSettings
+from samrl_core.studies.episodes.locate import locate_parts
+
+STRAW_MEN = ("script", "one_update", "no_image")
+REST = LoopSettings.done_confirmations  # images for which everything rests at the end, as in the loop
+_SPARE = 6  # actions towards a sub-goal beyond those that the straight line takes
+
+
+class BlindPlant(Protocol):
+    """A cell that moves its tool and may take an image."""
+
+    def observe(self) -> Observation:
+        """An image and joints of now, with everything at rest."""
+        ...
+
+    def tip(self) -> np.ndarray:
+        """Tool tip (3,) by the measured joints, in the tool arm's base frame [m]."""
+        ...
+
+    def displace_tool(self, displacement: np.ndarray, /) -> None:
+        """Move the tool's tip (3,) in the tool arm's base frame [m]."""
+        ...
+
+
+def run_straw_man(kind: str, agent: Agent, plant: BlindPlant, most: int, watch: Watch) -> bool:
+    """One episode of straight steps.
+
+    Args:
+        kind: of `STRAW_MEN`.
+        agent: lends its task and, for "one_update", its update.
+        plant: what observes and moves.
+        most: actions.
+        watch: entered around each part, see `run_episode`.
+
+    Returns:
+        Whether all sub-goals were passed, which is all that can be known of success without looking.
+
+    Raises:
+        InputError: no such kind.
+        ReachError: a sub-goal that the arm does not get to.
+    """
+    if kind not in STRAW_MEN:
+        raise InputError(f"no straw man is called {kind!r}; there are: {', '.join(STRAW_MEN)}")
+    agent.begin_episode()
+    task, values = _belief(kind, agent, plant, watch)
+    left = most
+    for goal in task.sub_goals(values, plant.tip()):
+        left -= _approach(goal, plant, left, watch)
+        if left == 0:
+            break
+    for _ in range(REST):
+        with watch("observe"):
+            plant.observe()
+    return left > 0
+
+
+def _belief(kind: str, agent: Agent, plant: BlindPlant, watch: Watch) -> tuple[Task, np.ndarray]:
+    """The task and its parameters (P,) that the whole episode goes by."""
+    task = agent.model.task
+    if kind == "no_image":
+        return task, np.array([p.nominal for p in task.parameters()])
+    with watch("observe"):
+        observation = plant.observe()
+    with watch("update"):
+        if kind == "script":
+            return locate_parts(task, observation, plant.tip())
+        return task, agent.update_model(observation).values
+
+
+def _approach(goal: SubGoal, plant: BlindPlant, most: int, watch: Watch) -> int:
+    """Straight steps until the sub-goal is within its tolerance, or too many; how many there were."""
+    way = goal.tip_position - plant.tip()
+    allowed = min(most, math.ceil(float(np.linalg.norm(way)) / goal.max_step) + _SPARE)
+    for steps in range(allowed):
+        distance = float(np.linalg.norm(way))
+        if distance <= goal.tolerance:
+            return steps
+        with watch("move"):
+            plant.displace_tool(way * min(1.0, goal.max_step / distance))
+        way = goal.tip_position - plant.tip()
+    return allowed

@@ -12,7 +12,7 @@ HELP = {"-h", "--help"}
 def run(given: list[str]) -> int:
     """Start the nodes named first; of the rest, what follows `--ros-args` is ROS's."""
     if given[:1] == ["cell"]:
-        from samrl_ros.cli.cell import main as cell_main
+        from samrl_ros.cli.cell.run import main as cell_main
 
         return cell_main(given[1:])
     count = next((k for k, argument in enumerate(given) if argument.startswith("-")), len(given))

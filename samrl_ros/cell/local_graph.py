@@ -20,8 +20,8 @@ from samrl_core.cell.world.evaluation import TruthLog
 from samrl_core.common.errors import SamrlError
 from samrl_ros.contract.behaviour import Behaviour
 from samrl_ros.contract.topics import LATCHED, STATIC_TF, TOPICS, arm_topic, cell_topic
-from samrl_ros.nodes.arm_guards import COMMAND_TIMEOUT_S
-from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
+from samrl_ros.nodes.bridge.arm_guards import COMMAND_TIMEOUT_S
+from samrl_ros.nodes.bridge.bridge_core import BridgeCore, BridgeRates
 from samrl_ros.nodes.registry import behaviour_nodes
 from samrl_ros.nodes.supervisor import START_EPISODE, Supervisor
 

@@ -153,18 +153,28 @@ def import_command(
     """Turn logs of other tools into bags, by a YAML mapping alone (msgs_docs/guide/import.md)."""
     from samrl_ros.log_import.importer import INDEX, import_logs
     from samrl_ros.log_import.mapping import read_mapping
+    from samrl_ros.log_import.pose_importer import import_pose_logs, kind_of_mapping
+    from samrl_ros.log_import.reading_importer import import_reading_logs
 
     if out is None and not check:
         raise typer.BadParameter("say where to write, or --check to write nothing", param_hint="--out")
     with _refusals():
-        made = import_logs(
-            read_mapping(mapping), data if data is not None else mapping.parent, None if check else out
-        )
-    for each in made:
-        typer.echo(f"{each.recording.name} ({each.role}, {each.recording.arm.role})")
+        folder, target = data if data is not None else mapping.parent, None if check else out
+        kind = kind_of_mapping(mapping)
+        if kind == "readings":
+            read = import_reading_logs(mapping, folder, target)
+            made = [(each, f"{each.recording.quantity} of {each.recording.sensor}") for each in read]
+        elif kind == "poses":
+            poses = import_pose_logs(mapping, folder, target)
+            made = [(each, f"{each.recording.target} seen by {each.recording.camera}") for each in poses]
+        else:
+            arms = import_logs(read_mapping(mapping), folder, target)
+            made = [(each, each.recording.arm.role) for each in arms]
+    for each, system in made:
+        typer.echo(f"{each.recording.name} ({each.role}, {system})")
         for line in each.report:
             typer.echo(f"  {line}")
         for note in each.notes:
             typer.echo(f"  note: {note}")
     if out is not None and not check:
-        typer.echo(f"{len(made)} bags in {out}, their roles in {out / INDEX}")
+        typer.echo(f"{len(made)} recordings in {out}, their roles in {out / INDEX}")

@@ -31,7 +31,7 @@ def cell(
     ] = REAL_TIME_FACTOR,
 ) -> None:
     """Run the cell, every node in its own process: CPU share per node, ages, loop time per action."""
-    from samrl_ros.cell.cell_bench import bench_cell
+    from samrl_ros.cell.bench.cell_bench import bench_cell
 
     raise typer.Exit(bench_cell(out, seed, episodes, real_time_factor))
 
@@ -60,7 +60,7 @@ def actions(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run of `samrl cell`.")],
 ) -> None:
     """Split the wall time of each action of a run into update, view, act and move."""
-    from samrl_ros.cell.action_bench import bench_actions
+    from samrl_ros.cell.bench.action_bench import bench_actions
 
     raise typer.Exit(bench_actions(run))
 
@@ -90,7 +90,7 @@ def renderer(
     out: ModelOut = Path("out/bench-model"), rounds: Rounds = 5, device: Device = "cpu", batch: Batches = None
 ) -> None:
     """The renderer beside Mitsuba (gradients at equal error) and PyBullet's TinyRenderer (images)."""
-    from samrl_ros.cell.model_bench import measure, renderer_parts
+    from samrl_ros.cell.bench.model_bench import measure, renderer_parts
 
     batches = batch or [1, 16, 64]
     raise typer.Exit(measure("renderer", renderer_parts(rounds, batches, _device(device)), out))
@@ -108,7 +108,7 @@ def physics(
     ] = None,
 ) -> None:
     """The physics beside MuJoCo, Newton and Nimble: a free chain, a sliding disc."""
-    from samrl_ros.cell.model_bench import measure, physics_parts
+    from samrl_ros.cell.bench.model_bench import measure, physics_parts
 
     batches = batch or [1, 64]
     raise typer.Exit(measure("physics", physics_parts(rounds, batches, _device(device), nimble), out))
@@ -117,7 +117,7 @@ def physics(
 @bench_app.command("emd")
 def emd(out: ModelOut = Path("out/bench-model"), rounds: Rounds = 9) -> None:
     """The exact Earth Mover's Distance beside POT and GeomLoss."""
-    from samrl_ros.cell.model_bench import emd_parts, measure
+    from samrl_ros.cell.bench.model_bench import emd_parts, measure
 
     raise typer.Exit(measure("emd", emd_parts(rounds), out))
 

@@ -18,6 +18,8 @@ from rich.progress import (
 
 from samrl_core.common import executor
 
+SIDE_BY_SIDE = 2  # worlds or sets of recordings, unless told otherwise
+
 
 def with_progress(
     what: str,

@@ -23,7 +23,7 @@ PATIENCE = 4.0  # wall time to wait for the drivers, in units of the time to lis
 
 
 @dataclass
-class Observed:
+class HeardSamples:
     """What was heard: joint states by arm, images by stream."""
 
     arms: dict[str, list[JointSample]] = field(default_factory=dict)
@@ -97,7 +97,7 @@ def subscribe(
     return made
 
 
-def observe(drivers: Mapping[str, DriverFile], seconds: float, sim_time: bool = False) -> Observed:
+def observe(drivers: Mapping[str, DriverFile], seconds: float, sim_time: bool = False) -> HeardSamples:
     """Hear all topics of the drivers. ROS has been started.
 
     Args:
@@ -106,7 +106,7 @@ def observe(drivers: Mapping[str, DriverFile], seconds: float, sim_time: bool = 
             the wall clock it ends with what there is.
         sim_time: whether stamps are compared with /clock, in place of this computer's clock.
     """
-    heard = Observed()
+    heard = HeardSamples()
     override = [Parameter("use_sim_time", value=sim_time)]
     node = rclpy.create_node("samrl_preflight", parameter_overrides=override)
     executor = SingleThreadedExecutor()

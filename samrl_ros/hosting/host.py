@@ -110,10 +110,6 @@ class NodeThread:
             return f"{self._thread.name}: {type(self.crash).__name__}: {self.crash}"
         return f"{self.node.get_name()}: {self.node.failure}" if self.node.failure else ""
 
-    def request_stop(self) -> None:
-        """Ask the thread to end, without waiting; safe in a signal handler."""
-        self._stop.set()
-
     def stop(self) -> None:
         """Deactivate, clean up, destroy the node and end its thread. Raises TimeoutError when it hangs."""
         self._stop.set()

@@ -28,7 +28,8 @@ def _name(value: str) -> str:
     return value
 
 
-def _file_name(value: str) -> str:
+def file_name(value: str) -> str:
+    """The name, if it is usable as a file's. Raises a fault of validation otherwise."""
     if not 0 < len(value) <= 200 or "/" in value or value.startswith(".") or not value.isprintable():
         raise fault(f" is {value[:80]!r}, must be usable as a file name of at most 200 letters")
     return value
@@ -189,7 +190,7 @@ class ChannelSpec(Checked):
 class RecordingSpec(Checked):
     """Everything about one recording, general keys and its own merged."""
 
-    name: Annotated[str, AfterValidator(_file_name)]
+    name: Annotated[str, AfterValidator(file_name)]
     role: Literal["fit", "held_out"] = "fit"
     arm: Literal["tool_arm", "camera_arm"] = "tool_arm"
     joints: Annotated[list[str], AfterValidator(_joints)]

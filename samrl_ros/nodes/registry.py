@@ -62,9 +62,9 @@ def behaviour_nodes() -> dict[str, NodeEntry]:
 
 def all_settings() -> dict[str, Any]:
     """Settings types by node."""
-    from samrl_ros.nodes.hardware_bridge import HardwareBridgeSettings
+    from samrl_ros.nodes.bridge.hardware_bridge import HardwareBridgeSettings
+    from samrl_ros.nodes.bridge.sim_bridge import SimBridgeSettings
     from samrl_ros.nodes.recorder_node import RecorderSettings
-    from samrl_ros.nodes.sim_bridge import SimBridgeSettings
 
     settings: dict[str, Any] = {"sim_bridge": SimBridgeSettings}
     settings |= {name: node.settings for name, node in behaviour_nodes().items()}
@@ -92,11 +92,11 @@ def make_node(name: str) -> Any:
         InputError: no such node, or a parameter that does not fit.
     """
     if name == "sim_bridge":
-        from samrl_ros.nodes.sim_bridge import SimBridge
+        from samrl_ros.nodes.bridge.sim_bridge import SimBridge
 
         return SimBridge()
     if name == "hardware_bridge":
-        from samrl_ros.nodes.hardware_bridge import HardwareBridge
+        from samrl_ros.nodes.bridge.hardware_bridge import HardwareBridge
 
         return HardwareBridge()
     if name == "recorder":

@@ -19,7 +19,7 @@ _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class NamedBlock:
     """A block of a log, and what its names mean."""
 
     part: LogPart
@@ -64,7 +64,7 @@ def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
     return time
 
 
-def quantity_of(each: Candidate, order: list[str], unit: str, draft: Draft, source: str) -> dict[str, Any]:
+def quantity_of(each: NamedBlock, order: list[str], unit: str, draft: Draft, source: str) -> dict[str, Any]:
     """A quantity in the order of the joints; its columns are added to the source."""
     block = each.block
     columns: dict[str, str] = draft.sources[source]["columns"]
@@ -91,7 +91,9 @@ def _free(columns: dict[str, str], name: str) -> str:
     return name
 
 
-def _beside(found: list[Candidate], position: Candidate, order: list[str], quantity: str) -> list[Candidate]:
+def _beside(
+    found: list[NamedBlock], position: NamedBlock, order: list[str], quantity: str
+) -> list[NamedBlock]:
     """Measured blocks of a quantity in the same part, with the same joints."""
     return [
         c
@@ -106,14 +108,14 @@ def _beside(found: list[Candidate], position: Candidate, order: list[str], quant
 
 
 def add_velocity(
-    found: list[Candidate],
-    position: Candidate,
+    found: list[NamedBlock],
+    position: NamedBlock,
     order: list[str],
     unit: str,
     time: np.ndarray,
     states: dict[str, Any],
     draft: Draft,
-) -> list[Candidate]:
+) -> list[NamedBlock]:
     """The measured velocity if it integrates to the position, else its derivative; the blocks used."""
     key = "channels.states.velocity"
     recorded = _beside(found, position, order, "velocity")[:1]
@@ -142,13 +144,13 @@ def add_velocity(
 
 
 def add_command(
-    found: list[Candidate],
-    position: Candidate,
+    found: list[NamedBlock],
+    position: NamedBlock,
     order: list[str],
     unit: str,
     time: np.ndarray,
     draft: Draft,
-) -> list[Candidate]:
+) -> list[NamedBlock]:
     """The commanded position, with velocity and acceleration of a ROS topic; the blocks used."""
     commanded = [
         c
@@ -189,13 +191,13 @@ def add_command(
 
 
 def _add_follower(
-    found: list[Candidate],
-    position: Candidate,
+    found: list[NamedBlock],
+    position: NamedBlock,
     order: list[str],
     unit: str,
     time: np.ndarray,
     draft: Draft,
-) -> list[Candidate]:
+) -> list[NamedBlock]:
     """A block beside the position that moves with it, under a name that says nothing."""
     measured_at, measured = time[position.block.rows], position.block.ordered(order)
     for each in found:
@@ -220,8 +222,8 @@ def _add_follower(
 
 
 def add_effort(
-    found: list[Candidate], position: Candidate, order: list[str], effort: Effort, draft: Draft
-) -> list[Candidate]:
+    found: list[NamedBlock], position: NamedBlock, order: list[str], effort: Effort, draft: Draft
+) -> list[NamedBlock]:
     """Measured efforts where they belong, with a question where nothing says where; the blocks used."""
     currents = [c for c in found if c.meaning.quantity in ("current", "voltage")]
     for each in currents:
@@ -256,7 +258,7 @@ def add_effort(
     return [best, *currents]
 
 
-def name_of(each: Candidate) -> str:
+def name_of(each: NamedBlock) -> str:
     """How messages name a block: topic or file, and column."""
     place = f"{each.part.part}: " if each.part.part else ""
     file = "" if each.part.part else f"{each.part.path.name}: "

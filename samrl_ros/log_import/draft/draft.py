@@ -12,7 +12,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
 from samrl_ros.log_import.draft.channels import (
-    Candidate,
+    NamedBlock,
     add_command,
     add_effort,
     add_source,
@@ -65,7 +65,7 @@ def draft_mapping(
             draft.unused.append(f"{file.name}: {error}")
     several = len({part.path for part in parts}) > 1
     found = [
-        Candidate(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
+        NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
@@ -135,7 +135,7 @@ def _meaning(part: LogPart, block: LogBlock, several: bool) -> NameMeaning:
     return own
 
 
-def _measured_position(found: list[Candidate], joints: Sequence[str], draft: Draft) -> Candidate:
+def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Draft) -> NamedBlock:
     wanted = [
         c
         for c in found
@@ -173,7 +173,7 @@ def _measured_position(found: list[Candidate], joints: Sequence[str], draft: Dra
     return best
 
 
-def _joints(position: Candidate, joints: Sequence[str], urdf: str | None, draft: Draft) -> list[str]:
+def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft: Draft) -> list[str]:
     """Labels of the log in the order of the recording's joints; sets the recording's names."""
     labels = position.block.labels
     there = [joint for joint in joints if joint in labels]
@@ -213,7 +213,7 @@ def _joint_name(label: str, number: int) -> str:
     return label if label and not label.isdecimal() else f"joint_{label or number + 1}"
 
 
-def _position_unit(position: Candidate, draft: Draft) -> str:
+def _position_unit(position: NamedBlock, draft: Draft) -> str:
     key, values = "channels.states.position", position.block.values
     if position.part.ros:
         draft.note(key, "ROS messages are in rad and m (REP-103)")

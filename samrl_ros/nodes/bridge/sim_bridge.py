@@ -25,10 +25,10 @@ from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.settings import REAL_TIME_FACTOR, setting
 from samrl_ros.contract.topics import SERVICES, TOPICS, arm_topic, cell_topic
 from samrl_ros.hosting import CellNode
-from samrl_ros.nodes.arm_guards import COMMAND_TIMEOUT_S
-from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
-from samrl_ros.nodes.commanders import Commanders
-from samrl_ros.nodes.lockstep import Lockstep
+from samrl_ros.nodes.bridge.arm_guards import COMMAND_TIMEOUT_S
+from samrl_ros.nodes.bridge.bridge_core import BridgeCore, BridgeRates
+from samrl_ros.nodes.bridge.commanders import Commanders
+from samrl_ros.nodes.bridge.lockstep import Lockstep
 
 OUTCOME, WATCH = cell_topic("supervisor/outcome"), cell_topic("node_watch")
 

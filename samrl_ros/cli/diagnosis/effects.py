@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
+from samrl_core.diagnosis.effects import EVERY_EFFECT, NOT_BY_JOINTS
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_ros.contract.exit_codes import OK
 
@@ -34,7 +34,7 @@ def show_effects(options: EffectsOptions) -> int:
         _show_one(_find(options.family), console)
         return OK
     table = Table("no.", "family", "acts on", "places", "formula", "shown by")
-    for effect in EFFECTS:
+    for effect in EVERY_EFFECT:
         table.add_row(
             str(effect.number),
             effect.family,
@@ -49,16 +49,16 @@ def show_effects(options: EffectsOptions) -> int:
     return OK
 
 
-def _find(family: str) -> Effect:
-    for effect in EFFECTS:
+def _find(family: str) -> Effect[Any]:
+    for effect in EVERY_EFFECT:
         if effect.family == family:
             return effect
-    if family in NOT_BY_JOINTS:
-        raise InputError(f"{family} is not testable by joint channels: {NOT_BY_JOINTS[family]}")
-    raise InputError(f"no effect '{family}'; known are {', '.join(e.family for e in EFFECTS)}")
+    raise InputError(
+        f"no effect '{family}'; known are {', '.join(dict.fromkeys(e.family for e in EVERY_EFFECT))}"
+    )
 
 
-def _show_one(effect: Effect, console: Console) -> None:
+def _show_one(effect: Effect[Any], console: Console) -> None:
     lines = [
         f"{effect.number} {effect.family}: {effect.title}",
         effect.meaning,

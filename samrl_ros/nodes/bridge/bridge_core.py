@@ -27,9 +27,9 @@ from samrl_core.common.errors import InputError
 from samrl_ros.contract.behaviour import Outbox
 from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 from samrl_ros.conversions import to_message
-from samrl_ros.nodes.arm_guards import ArmGuards
+from samrl_ros.nodes.bridge.arm_guards import ArmGuards
+from samrl_ros.nodes.bridge.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
 from samrl_ros.nodes.standstill import LATCHED
-from samrl_ros.nodes.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] in world
 _SETTLE_S = 0.3  # simulated before a new episode is announced; also a gap that tells nodes of the restart

@@ -11,7 +11,7 @@ from rich.markup import escape
 from samrl_core.blind_test.scores.study import Study
 from samrl_core.common import executor
 from samrl_ros.blind_test.study import versions
-from samrl_ros.cli.forge_show import console as make_console
+from samrl_ros.cli.blind_test.show import console as make_console
 from samrl_ros.cli.progress import with_progress
 from samrl_ros.contract.exit_codes import FAILED
 

@@ -131,7 +131,7 @@ def run_set(job: RecordingSet) -> int:
     """
     job.out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "samrl_ros.cli.main", "diagnose", str(job.path.resolve())]
-    package = Path(__file__).resolve().parents[2]
+    package = Path(__file__).resolve().parents[3]
     path = os.pathsep.join(p for p in (str(package), os.environ.get("PYTHONPATH", "")) if p)
     process = subprocess.run(
         [*command, "--out", str(job.out.resolve()), *job.options],

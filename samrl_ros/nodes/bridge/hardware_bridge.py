@@ -26,9 +26,9 @@ from samrl_ros.contract.topics import SERVICES, TOPICS, arm_topic, cell_topic
 from samrl_ros.hardware.driver_file import PARTS, drivers_by_part
 from samrl_ros.hardware.observe import PATIENCE, subscribe
 from samrl_ros.hosting import CellNode
-from samrl_ros.nodes.arm_guards import COMMAND_TIMEOUT_S
-from samrl_ros.nodes.commanders import Commanders
-from samrl_ros.nodes.hardware_core import HardwareCore, HardwareLimits
+from samrl_ros.nodes.bridge.arm_guards import COMMAND_TIMEOUT_S
+from samrl_ros.nodes.bridge.commanders import Commanders
+from samrl_ros.nodes.bridge.hardware_core import HardwareCore, HardwareLimits
 
 NAME = "hardware_bridge"
 OUTCOME = cell_topic("supervisor/outcome")

@@ -38,6 +38,9 @@ class ExperimentOptions:
         tuple[str, ...],
         typer.Option("--condition", help="Only this condition of those compared; may be repeated."),
     ] = ()
+    ray: Annotated[
+        bool, typer.Option("--ray", help="Cases on a Ray cluster that sees the same folder (extra cluster).")
+    ] = Options.ray
 
 
 def _list_experiments() -> int:

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import folder_lock
-from samrl_core.studies.job_queue import JobQueue, Machine
+from samrl_core.studies.job_queue import JobQueue, Resources
 from samrl_core.studies.reproduction import Reproduction
 
 SAMRL = (sys.executable, "-m", "samrl_ros.cli.main")
@@ -38,6 +38,9 @@ class ReproduceOptions:
         int, typer.Option(help="Episodes or states per condition; 0: each experiment's own.", min=0)
     ] = 0
     steps: Annotated[int, typer.Option(help="Real steps of sample_efficiency; 0: its own.", min=0)] = 0
+    ray: Annotated[
+        bool, typer.Option("--ray", help="Episodes on a Ray cluster with this folder (extra cluster).")
+    ] = Reproduction.ray
     list_them: Annotated[bool, typer.Option("--list", help="List the jobs and run none.")] = False
 
 
@@ -52,8 +55,10 @@ def reproduce_all(options: ReproduceOptions) -> int:
     console, out, only = Console(), options.out.absolute(), options.only
     gpus = range(torch.cuda.device_count())
     memory = tuple(torch.cuda.get_device_properties(gpu).total_memory / 1e9 for gpu in gpus)
-    machine = Machine(len(os.sched_getaffinity(0)), memory)
-    jobs = Reproduction(out, SAMRL, bool(memory), options.trained, options.count, options.steps).jobs()
+    resources = Resources(len(os.sched_getaffinity(0)), memory)
+    jobs = Reproduction(
+        out, SAMRL, bool(memory), options.trained, options.count, options.steps, options.ray
+    ).jobs()
     if only:
         unknown = [part for part in only if not any(part in job.name for job in jobs)]
         if unknown:
@@ -69,7 +74,7 @@ def reproduce_all(options: ReproduceOptions) -> int:
         return 0
     try:
         with folder_lock(out):
-            JobQueue(jobs, machine, out, lambda line: console.print(line, highlight=False)).run()
+            JobQueue(jobs, resources, out, lambda line: console.print(line, highlight=False)).run()
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {options.out}", highlight=False)
         raise

@@ -25,10 +25,10 @@ from samrl_ros.blind_test.study import (
     shares,
     usual_counts,
 )
-from samrl_ros.cli.forge_making import make_and_seal, mapping_of, name_failed
-from samrl_ros.cli.forge_show import console as make_console
-from samrl_ros.cli.forge_show import line, show
-from samrl_ros.cli.progress import with_progress
+from samrl_ros.cli.blind_test.making import make_and_seal, mapping_of, name_failed
+from samrl_ros.cli.blind_test.show import console as make_console
+from samrl_ros.cli.blind_test.show import line, show
+from samrl_ros.cli.progress import SIDE_BY_SIDE, with_progress
 
 forge_app = typer.Typer(
     help="Sealed worlds for a blind test of the diagnosis: make, diagnose, score.",
@@ -77,7 +77,7 @@ def forge(
         typer.Option("--family", "--effect", help="Only this family of effects; may be repeated."),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
-    workers: Workers = 2,
+    workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
     """Make sealed worlds, and publish the hash of their labels."""
@@ -145,7 +145,7 @@ def servos(
     ] = None,
     double: Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)] = None,
     duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
-    workers: Workers = 2,
+    workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
     """Make sealed worlds of servo machines of one to three axes, as users' logs with mappings."""
@@ -176,7 +176,7 @@ def _published(settings: dict[str, Any]) -> dict[str, Any]:
 @forge_app.command()
 def diagnose(
     folder: Folder,
-    workers: Workers = 2,
+    workers: Workers = SIDE_BY_SIDE,
     worlds: Annotated[
         int | None, typer.Option(help="Only the first so many, in their shuffled order.", min=1)
     ] = None,
@@ -229,7 +229,7 @@ def baselines(
     folder: Folder,
     worlds: Annotated[int, typer.Option(help="The first so many, in their shuffled order.", min=1)] = 40,
     only: Annotated[list[str] | None, typer.Option("--only", help="A baseline; repeat for more.")] = None,
-    workers: Workers = 2,
+    workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
     """Ask the baselines about the same recordings."""

@@ -26,12 +26,12 @@ from samrl_ros.conversions import from_message, to_message
 from samrl_ros.hardware import adapter
 from samrl_ros.hardware.camera_adapter import CameraAdapter
 from samrl_ros.hardware.driver_file import DriverFile
-from samrl_ros.hardware.observe import Observed
+from samrl_ros.hardware.observe import HeardSamples
 from samrl_ros.hardware.preflight import cell_faults, clock_offsets
-from samrl_ros.nodes.arm_guards import ArmGuards
-from samrl_ros.nodes.operator_episodes import OperatorEpisodes
+from samrl_ros.nodes.bridge.arm_guards import ArmGuards
+from samrl_ros.nodes.bridge.operator_episodes import OperatorEpisodes
+from samrl_ros.nodes.bridge.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
 from samrl_ros.nodes.standstill import LATCHED
-from samrl_ros.nodes.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
 
 READY = cell_topic("sim_bridge/ready")
 _TF_PERIOD_NS = 50_000_000
@@ -71,7 +71,7 @@ class HardwareCore:
         self.episodes = OperatorEpisodes(outbox, cell, task, limits.judged)
         self._camera = CameraAdapter(cell.intrinsics)
         self._arms = {role: ArmModel(cell.arm(role), cell.base_in_world(role), None) for role in ROLES}
-        self._observed: Observed | None = Observed()  # during the pre-flight
+        self._observed: HeardSamples | None = HeardSamples()  # during the pre-flight
         self._readings: dict[str, ArmReading] = {}  # newest of each arm, in our order
         self._passed_ns: dict[str, int] = dict.fromkeys(
             ROLES, -(10**18)
@@ -121,7 +121,7 @@ class HardwareCore:
 
     def watch_anew(self) -> None:
         """Forget what the pre-flight has heard, and ask once more: a busy start loses messages."""
-        self._observed = Observed()
+        self._observed = HeardSamples()
 
     def hear(self, part: str, stream: str, message: Any, received_s: float) -> None:
         """A message of a driver, received at `received_s` by the clock that stamps are compared with."""

@@ -18,9 +18,11 @@ from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
+from samrl_ros.cli.progress import SIDE_BY_SIDE
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
@@ -63,7 +65,7 @@ class DiagnoseOptions:
         Path | None,
         typer.Option(help="Diagnose every set of recordings at DIR/ROBOT/DAY, and what changed over days."),
     ] = None
-    workers: Annotated[int, typer.Option(help="With --many: processes side by side.", min=1)] = 2
+    workers: Annotated[int, typer.Option(help="With --many: processes side by side.", min=1)] = SIDE_BY_SIDE
     ray: Annotated[bool, typer.Option("--ray", help="With --many: on a Ray cluster (extra cluster).")] = False
     export: Annotated[
         tuple[str, ...],
@@ -85,8 +87,14 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     Raises:
         InputError: the recordings cannot be used; nothing was written.
     """
-    from samrl_ros.cli.compare import compare
-    from samrl_ros.cli.export import check_targets, export_all, export_report, is_report, keep_correction
+    from samrl_ros.cli.diagnosis.compare import compare
+    from samrl_ros.cli.diagnosis.export import (
+        check_targets,
+        export_all,
+        export_report,
+        is_report,
+        keep_correction,
+    )
     from samrl_ros.recordings.described import model_of
 
     check_targets(options.export)
@@ -146,7 +154,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
 
 
 def _many(options: DiagnoseOptions) -> int:
-    from samrl_ros.cli.diagnose_many import diagnose_many
+    from samrl_ros.cli.diagnosis.many import diagnose_many
 
     if options.bags or options.held_out:
         raise InputError("--many takes its recordings from its folder; leave out other bags and --held-out")
@@ -168,16 +176,23 @@ def _many(options: DiagnoseOptions) -> int:
 
 def load(
     options: DiagnoseOptions, model: NominalModel | None = None
-) -> tuple[list[ArmRecording], list[ArmRecording], list[str]]:
-    """Recordings of one arm by role, checked, with notes about them.
+) -> tuple[Sequence[Recording], Sequence[Recording], list[str]]:
+    """Recordings of one system by role, checked, with notes about them.
 
     Raises:
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
     """
     from samrl_ros.recordings import read_tolerances
     from samrl_ros.recordings.described import described_by
+    from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files, read_pose_tolerances
+    from samrl_ros.recordings.reading_file import is_reading_file, load_reading_files
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
+    if any(is_pose_file(p) for p in (*fit_paths, *held_paths)):
+        own = read_pose_tolerances(options.tolerances) if options.tolerances else None
+        return load_pose_files(fit_paths, held_paths, own)
+    if any(is_reading_file(p) for p in (*fit_paths, *held_paths)):
+        return load_reading_files(fit_paths, held_paths, options.tolerances)
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []

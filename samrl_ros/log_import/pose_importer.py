@@ -1,0 +1,263 @@
+"""Runs a mapping of poses: files to columns, columns to tracks, tracks to recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_file, is_there, write_whole
+from samrl_core.common.text_files import parse_yaml, read_text
+from samrl_core.diagnosis.nominal_model.read_model import read_model
+from samrl_ros.log_import.formulas import evaluate
+from samrl_ros.log_import.importer import INDEX
+from samrl_ros.log_import.pose_specs import (
+    ANGLES,
+    LENGTHS,
+    ROTATIONS,
+    ArmSpec,
+    FormulaList,
+    JointsSpec,
+    PoseRecordingSpec,
+    TrackSpec,
+    rotations_of,
+)
+from samrl_ros.log_import.sources import SourceData, read_source, update_digest
+from samrl_ros.recordings.pose_file import SUFFIX, write_pose_file
+
+SLOW_HZ = 5.0  # below it a track is no motion that can be interpolated
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedPoses:
+    """A recording of poses made from logs, and what became of them."""
+
+    recording: PoseRecording
+    role: str  # fit or held_out
+    report: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def kind_of_mapping(path: Path) -> str:
+    """`poses`, `readings` or `joints`: what a mapping file describes.
+
+    Raises:
+        InputError: it cannot be read, or describes two kinds.
+    """
+    content = parse_yaml(read_text(path, "the mapping"), str(path))
+    found = [key for key in ("poses", "readings") if isinstance(content, dict) and key in content]
+    if len(found) > 1:
+        raise InputError(f"{path.name}: has {' and '.join(found)}; one mapping describes one kind")
+    return found[0] if found else "joints"
+
+
+def import_pose_logs(path: Path, data: Path, out: Path | None) -> list[ImportedPoses]:
+    """Every recording of a mapping; written as `out/<name>.poses.npz` with an index, unless `out` is None.
+
+    Raises:
+        InputError: with the key path of what is wrong; or a file of `out` exists already.
+    """
+    text = read_text(path, "the mapping")
+    content = parse_yaml(text, str(path))
+    if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
+        raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
+    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
+    made = []
+    for number, entry in enumerate(content["recordings"]):
+        where = f"{path.name}: recordings[{number}]"
+        spec = PoseRecordingSpec.read({**general, **entry} if isinstance(entry, dict) else entry, where)
+        made.append(import_poses(spec, text, data, path.parent))
+    names = [each.recording.name for each in made]
+    if not names or len(set(names)) != len(names):
+        raise InputError(f"{path.name}: recordings {names}: at least one, and each name once")
+    if out is None:
+        return made
+    files = [out / f"{name}{SUFFIX}" for name in names]
+    if existing := [p for p in (*files, out / INDEX) if is_there(p)]:
+        raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
+    out.mkdir(parents=True, exist_ok=True)
+    for each, file in zip(made, files, strict=True):
+        write_pose_file(each.recording, file)
+    roles = {
+        r: [f.name for e, f in zip(made, files, strict=True) if e.role == r] for r in ("fit", "held_out")
+    }
+    write_whole(out / INDEX, json.dumps(roles, indent=2) + "\n")
+    return made
+
+
+def import_poses(spec: PoseRecordingSpec, text: str, data: Path, beside: Path) -> ImportedPoses:
+    """Make one recording; `text` is the mapping's, `beside` its folder.
+
+    Raises:
+        InputError: with the key path of what is wrong.
+    """
+    notes: list[str] = []
+    constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
+    cache: dict[str, SourceData] = {}
+    for source in map(spec.source_of, spec.channels):
+        if source not in cache:
+            cache[source] = read_source(spec, source, constants, data, notes)
+    seen = _track(spec, "target_in_camera", spec.poses.target_in_camera, cache)
+    zero = float(seen.time[0])
+    arms: dict[str, ArmPoses | None] = {}
+    for role in ("camera_arm", "tool_arm"):
+        described: ArmSpec | None = getattr(spec.poses, role)
+        arms[role] = None if described is None else _arm(spec, role, described, cache, zero, data, beside)
+    seen = PoseTrack(seen.time - zero, seen.position, seen.quat_xyzw)
+    seen, timed = _within(spec, seen, [a for a in arms.values() if a is not None], notes)
+    p, digest = spec.poses, hashlib.sha256(text.encode() + spec.name.encode())
+    for source in cache.values():
+        for file in source.files:
+            update_digest(digest, file)
+
+    def stated(*keys: str) -> Any:
+        for key in keys:
+            if (given := getattr(p, key)) is not None:
+                return given.pose(f"{spec.path}.poses.{key}")
+        return None
+
+    tolerances = PoseTolerances()
+    if spec.tolerances is not None:
+        try:
+            tolerances = PoseTolerances.from_mapping(spec.tolerances)
+        except InputError as error:
+            raise InputError(f"{spec.path}.tolerances: {error}") from error
+    recording = PoseRecording(
+        spec.name,
+        ", ".join(dict.fromkeys(str(f) for s in cache.values() for f in s.files)),
+        digest.hexdigest(),
+        seen,
+        arms["camera_arm"],
+        arms["tool_arm"],
+        stated("camera_in_flange", "camera_in_base"),
+        stated("base_in_base", "target_in_base"),
+        stated("target_in_flange"),
+        p.camera,
+        p.target,
+        timed=timed,
+        tolerances=tolerances,
+    )
+    return ImportedPoses(recording, spec.role, tuple(_describe(recording)), tuple(notes))
+
+
+def _track(spec: PoseRecordingSpec, key: str, track: TrackSpec, cache: dict[str, SourceData]) -> PoseTrack:
+    source, where = cache[spec.source_of(key)], f"{spec.path}.poses.{key}"
+    count, given = len(source.time), track.quantities
+    values = {
+        name: _block(formulas, source.values, count, f"{where}.{name}") for name, formulas in given.items()
+    }
+    if "matrix" in values:
+        if values["matrix"].shape[1] not in (12, 16):
+            raise InputError(f"{where}.matrix has {values['matrix'].shape[1]} numbers, must be 12 or 16")
+        rows = values["matrix"][:, :12].reshape(count, 3, 4)
+        rotations, position = Rotation.from_matrix(rows[:, :, :3]), rows[:, :, 3]
+        if float(np.max(np.abs(rotations.as_matrix() - rows[:, :, :3]))) > 1e-3:
+            raise InputError(f"{where}.matrix holds no rotations; numbers must stand row by row")
+    else:
+        (kind,) = (name for name in ROTATIONS if name in values)
+        rotations = rotations_of(kind, values[kind], track.order, track.angle_unit, where)
+        position = values["position"]
+        if position.shape[1] != 3:
+            raise InputError(f"{where}.position has {position.shape[1]} numbers per sample, must be 3")
+    position = LENGTHS[track.unit] * position
+    if track.inverse:
+        rotations = rotations.inv()
+        position = -rotations.apply(position)
+    keep = _range(spec, source.time)
+    return PoseTrack(source.time[keep], position[keep], rotations.as_quat()[keep])
+
+
+def _range(spec: PoseRecordingSpec, time: np.ndarray) -> np.ndarray:
+    low, high = spec.time_range or (None, None)
+    since = time - time[0]
+    return (since >= (-np.inf if low is None else low)) & (since < (np.inf if high is None else high))
+
+
+def _block(given: FormulaList, values: dict[str, Any], count: int, where: str) -> np.ndarray:
+    """Values (N, K) of formulas."""
+    parts = [np.asarray(evaluate(formula, values, where), dtype=float) for formula in given.formulas]
+    if given.listed:
+        parts = [np.broadcast_to(part, (count,))[:, None] for part in parts]
+    block = np.concatenate([part if part.ndim == 2 else part[:, None] for part in parts], axis=1)
+    if len(block) != count:
+        raise InputError(f"{where} gives shape {block.shape}, must have {count} samples")
+    if not np.isfinite(block).all():
+        row = int(np.argwhere(~np.isfinite(block))[0, 0])
+        raise InputError(f"{where}: sample {row} is not finite; set `missing: drop_row` of the source")
+    return block
+
+
+def _arm(
+    spec: PoseRecordingSpec, role: str, arm: ArmSpec, cache: dict[str, SourceData], zero: float, data: Path,
+    beside: Path,
+) -> ArmPoses:  # fmt: skip
+    flange = None
+    if arm.flange is not None:
+        track = _track(spec, f"{role}.flange", arm.flange, cache)
+        flange = PoseTrack(track.time - zero, track.position, track.quat_xyzw)
+    joints: JointsSpec | None = arm.joints
+    if joints is None or arm.urdf is None:
+        return ArmPoses(role, flange)
+    where = f"{spec.path}.poses.{role}"
+    source = cache[spec.source_of(f"{role}.joints")]
+    angles = ANGLES[joints.angle_unit] * _block(
+        FormulaList(joints.position), source.values, len(source.time), f"{where}.joints.position"
+    )
+    if angles.shape[1] != len(joints.names):
+        raise InputError(
+            f"{where}.joints.position has {angles.shape[1]} columns for {len(joints.names)} names"
+        )
+    found = next((f for f in (data / arm.urdf, beside / arm.urdf) if is_file(f)), None)
+    if found is None:
+        raise InputError(f"{where}.urdf: no file {data / arm.urdf} or {beside / arm.urdf}")
+    keep = _range(spec, source.time)
+    return ArmPoses(
+        role, flange, tuple(joints.names), source.time[keep] - zero, angles[keep], read_model(found, {}).urdf
+    )
+
+
+def _within(
+    spec: PoseRecordingSpec, seen: PoseTrack, arms: list[ArmPoses], notes: list[str]
+) -> tuple[PoseTrack, bool]:
+    """Seen poses at times at which every arm is known, and whether stamps tell of motion."""
+    timed = not spec.poses.at_rest
+    if timed and all(len(a.stamps) == len(seen) and np.array_equal(a.stamps, seen.time) for a in arms):
+        timed = len(seen) > 1 and float(np.median(np.diff(seen.time))) < 1.0 / SLOW_HZ
+    for arm in arms if timed else ():
+        step = float(np.median(np.diff(arm.stamps)))
+        if step > 1.0 / SLOW_HZ:
+            raise InputError(
+                f"{spec.path}.poses.{arm.role} is given at {1 / step:.2g} Hz, below {SLOW_HZ:g} Hz: between"
+                " its stamps nobody knows it; say `at_rest: true` if poses were taken at rest"
+            )
+    begin = max(float(a.stamps[0]) for a in arms)
+    end = min(float(a.stamps[-1]) for a in arms)
+    inside = seen.between(begin, np.nextafter(end, np.inf))
+    if len(inside) < 2:
+        raise InputError(
+            f"{spec.path}: the target is seen from 0 to {seen.time[-1]:.3f} s, the arms are known from"
+            f" {begin:.3f} to {end:.3f} s after its first pose: no overlap; shift one by `time.offset_s`"
+        )
+    if len(inside) < len(seen):
+        notes.append(f"{len(seen) - len(inside)} seen poses lie outside of the arms' stamps and are left out")
+    return inside, timed
+
+
+def _describe(recording: PoseRecording) -> list[str]:
+    def describe_track(name: str, time: np.ndarray) -> str:
+        rate = 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        return f"{name}: {len(time)} poses at {rate:.4g} Hz, {time[0]:.3f} to {time[-1]:.3f} s"
+
+    distance = np.linalg.norm(recording.seen.position, axis=1)
+    lines = [describe_track(f"{recording.target} in {recording.camera}", recording.seen.time)]
+    lines += [describe_track(f"{arm.role}", arm.stamps) for arm in recording.arms]
+    lines.append(f"distance {distance.min():.3f} .. {distance.max():.3f} m")
+    lines.append("poses in motion" if recording.timed else "poses at rest: nothing is said of clocks")
+    return lines

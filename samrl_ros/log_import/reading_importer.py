@@ -1,0 +1,190 @@
+"""Runs a mapping of readings: columns of a sensor and of its reference to recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
+
+from samrl_core.cell.types.reading_recording import UNITS, ReadingRecording, ReadingTolerances
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_there, write_whole
+from samrl_core.common.text_files import parse_yaml, read_text
+from samrl_core.common.validation import Checked, fault
+from samrl_ros.log_import.formulas import evaluate
+from samrl_ros.log_import.importer import INDEX
+from samrl_ros.log_import.pose_specs import LENGTHS, Formula, FormulaList
+from samrl_ros.log_import.sources import SourceData, read_source, update_digest
+from samrl_ros.log_import.specs import Files, Name, Pair, Part, SourceSpec, file_name
+from samrl_ros.log_import.units import UNITS as UNITS_OF_LOGS
+from samrl_ros.recordings.reading_file import SUFFIX, write_reading_file
+
+FACTORS = {"depth": LENGTHS, "stamp": UNITS_OF_LOGS["time"]}
+
+
+class ReadingsSpec(Checked):
+    """One quantity as the sensor gave it and as it was, sample by sample of one source."""
+
+    quantity: Literal["depth", "stamp"]
+    sensor: str = "camera"
+    source: str | None = None
+    reading: Formula
+    reference: Formula
+    unit: str | None = None  # of both; None: m or s
+
+    @property
+    def quantities(self) -> dict[str, FormulaList]:
+        """Formulas by key, as `read_source` looks for them."""
+        return {"reading": FormulaList([self.reading]), "reference": FormulaList([self.reference])}
+
+    @model_validator(mode="after")
+    def _unit_fits(self) -> ReadingsSpec:
+        known = FACTORS[self.quantity]
+        if self.unit is not None and self.unit not in known:
+            raise fault(f" is {self.unit!r}; {self.quantity} is in one of {', '.join(known)}", "unit")
+        return self
+
+
+class ReadingRecordingSpec(Checked):
+    """Everything about one recording of readings, general keys and its own merged."""
+
+    name: Annotated[str, AfterValidator(file_name)]
+    role: Literal["fit", "held_out"] = "fit"
+    constants: dict[Name, Any] = Field({})
+    sources: Annotated[dict[str, SourceSpec], Field(min_length=1)]
+    files: dict[str, Files] = Field({})
+    parts: dict[str, Part] = Field({})
+    readings: ReadingsSpec
+    tolerances: dict[str, Any] | None = None
+    rows: Pair | None = None
+    _path: str = PrivateAttr("")
+
+    @classmethod
+    def read(cls, value: Any, where: str) -> ReadingRecordingSpec:
+        """As `Checked.read`; `where` is stored for later messages."""
+        spec = super().read(value, where)
+        spec._path = where
+        return spec
+
+    @property
+    def path(self) -> str:
+        """Of its keys, for messages."""
+        return self._path
+
+    @property
+    def channels(self) -> dict[str, ReadingsSpec]:
+        """What reads a source, by its key."""
+        return {"readings": self.readings}
+
+    def files_of(self, source: str) -> list[str]:
+        """Paths of a source, with the recording's name in them."""
+        files = self.files.get(source) or self.sources[source].file or []
+        return [file.replace("{name}", self.name) for file in files]
+
+    def part_of(self, source: str) -> str:
+        """Part of a source's files that is read."""
+        return (self.parts.get(source) or self.sources[source].part).replace("{name}", self.name)
+
+    def source_of(self, channel: str) -> str:
+        """The source that the formulas read."""
+        return self.readings.source or next(iter(self.sources))
+
+    @model_validator(mode="after")
+    def _source_fits(self) -> ReadingRecordingSpec:
+        named = self.readings.source
+        if (named or len(self.sources) > 1) and named not in self.sources:
+            raise fault(f" is {named!r}; sources are {sorted(self.sources)}", "readings", "source")
+        if not self.files_of(self.source_of("readings")):
+            raise fault(" is missing; name a path or a list of paths", "sources", str(named), "file")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedReadings:
+    """A recording of readings made from a log, and what became of it."""
+
+    recording: ReadingRecording
+    role: str  # fit or held_out
+    report: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def import_reading_logs(path: Path, data: Path, out: Path | None) -> list[ImportedReadings]:
+    """Every recording of a mapping; written as `out/<name>.readings.npz` with an index, unless `out` is None.
+
+    Raises:
+        InputError: with the key path of what is wrong; or a file of `out` exists already.
+    """
+    text = read_text(path, "the mapping")
+    content = parse_yaml(text, str(path))
+    if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
+        raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
+    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
+    made = []
+    for number, entry in enumerate(content["recordings"]):
+        own = {**general, **entry} if isinstance(entry, dict) else entry
+        spec = ReadingRecordingSpec.read(own, f"{path.name}: recordings[{number}]")
+        made.append(import_readings(spec, text, data))
+    names = [each.recording.name for each in made]
+    if not names or len(set(names)) != len(names):
+        raise InputError(f"{path.name}: recordings {names}: at least one, and each name once")
+    if out is None:
+        return made
+    files = [out / f"{name}{SUFFIX}" for name in names]
+    if existing := [p for p in (*files, out / INDEX) if is_there(p)]:
+        raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
+    out.mkdir(parents=True, exist_ok=True)
+    for each, file in zip(made, files, strict=True):
+        write_reading_file(each.recording, file)
+    pairs = list(zip(made, files, strict=True))
+    roles = {role: [f.name for e, f in pairs if e.role == role] for role in ("fit", "held_out")}
+    write_whole(out / INDEX, json.dumps(roles, indent=2) + "\n")
+    return made
+
+
+def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> ImportedReadings:
+    """Make one recording; `text` is the mapping's.
+
+    Raises:
+        InputError: with the key path of what is wrong.
+    """
+    notes: list[str] = []
+    constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
+    source: SourceData = read_source(spec, spec.source_of("readings"), constants, data, notes)
+    given, where, count = spec.readings, f"{spec.path}.readings", len(source.time)
+    factor = FACTORS[given.quantity][given.unit or UNITS[given.quantity]]
+
+    def values(key: str) -> np.ndarray:
+        made = np.asarray(evaluate(getattr(given, key), source.values, f"{where}.{key}"), dtype=float)
+        if made.shape not in ((), (count,)):
+            raise InputError(
+                f"{where}.{key} gives shape {made.shape}, must be one number per sample, ({count},)"
+            )
+        return factor * np.broadcast_to(made, (count,))
+
+    tolerances = ReadingTolerances()
+    if spec.tolerances is not None:
+        try:
+            tolerances = ReadingTolerances.from_mapping(spec.tolerances)
+        except InputError as error:
+            raise InputError(f"{spec.path}.tolerances: {error}") from error
+    digest = hashlib.sha256(text.encode() + spec.name.encode())
+    for file in source.files:
+        update_digest(digest, file)
+    recording = ReadingRecording(
+        spec.name, ", ".join(map(str, source.files)), digest.hexdigest(), given.quantity, given.sensor,
+        source.time - source.time[0], values("reading"), values("reference"), tolerances,
+    )  # fmt: skip
+    error = recording.reading - recording.reference
+    unit = UNITS[given.quantity]
+    report = (
+        f"{given.quantity} of {given.sensor}: {count} readings, {recording.duration:.3f} s",
+        f"reading minus reference: median {np.median(error):.4g} {unit},"
+        f" {error.min():.4g} .. {error.max():.4g} {unit}",
+    )
+    return ImportedReadings(recording, spec.role, report, tuple(notes))

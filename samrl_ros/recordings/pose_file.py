@@ -1,0 +1,138 @@
+"""Recordings of poses in files: arrays with one JSON text, written whole."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
+from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole
+from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.diagnosis.kinds.poses import split_poses
+
+SUFFIX = ".poses.npz"
+VERSION = 1
+_TRACK = ("time", "position", "quat_xyzw")
+_TRANSFORMS = ("camera_in_flange", "base_in_base", "target_in_flange")
+
+
+def is_pose_file(path: Path) -> bool:
+    """Whether a path is named like a recording of poses."""
+    return path.name.endswith(SUFFIX)
+
+
+def write_pose_file(recording: PoseRecording, path: Path) -> None:
+    """Write a recording; an existing file is replaced."""
+    about: dict[str, Any] = {
+        "version": VERSION, "name": recording.name, "source": recording.source, "sha256": recording.sha256,
+        "camera": recording.camera, "target": recording.target, "timed": recording.timed,
+        "tolerances": asdict(recording.tolerances), "arms": {},
+    }  # fmt: skip
+    arrays = {f"seen_{key}": getattr(recording.seen, key) for key in _TRACK}
+    for key in _TRANSFORMS:
+        pose: Pose | None = getattr(recording, key)
+        about[key] = None if pose is None else [*pose.position.tolist(), *pose.quat_xyzw.tolist()]
+    for role in ("camera_arm", "tool_arm"):
+        arm: ArmPoses | None = getattr(recording, role)
+        if arm is None:
+            continue
+        about["arms"][role] = {"joints": list(arm.joints), "urdf": arm.urdf, "flange": arm.flange is not None}
+        if arm.flange is not None:
+            arrays |= {f"{role}_{key}": getattr(arm.flange, key) for key in _TRACK}
+        arrays[f"{role}_joint_time"], arrays[f"{role}_joint_position"] = arm.joint_time, arm.joint_position
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    write_arrays(path, arrays)
+
+
+def read_pose_file(path: Path) -> PoseRecording:
+    """Read a recording.
+
+    Raises:
+        InputError: the file is damaged, of another version or none of poses.
+    """
+    arrays = unpacked(read_whole(path, MAX_BYTES), path)
+    try:
+        about = parse_json(bytes(arrays["about"]).decode(), str(path))
+        if about["version"] != VERSION:
+            raise InputError(
+                f"{path} has version {about['version']}, this samrl reads {VERSION}; import again"
+            )
+
+        def track(prefix: str) -> PoseTrack:
+            return PoseTrack(*(arrays[f"{prefix}_{key}"] for key in _TRACK))
+
+        def transform(key: str) -> Pose | None:
+            numbers = about[key]
+            return None if numbers is None else Pose(np.array(numbers[:3]), np.array(numbers[3:]))
+
+        def arm(role: str) -> ArmPoses | None:
+            if role not in about["arms"]:
+                return None
+            told = about["arms"][role]
+            return ArmPoses(
+                role, track(role) if told["flange"] else None, tuple(told["joints"]),
+                arrays[f"{role}_joint_time"], arrays[f"{role}_joint_position"], told["urdf"],
+            )  # fmt: skip
+
+        return PoseRecording(
+            about["name"], about["source"], about["sha256"], track("seen"), arm("camera_arm"),
+            arm("tool_arm"), transform("camera_in_flange"), transform("base_in_base"),
+            transform("target_in_flange"), about["camera"], about["target"],
+            timed=bool(about["timed"]), tolerances=PoseTolerances.from_mapping(about["tolerances"]),
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{path} is no recording of poses: {error}; import it again") from error
+
+
+def load_pose_files(
+    fit_paths: Sequence[Path], held_paths: Sequence[Path], tolerances: PoseTolerances | None
+) -> tuple[list[PoseRecording], list[PoseRecording], list[str]]:
+    """Recordings by role, held-out data unseen, with notes.
+
+    Raises:
+        InputError: as `read_pose_file`; files of another kind among them; held-out poses that are fitted.
+    """
+    if others := [p.name for p in (*fit_paths, *held_paths) if not is_pose_file(p)]:
+        raise InputError(f"{', '.join(others)}: recordings of another kind; diagnose each kind for itself")
+    fit, held = [read_pose_file(p) for p in fit_paths], [read_pose_file(p) for p in held_paths]
+    if tolerances is not None:
+        fit, held = ([replace(r, tolerances=tolerances) for r in group] for group in (fit, held))
+    notes: list[str] = []
+    if not held:
+        first, last = split_poses(fit[0])
+        notes.append(f"{fit[0].name} is alone: a part of it is held out")
+        return [first], [last], notes
+    for unseen in held:
+        for known in fit:
+            same = np.isin(
+                unseen.seen.position.view([("", float)] * 3), known.seen.position.view([("", float)] * 3)
+            )
+            if same.mean() > 0.05:
+                raise InputError(
+                    f"{100 * same.mean():.0f} % of the held-out poses of {unseen.name} are also in the fitted"
+                    f" {known.name}, limit 5 %; hold out what was not fitted"
+                )
+    return fit, held, notes
+
+
+def read_pose_tolerances(path: Path) -> PoseTolerances:
+    """Tolerances from a YAML file.
+
+    Raises:
+        InputError: no mapping, an unknown name, or a value that is no number.
+    """
+    values = parse_yaml(read_text(path, "the tolerances"), str(path))
+    if not isinstance(values, dict):
+        raise InputError(f"{path} holds {type(values).__name__}, must be a mapping of names to numbers")
+    try:
+        return PoseTolerances.from_mapping(values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

@@ -1,0 +1,90 @@
+"""Recordings of readings in files: arrays with one JSON text, written whole."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from samrl_core.cell.types.reading_recording import ReadingRecording, ReadingTolerances
+from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole
+from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.diagnosis.kinds.readings import split_readings
+
+SUFFIX = ".readings.npz"
+VERSION = 1
+_ARRAYS = ("time", "reading", "reference")
+_TEXTS = ("name", "source", "sha256", "quantity", "sensor")
+_SAME = 0.05  # share of held-out readings found in the fitted ones from which on they are the same
+
+
+def is_reading_file(path: Path) -> bool:
+    """Whether a path is named like a recording of readings."""
+    return path.name.endswith(SUFFIX)
+
+
+def write_reading_file(recording: ReadingRecording, path: Path) -> None:
+    """Write a recording; an existing file is replaced."""
+    about = {"version": VERSION, "tolerances": asdict(recording.tolerances)}
+    about |= {key: getattr(recording, key) for key in _TEXTS}
+    arrays = {key: np.asarray(getattr(recording, key)) for key in _ARRAYS}
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    write_arrays(path, arrays)
+
+
+def read_reading_file(path: Path) -> ReadingRecording:
+    """Read a recording.
+
+    Raises:
+        InputError: the file is damaged, of another version or none of readings.
+    """
+    arrays = unpacked(read_whole(path, MAX_BYTES), path)
+    try:
+        about = parse_json(bytes(arrays["about"]).decode(), str(path))
+        if about["version"] != VERSION:
+            raise InputError(
+                f"{path} has version {about['version']}, this samrl reads {VERSION}; import again"
+            )
+        name, source, sha256, quantity, sensor = (str(about[key]) for key in _TEXTS)
+        time, reading, reference = (arrays[key] for key in _ARRAYS)
+        tolerances = ReadingTolerances.from_mapping(about["tolerances"])
+        return ReadingRecording(name, source, sha256, quantity, sensor, time, reading, reference, tolerances)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{path} is no recording of readings: {error}; import it again") from error
+
+
+def load_reading_files(
+    fit_paths: Sequence[Path], held_paths: Sequence[Path], tolerances: Path | None
+) -> tuple[list[ReadingRecording], list[ReadingRecording], list[str]]:
+    """Recordings by role, held-out data unseen, with notes; tolerances of a YAML file replace their own.
+
+    Raises:
+        InputError: as `read_reading_file`; files of another kind; held-out readings that were fitted.
+    """
+    if others := [p.name for p in (*fit_paths, *held_paths) if not is_reading_file(p)]:
+        raise InputError(f"{', '.join(others)}: recordings of another kind; diagnose each kind for itself")
+    fit, held = [read_reading_file(p) for p in fit_paths], [read_reading_file(p) for p in held_paths]
+    if tolerances is not None:
+        values = parse_yaml(read_text(tolerances, "the tolerances"), str(tolerances))
+        if not isinstance(values, dict):
+            raise InputError(f"{tolerances} holds {type(values).__name__}, must map names to numbers")
+        stated = ReadingTolerances.from_mapping(values)
+        fit, held = ([replace(r, tolerances=stated) for r in group] for group in (fit, held))
+    if not held:
+        first, last = split_readings(fit[0])
+        return [first], [last], [f"{fit[0].name} is alone: a part of it is held out"]
+    for unseen in held:
+        for known in fit:
+            seen, other = (np.stack([r.reading, r.reference], axis=1).view("f8,f8") for r in (known, unseen))
+            share = float(np.isin(other, seen).mean())
+            if share > _SAME:
+                raise InputError(
+                    f"{100 * share:.0f} % of the held-out readings of {unseen.name} are also in the fitted"
+                    f" {known.name}, limit {100 * _SAME:.0f} %; hold out what was not fitted"
+                )
+    return fit, held, []

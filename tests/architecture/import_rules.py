@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
 
 # Distribution roots that only the named places may import. Paths are relative to the repository.
 ALLOWED: dict[str, tuple[str, ...]] = {
@@ -178,6 +181,12 @@ def imports_below(root: Path, packages: tuple[str, ...] = ("samrl_core", "samrl_
                         yield Import(file, node.lineno, argument.value)
 
 
+@cache
+def imports_of_project() -> tuple[Import, ...]:
+    """Every import of this checkout, read once."""
+    return tuple(imports_below(ROOT))
+
+
 def _absolute(file: str, node: ast.ImportFrom) -> str:
     if not node.level:
         return node.module or ""
@@ -191,7 +200,7 @@ def _is_dynamic(node: ast.Call) -> bool:
     return name in ("import_module", "__import__") and bool(node.args)
 
 
-def foreign_violations(found: list[Import]) -> list[str]:
+def foreign_violations(found: Iterable[Import]) -> list[str]:
     """Imports of a restricted distribution outside its places."""
     return [
         f"{item.file}:{item.line} imports {item.module}; only {ALLOWED[root] or 'tests'} may"
@@ -217,7 +226,7 @@ def module_of(file: str) -> str:
     return file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
 
 
-def wing_violations(found: list[Import]) -> list[str]:
+def wing_violations(found: Iterable[Import]) -> list[str]:
     """Imports of a wing that the table does not allow, and wings that it does not list."""
     problems = []
     for item in found:
@@ -237,7 +246,7 @@ def wing_violations(found: list[Import]) -> list[str]:
     return problems
 
 
-def room_violations(found: list[Import]) -> list[str]:
+def room_violations(found: Iterable[Import]) -> list[str]:
     """Imports of the project by a room that has a rule of its own."""
     problems = []
     for item in found:
@@ -250,8 +259,9 @@ def room_violations(found: list[Import]) -> list[str]:
     return problems
 
 
-def graph_of(found: list[Import]) -> dict[str, set[str]]:
+def graph_of(found: Iterable[Import]) -> dict[str, set[str]]:
     """Files that each file imports, by dotted module name; for an imported name, the file that has it."""
+    found = list(found)
     known = {module_of(item.file) for item in found}
     graph: dict[str, set[str]] = {}
     for item in found:
@@ -293,12 +303,12 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     return sorted(found)
 
 
-def file_circles(found: list[Import]) -> list[list[str]]:
+def file_circles(found: Iterable[Import]) -> list[list[str]]:
     """Files that import one another in a circle, lazy and typing-only imports included."""
     return circles(graph_of(found))
 
 
-def room_circles(found: list[Import]) -> list[list[str]]:
+def room_circles(found: Iterable[Import]) -> list[list[str]]:
     """Rooms that import one another in a circle."""
     graph: dict[str, set[str]] = {}
     for source, targets in graph_of(found).items():

@@ -2,63 +2,53 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def _load_rules() -> Any:
-    spec = importlib.util.spec_from_file_location("import_rules", Path(__file__).with_name("import_rules.py"))
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["import_rules"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-rules = _load_rules()
-FOUND = list(rules.imports_below(ROOT))
+from tests.architecture import import_rules as rules
+from tests.architecture.import_rules import ROOT, imports_of_project
 
 
 def test_the_walk_sees_the_code() -> None:
-    assert {item.file.split("/")[0] for item in FOUND} == {"samrl_core", "samrl_ros"}
-    assert any(item.module.startswith("samrl_core.cell.types") for item in FOUND)
+    assert {item.file.split("/")[0] for item in imports_of_project()} == {"samrl_core", "samrl_ros"}
+    assert any(item.module.startswith("samrl_core.cell.types") for item in imports_of_project())
 
 
 def test_restricted_packages_stay_in_their_places() -> None:
-    assert rules.foreign_violations(FOUND) == []
+    assert rules.foreign_violations(imports_of_project()) == []
 
 
 def test_wings_import_what_the_table_allows() -> None:
-    assert rules.wing_violations(FOUND) == []
+    assert rules.wing_violations(imports_of_project()) == []
 
 
 def test_rooms_keep_their_own_rules() -> None:
-    assert rules.room_violations(FOUND) == []
-    modules = {rules.module_of(item.file) for item in FOUND}
+    assert rules.room_violations(imports_of_project()) == []
+    modules = {rules.module_of(item.file) for item in imports_of_project()}
     for room in rules.ROOMS:
         assert any(module.startswith(room + ".") for module in modules), f"no files in {room}"
 
 
 def test_no_circles_between_files() -> None:
-    assert rules.file_circles(FOUND) == []
+    assert rules.file_circles(imports_of_project()) == []
 
 
 def test_no_circles_between_rooms() -> None:
-    assert rules.room_circles(FOUND) == []
+    assert rules.room_circles(imports_of_project()) == []
 
 
 @pytest.mark.parametrize("package", ["samrl_core", "samrl_ros"])
 def test_the_table_points_downwards_and_lists_what_exists(package: str) -> None:
     table = rules.WINGS[package]
     assert rules.circles({wing: set(targets) for wing, targets in table.items()}) == []
-    existing = {rules.wing_of(rules.module_of(item.file)) for item in FOUND if item.file.startswith(package)}
+    existing = {
+        rules.wing_of(rules.module_of(item.file))
+        for item in imports_of_project()
+        if item.file.startswith(package)
+    }
     assert existing - {""} <= set(table) and set(table) - existing <= {"contract", "interfaces"}
 
 

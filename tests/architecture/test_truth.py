@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import ast
 from functools import cache
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.architecture.import_rules import ROOT, imports_of_project
 
 # Who may call SimulatedWorld.truth(): the log that evaluation reads, and evaluations themselves.
 MAY_CALL_TRUTH = {
@@ -55,7 +54,7 @@ MAY_KNOW_INSTANCES = {
     "samrl_core/studies/cell_instances.py": "",
     "samrl_core/studies/episodes/world_episodes.py": "",
     "samrl_core/studies/speed/camera_pictures.py": "",
-    "samrl_ros/nodes/sim_bridge.py": "",
+    "samrl_ros/nodes/bridge/sim_bridge.py": "",
     "samrl_ros/cell/options.py": "",
     "samrl_ros/cell/local_graph.py": "",
     "samrl_ros/cell/summary.py": "",
@@ -68,13 +67,13 @@ MAY_DRAW = {
         "samrl_core/cell/world/pybullet/world.py",
     },
     "instance_named": {
-        "samrl_ros/nodes/sim_bridge.py",
+        "samrl_ros/nodes/bridge/sim_bridge.py",
         "samrl_ros/cell/local_graph.py",
         "samrl_core/studies/episodes/world_episodes.py",
         "samrl_core/studies/speed/camera_pictures.py",
     },
     "as_made": {"samrl_core/cell/world/true_cell.py"},
-    "seal_instance": {"samrl_ros/nodes/sim_bridge.py"},
+    "seal_instance": {"samrl_ros/nodes/bridge/sim_bridge.py"},
     "read_instance_file": {"samrl_ros/cell/summary.py"},
 }
 
@@ -102,14 +101,14 @@ def sources() -> dict[str, str]:
 
 
 @cache
-def calls() -> dict[str, set[str]]:
-    """What each file of the package calls."""
-    return {file: called_attributes(source) for file, source in sources().items()}
+def calls(file: str) -> set[str]:
+    """What a file of the package calls."""
+    return called_attributes(sources()[file])
 
 
 def callers(name: str) -> set[str]:
     """Files of the package that call something of that name."""
-    return {file for file, names in calls().items() if name in names}
+    return {file for file, source in sources().items() if name in source and name in calls(file)}
 
 
 def test_only_evaluation_asks_for_truth() -> None:
@@ -151,19 +150,15 @@ def knows_instances(file: str, module: str) -> bool:
 
 def imports_of_instances() -> set[tuple[str, str]]:
     """Files of the package and what they import of the cell instances, lazily or not."""
-    found = set()
-    for file, source in sources().items():
-        for node in ast.walk(ast.parse(source)):
-            if isinstance(node, ast.ImportFrom) and not node.level:
-                found |= {(file, f"{node.module}.{alias.name}") for alias in node.names}
-            elif isinstance(node, ast.Import):
-                found |= {(file, alias.name) for alias in node.names}
-    return {(file, module) for file, module in found if module.startswith("samrl_core.cell.instance")}
+    found = imports_of_project()
+    return {(one.file, one.module) for one in found if one.module.startswith("samrl_core.cell.instance")}
 
 
 def test_model_learner_and_diagnosis_know_no_instance() -> None:
     found = imports_of_instances()
-    assert "samrl_ros/nodes/sim_bridge.py" in {file for file, _ in found}, "the search must find the worlds"
+    assert "samrl_ros/nodes/bridge/sim_bridge.py" in {file for file, _ in found}, (
+        "the search must find the worlds"
+    )
     assert not sorted(one for one in found if not knows_instances(*one))
 
 

@@ -23,9 +23,12 @@ REPLACED = re.compile(
 
 
 def functions(file: Path) -> list[str]:
+    text = file.read_text()
+    if not re.search(rf"def {NO_FUNCTION.pattern}\b", text):
+        return []  # parsing takes a hundred times as long, and what is in a string is no function of ours
     return [
         node.name
-        for node in ast.walk(ast.parse(file.read_text()))
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     ]
 
@@ -51,7 +54,7 @@ def test_functions_are_named_by_verbs(package: str) -> None:
 @pytest.mark.parametrize("package", ["samrl_core", "samrl_ros"])
 def test_docstrings_and_comments_use_the_words_of_the_glossary(package: str) -> None:
     some = [file for file in FILES if file.is_relative_to(ROOT / package)]
-    texts = [(f, text) for f in some for text in prose(f)]
-    assert len(texts) > 1000
+    assert any("field's words" in text for text in prose(Path(__file__))), "the search must find prose"
+    texts = [(f, text) for f in some if REPLACED.search(f.read_text()) for text in prose(f)]
     found = [f"{f.relative_to(ROOT)}: {hit.group()!r}" for f, text in texts if (hit := REPLACED.search(text))]
     assert not found, f"the glossary has other words for these: {found}"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_ros.cli import diagnose_many as many
+from samrl_ros.cli.diagnosis import many
 from samrl_ros.cli.main import run
 from samrl_ros.recordings.write import write_recording
 from tests.diagnosis import worlds

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 from typer.testing import CliRunner
 
+from samrl_ros.cli.learning.train import DEFAULTS, TrainOptions
 from samrl_ros.cli.options import add_command, command_function
-from samrl_ros.cli.train import DEFAULTS, TrainOptions
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,14 @@ signal.signal(signal.SIGINT, note)
 pathlib.Path({ready!r}).touch()
 signal.pause()
 """
+INTERRUPTIBLE = """
+import pathlib, time
+pathlib.Path({ready!r}).touch()
+try:
+    time.sleep(600)
+except KeyboardInterrupt:
+    pathlib.Path({file!r}).touch()
+"""
 
 
 def lives(pid: int) -> bool:
@@ -72,3 +80,17 @@ def test_a_parent_that_died_before_is_noticed() -> None:
     finally:
         signal.signal(signal.SIGUSR1, before)
         end_with(os.getppid(), 0)  # not with a signal again
+
+
+def test_the_child_of_a_background_job_hears_an_interrupt(tmp_path: Path) -> None:
+    noted, ready = tmp_path / "noted", tmp_path / "ready"
+    deaf_parent = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)" + PARENT
+    default = INTERRUPTIBLE.format(file=str(noted), ready=str(ready))
+    command = [sys.executable, "-c", deaf_parent, default, str(int(signal.SIGINT))]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        wait_for(ready.exists, "the child's start")
+        os.kill(child, signal.SIGINT)
+        wait_for(noted.exists, "the child's KeyboardInterrupt")
+        parent.kill()

@@ -13,8 +13,9 @@ import samrl_core.diagnosis.effects
 from samrl_core.cell.excitation.catalogue import KINDS
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import library
-from samrl_core.diagnosis.effects import EFFECTS, FAMILIES, NOT_BY_JOINTS, Effect
+from samrl_core.diagnosis.effects import EFFECTS, EVERY_EFFECT, FAMILIES, NOT_BY_JOINTS, Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import as_arms
 from samrl_core.diagnosis.selection.curves import AXES
 from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
@@ -54,7 +55,7 @@ def test_families_and_numbers_are_unique() -> None:
         for f in Path(samrl_core.diagnosis.effects.__file__).parent.glob("*/*.py")
         if "\nEFFECT = " in f.read_text()
     ]
-    assert len(files) == len(EFFECTS), "a file of an effect is not listed"
+    assert len(files) == len(EVERY_EFFECT), "a file of an effect is not listed"
     assert len({e.number for e in EFFECTS}) == len(EFFECTS)
     assert not {e.family for e in EFFECTS} & set(NOT_BY_JOINTS)
 
@@ -95,7 +96,7 @@ def test_reported_parameters_are_documented_ones(effect: Effect) -> None:
 @EACH
 def test_columns_are_finite_and_seen(effect: Effect) -> None:
     likelihood = rich()
-    trial = likelihood.trials[0]
+    (trial, *_) = as_arms(likelihood.trials)
     assert effect.why_unobservable(trial) is None
     for place in effect.places(trial):
         kind = place.name.partition(":")[0]
@@ -125,7 +126,7 @@ def test_amplitude_zero_changes_nothing(effect: Effect) -> None:
 
 @pytest.mark.parametrize("family, form", NEUTRAL_SHAPES, ids=lambda x: str(x))
 def test_neutral_shapes_of_fixed_responses_change_nothing(family: str, form: str) -> None:
-    trial = rich().trials[0]
+    (trial, *_) = as_arms(rich().trials)
     (effect,) = library([family])
     columns = find_form(effect, trial, "joint:lift", form).columns(trial, NEUTRAL_SHAPES[family, form])
     scale = float(np.std(trial.motion.u)) if trial.motion.u is not None else 1.0
@@ -227,7 +228,7 @@ def test_every_file_of_a_room_is_in_the_library() -> None:
     """An effect's file without its line in the registry would never be tried."""
     folder = Path(samrl_core.diagnosis.effects.__file__).parent
     written = {p.stem for p in folder.glob("*/*.py") if "\nEFFECT = " in p.read_text()}
-    assert written == {e.family for e in EFFECTS}
+    assert written == {e.family for e in EVERY_EFFECT}
     assert [e.number for e in EFFECTS] == sorted(e.number for e in EFFECTS)
 
 

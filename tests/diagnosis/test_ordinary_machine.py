@@ -10,7 +10,8 @@ import pytest
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.diagnose import DiagnosisSettings, _trials, diagnose
+from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.nominal import tolerance_columns
 from tests.diagnosis import worlds
 from tests.diagnosis.worlds import BEND, LIFT, TURN
@@ -68,7 +69,7 @@ def test_a_half_width_is_no_standard_deviation() -> None:
     def widths(stated_as: str) -> list[float]:
         tolerances = Tolerances(stated_as=stated_as)
         stated = replace(recording, arm=replace(recording.arm, tolerances=tolerances))
-        return [std for _, std in tolerance_columns(_trials([stated], [])[0][0])]
+        return [std for _, std in tolerance_columns(arm_trials([stated], [])[0][0])]
 
     half, deviation = np.array(widths("half_width")), np.array(widths("standard_deviation"))
     ratio = half / deviation

@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from samrl_core.diagnosis.effects.drive.age_chain import Chain, forward_backward
+from samrl_core.diagnosis.effects.drive.age_chain import AgeChain, forward_backward
 from samrl_core.diagnosis.residuals.basis_functions import resonant
 
 
-def step(chain: Chain, a: int, b: int) -> float:
+def step(chain: AgeChain, a: int, b: int) -> float:
     """Probability that age b follows age a."""
     last = chain.up.shape[1] - 1
     p = chain.new[0, a] * chain.target[0, b]
@@ -19,8 +19,8 @@ def step(chain: Chain, a: int, b: int) -> float:
     return float(p + chain.down[0, a] * (b == max(a - 1, 0)))
 
 
-@pytest.mark.parametrize("make", [Chain.held, Chain.wandering])
-def test_chain_against_all_paths(make: type[Chain]) -> None:
+@pytest.mark.parametrize("make", [AgeChain.held, AgeChain.wandering])
+def test_chain_against_all_paths(make: type[AgeChain]) -> None:
     chain, rng = make(1, 3), np.random.default_rng(0)  # pyright: ignore[reportCallIssue, reportArgumentType]
     assert np.allclose(chain.up + chain.stay + chain.down + chain.new, 1.0)
     logs = rng.normal(size=(1, 5, 3))
@@ -42,7 +42,7 @@ def test_chain_against_all_paths(make: type[Chain]) -> None:
 def test_learnt_chain_is_more_probable() -> None:
     rng = np.random.default_rng(1)
     logs = np.where(rng.random((1, 400, 1)) < 0.3, [[0.0, 2.0, 0.0]], [[2.0, 0.0, 0.0]])
-    chain, before = Chain.held(1, 3), -np.inf
+    chain, before = AgeChain.held(1, 3), -np.inf
     for _ in range(5):
         _, total, chain = forward_backward(logs, chain)
         assert total[0] > before - 1.0  # but for the pseudo counts

@@ -13,7 +13,7 @@ from samrl_core.diagnosis.effects.load.cable import SlackCable
 from samrl_core.diagnosis.effects.transmission.joint_elasticity import hardened
 from samrl_core.diagnosis.residuals.basis_functions import rubbing_spring
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
@@ -40,7 +40,7 @@ def more_torque(recording: ArmRecording, joint: int, torque: np.ndarray) -> ArmR
 
 def best(recordings: list[ArmRecording], family: str, place: str, form_name: str) -> tuple[Fit, Trial]:
     likelihood = Likelihood(worlds.trials(recordings))
-    evidence, trial = Evidence(likelihood), likelihood.trials[0]
+    evidence, trial = Evidence(likelihood), as_arms(likelihood.trials)[0]
     (effect,) = library([family])
     form = find_form(effect, trial, place, form_name)
     tried = [hypothesis(likelihood, effect, form, shape) for shape in form.shapes]

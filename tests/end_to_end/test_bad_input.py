@@ -182,7 +182,7 @@ def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
 
 def test_a_replay_of_an_older_run_ends_as_that_did(tmp_path: Path) -> None:
     from samrl_ros.cell.options import CellOptions, prepare
-    from samrl_ros.cli.replay import recorded_settings
+    from samrl_ros.cli.cell.replay import recorded_settings
 
     out = tmp_path / "run"
     file = prepare(CellOptions(task="peg_insertion", episodes=1, seed=0, out=out))

@@ -28,7 +28,7 @@ from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.schemas import definition
 from samrl_ros.bags.writer import BagWriter
 from samrl_ros.cell.parameter_file import load_parameters
-from samrl_ros.cli.diagnose import read_library
+from samrl_ros.cli.diagnosis.diagnose import read_library
 from samrl_ros.conversions import from_message
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.writing import as_yaml
@@ -293,7 +293,7 @@ def _written(kind: Any) -> bytes:
 
 
 def _roles(path: Path) -> None:
-    from samrl_ros.cli.diagnose import _role_table
+    from samrl_ros.cli.diagnosis.diagnose import _role_table
 
     _role_table(path)
 

@@ -23,7 +23,7 @@ from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.report.terminal import summary
 from samrl_core.diagnosis.report.write_report import write_report
-from samrl_ros.cli.effects import EffectsOptions, show_effects
+from samrl_ros.cli.diagnosis.effects import EffectsOptions, show_effects
 
 planned = PlannedEffect("fan_drag", "joint:panda_joint2", "T0", 0.95, None)
 worlds, label, _ = make_world(PlanItem("w", "single", "pybullet", "tool_arm", 0, (planned,), 1.0, 3, 4.0))

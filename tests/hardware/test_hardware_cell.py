@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from samrl_ros.cli.main import run as run_here
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
 from tests.waiting import wait_for
 
@@ -120,6 +121,5 @@ def test_peg_insertion_runs_on_drivers_alone(fake_cell: StartFake, tmp_path: Pat
     ],
 )
 def test_options_that_do_not_fit_are_refused(options: list[str], tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "samrl_ros.cli.main", "cell", *options, "--out", str(tmp_path / "run")]
-    assert subprocess.run(command, check=False, capture_output=True).returncode == INPUT_REFUSED
+    assert run_here(["cell", *options, "--out", str(tmp_path / "run")]) == INPUT_REFUSED
     assert not (tmp_path / "run").exists()

@@ -23,7 +23,7 @@ from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import to_message
 from samrl_ros.hardware import adapter
 from samrl_ros.hardware.driver_file import driver_named, drivers_by_part
-from samrl_ros.nodes.hardware_core import HardwareCore, HardwareLimits
+from samrl_ros.nodes.bridge.hardware_core import HardwareCore, HardwareLimits
 from tests.hardware.fake_controller import TrajectoryController
 from tests.outbox import KeptWords
 

@@ -22,7 +22,7 @@ class Rig(KeptWords):
     """A bridge on the mock world, its steady clock the simulated one."""
 
     def __init__(self) -> None:
-        from samrl_ros.nodes.bridge_core import BridgeCore, BridgeRates
+        from samrl_ros.nodes.bridge.bridge_core import BridgeCore, BridgeRates
 
         super().__init__()
         self.cell, task = cell_named(), task_named("peg_insertion")

@@ -79,7 +79,7 @@ def bridge() -> Iterator[Any]:
     from rclpy.parameter import Parameter
 
     from samrl_ros.hosting import NodeThread, start_ros, stop_ros
-    from samrl_ros.nodes.sim_bridge import SimBridge
+    from samrl_ros.nodes.bridge.sim_bridge import SimBridge
 
     start_ros([])
     # A command may take long on a busy machine: the timeout is not what this is about.

@@ -24,19 +24,22 @@ IN_MOTION_NS, STANDS_NS = 120_000_000, SECOND  # after the action was asked for;
 
 
 class StoppedRun:
-    """Two episodes of two actions each; the arms are stopped after the second action was asked for."""
+    """Episodes of as many actions each; the arms are stopped after the first one's last was asked for."""
 
     def __init__(
         self,
         folder: Path,
         while_stopped: Callable[[StoppedRun], None] = lambda run: None,
         after_ns: int = IN_MOTION_NS,
+        episodes: int = 2,
+        actions: int = 2,
     ) -> None:
         from samrl_ros.cell.local_graph import LocalGraph
 
         self.messages: list[tuple[int, str, Any]] = []
-        settings = {"supervisor": {"seed": 1, "episodes": 2, "max_actions": 2, "view_period": 100}}
-        self.graph = LocalGraph("peg_insertion", settings, folder / "truth.jsonl")
+        self.settings = {"seed": 1, "episodes": episodes, "max_actions": actions, "view_period": 100}
+        self._last_step = actions - 1
+        self.graph = LocalGraph("peg_insertion", {"supervisor": self.settings}, folder / "truth.jsonl")
         self.graph.listener = self._hear
         self._while_stopped, self._after_ns = while_stopped, after_ns
         self._asked_ns = self.stopped_ns = self.reset_ns = 0
@@ -49,7 +52,7 @@ class StoppedRun:
     def _hear(self, topic: str, message: Any) -> None:
         now = self.graph.bridge.time_ns
         self.messages.append((now, topic, message))
-        if topic == ACTION and (message.episode, message.step) == (0, 1) and not self._asked_ns:
+        if topic == ACTION and not self._asked_ns and (message.episode, message.step) == (0, self._last_step):
             self._asked_ns = now
         if topic != CLOCK or not self._asked_ns:
             return
@@ -109,7 +112,7 @@ def test_a_replay_of_its_bag_says_the_same(run: StoppedRun, tmp_path: Path) -> N
     from samrl_ros.cell.replay import replay
     from samrl_ros.nodes.registry import entry
 
-    settings = {"supervisor": {"seed": 1, "episodes": 2, "max_actions": 2, "view_period": 100}}
+    settings = {"supervisor": run.settings}
     make = {
         name: lambda outbox, name=name: entry(name).behaviour(
             entry(name).settings(**settings.get(name, {})), outbox
@@ -122,7 +125,8 @@ def test_a_replay_of_its_bag_says_the_same(run: StoppedRun, tmp_path: Path) -> N
 
 
 def test_a_stop_between_two_episodes_holds_the_next_one(tmp_path: Path) -> None:
-    run = StoppedRun(tmp_path, after_ns=300_000_000)  # the first has just ended, the next is asked for
+    just_ended = 300_000_000  # since the first episode's last action was asked for; the next is asked for
+    run = StoppedRun(tmp_path, after_ns=just_ended, actions=1)
     reasons = [(o.episode, o.reason) for o in run.on(OUTCOME)]
     assert reasons == [(0, "action_limit"), (1, "action_limit")]
     assert not run.on(READY, run.stopped_ns, run.reset_ns) and run.on(READY, run.reset_ns)
@@ -136,7 +140,7 @@ def test_an_answer_from_before_the_reset_moves_nothing(tmp_path: Path) -> None:
         late.append(run.on(ACTION)[-1])
         run.graph.queue.append((ACTION, late[0]))
 
-    run = StoppedRun(tmp_path, answer_late)
+    run = StoppedRun(tmp_path, answer_late, episodes=1)
     rejected = [m for m in run.on(STATUS, run.stopped_ns) if m.status == m.REJECTED]
     assert len(rejected) == 1 and "stopped tool_arm" in rejected[0].message
-    assert [(m.episode, m.step) for m in run.on(EXECUTED)] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert [(m.episode, m.step) for m in run.on(EXECUTED)] == [(0, 0), (0, 1)]

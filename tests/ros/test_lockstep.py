@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from samrl_ros.nodes.lockstep import LOOK_S, Lockstep
+from samrl_ros.nodes.bridge.lockstep import LOOK_S, Lockstep
 
 
 def test_patience_counts_the_time_of_looking() -> None:

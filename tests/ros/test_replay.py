@@ -38,7 +38,7 @@ def bag(three_actions: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def report(bag: Path) -> Any:
     from samrl_ros.cell.replay import replay
-    from samrl_ros.cli.replay import COMPARED, DEFAULT_NODES
+    from samrl_ros.cli.cell.replay import COMPARED, DEFAULT_NODES
 
     return replay(bag, makers(*DEFAULT_NODES), COMPARED)
 
@@ -62,7 +62,7 @@ def test_numbers_are_those_of_the_recording(report: Any) -> None:
 
 def test_twice_gives_the_same_digests(bag: Path, report: Any) -> None:
     from samrl_ros.cell.replay import replay
-    from samrl_ros.cli.replay import COMPARED, DEFAULT_NODES
+    from samrl_ros.cli.cell.replay import COMPARED, DEFAULT_NODES
 
     again = replay(bag, makers(*DEFAULT_NODES), COMPARED)
     assert again.outputs == report.outputs
@@ -73,7 +73,7 @@ def test_twice_gives_the_same_digests(bag: Path, report: Any) -> None:
 def test_a_bag_from_before_the_policy_was_a_node(three_actions: Any, report: Any, tmp_path: Path) -> None:
     """The view planner acted then: every topic has the digest that it has in a bag of today."""
     from samrl_ros.cell.replay import replay
-    from samrl_ros.cli.replay import COMPARED, DEFAULT_NODES
+    from samrl_ros.cli.cell.replay import COMPARED, DEFAULT_NODES
 
     former = {new: old for old, new in FORMER_NAMES.items()}
     messages = [(time_ns, former.get(topic, topic), m) for time_ns, topic, m in three_actions.messages]
@@ -84,7 +84,7 @@ def test_a_bag_from_before_the_policy_was_a_node(three_actions: Any, report: Any
 
 
 def test_settings_from_before_the_policy_was_a_node(tmp_path: Path) -> None:
-    from samrl_ros.cli.replay import recorded_settings
+    from samrl_ros.cli.cell.replay import recorded_settings
 
     (tmp_path / "bag").mkdir()
     planner = "{policy: optimised, strategy: best, seed: 4, weights: '', exploration: 0.001, horizon: 2}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,16 @@ SUMMARY: dict[str, Any] = {
 }  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made")
+    small_run(folder)
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    small_run(tmp_path / "run")
-    return tmp_path / "run"
+def folder(made: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(made, tmp_path / "run")
 
 
 def summarised(folder: Path, **changes: Any) -> str:
@@ -103,8 +110,8 @@ def test_the_video_plays_and_shows_camera_and_model(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("error", "words"), [("interrupted", "Interrupted: "), ("sim_bridge ended with -9", "The cell stopped: ")]
 )
-def test_a_run_that_ended_early_says_why(folder: Path, error: str, words: str) -> None:
-    page = summarised(folder, error=error)
+def test_a_run_that_ended_early_says_why(tmp_path: Path, error: str, words: str) -> None:
+    page = summarised(tmp_path, error=error)
     assert words in page and error in page
 
 
@@ -147,13 +154,13 @@ def test_a_broken_summary_is_refused_and_nothing_is_written(folder: Path, text: 
 
 
 def test_a_folder_of_something_else_is_refused_by_the_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from samrl_ros.cli.main import run
 
     assert run(["run-report", str(tmp_path)]) == 3
     assert "give its --out folder" in capsys.readouterr().err
-    small_run(tmp_path)
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     assert run(["run-report", str(tmp_path)]) == 0
     assert (tmp_path / "run.html").exists()
 
@@ -176,10 +183,10 @@ def test_views_lie_on_the_sphere_as_the_camera_did(folder: Path) -> None:
     assert all(np.hypot(trace.x, trace.y).max() < 1.3 for trace in marks)
 
 
-def test_stops_and_restarts_of_the_summary_are_told(folder: Path) -> None:
+def test_stops_and_restarts_of_the_summary_are_told(tmp_path: Path) -> None:
     stop = {"wall_s": 12.34, "episode": 0, "what": "estop", "text": "by <hand>"}
     away = {"wall_s": 1.0, "episode": -1, "what": "restart", "text": "policy was started again"}
-    page = summarised(folder, incidents=[away, stop])
+    page = summarised(tmp_path, incidents=[away, stop])
     (section,) = re.findall(r'<section id="incidents">(.*?)</section>', page, re.DOTALL)
     cells = re.findall(r"<td[^>]*>(?:<span>)?(.*?)(?:</span>)?</td>", section)
     assert cells == [
@@ -192,7 +199,7 @@ def test_stops_and_restarts_of_the_summary_are_told(folder: Path) -> None:
         "estop",
         "by &lt;hand&gt;",
     ]
-    assert 'id="incidents"' not in summarised(folder)
+    assert 'id="incidents"' not in summarised(tmp_path)
 
 
 def test_views_in_one_place_share_a_label(folder: Path) -> None:

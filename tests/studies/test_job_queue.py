@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError, SolveError
-from samrl_core.studies.job_queue import DEVICE, WORKERS, CommandJob, JobQueue, Machine
+from samrl_core.studies.job_queue import DEVICE, WORKERS, CommandJob, JobQueue, Resources
 
 MAKE = """
 import os, sys, time
@@ -34,9 +34,9 @@ def found(folder: Path, name: str) -> tuple[str, int, float, float, str]:
     return device, int(workers), float(begin), float(end), hidden
 
 
-def run(jobs: list[CommandJob], folder: Path, machine: Machine) -> list[str]:
+def run(jobs: list[CommandJob], folder: Path, resources: Resources) -> list[str]:
     told: list[str] = []
-    JobQueue(jobs, machine, folder, told.append).run(0.02)
+    JobQueue(jobs, resources, folder, told.append).run(0.02)
     return told
 
 
@@ -46,11 +46,11 @@ def test_a_job_waits_for_what_it_needs_and_learns_what_came_of_it(tmp_path: Path
         job(tmp_path, "second", needs=("first",), share=0.5),
         job(tmp_path, "first", 0.2, then=lambda: after.append("first")),
     ]
-    told = run(jobs, tmp_path, Machine(4))
+    told = run(jobs, tmp_path, Resources(4))
     assert found(tmp_path, "first")[3] < found(tmp_path, "second")[2]
     assert found(tmp_path, "first")[:2] == ("cpu", 4) and found(tmp_path, "second")[:2] == ("cpu", 2)
     assert after == ["first"] and [line.split(":")[0] for line in told] == ["first", "first"] + 2 * ["second"]
-    told = run(jobs, tmp_path, Machine(4))  # once more: nothing is left, what follows a job is done again
+    told = run(jobs, tmp_path, Resources(4))  # once more: nothing is left, what follows a job is done again
     assert all("before" in line for line in told) and after == ["first", "first"]
 
 
@@ -62,7 +62,7 @@ def test_gpus_are_shared_by_their_memory(tmp_path: Path) -> None:
     blind = CommandJob(
         "blind", (sys.executable, "-c", MAKE, "blind", "-", "1", "0"), tmp_path / "blind", share=0.1
     )
-    run([*big, small, loose, blind], tmp_path, Machine(8, (100.0, 100.0)))
+    run([*big, small, loose, blind], tmp_path, Resources(8, (100.0, 100.0)))
     devices = {one.name: found(tmp_path, one.name) for one in (*big, small, loose, blind)}
     assert {devices["big0"][0], devices["big1"][0]} == {"cuda:0", "cuda:1"}
     assert devices["big2"][2] >= min(devices["big0"][3], devices["big1"][3])
@@ -77,7 +77,7 @@ def test_what_needs_a_failed_job_is_left_out(tmp_path: Path) -> None:
     )  # ends well and makes nothing
     jobs = [bad, lazy, job(tmp_path, "child", needs=("bad",)), job(tmp_path, "grandchild", needs=("child",))]
     with pytest.raises(SolveError, match="start again") as failed:
-        run([*jobs, job(tmp_path, "other")], tmp_path, Machine(1))
+        run([*jobs, job(tmp_path, "other")], tmp_path, Resources(1))
     assert (tmp_path / "other").exists() and not (tmp_path / "child").exists()
     assert all(one.name in str(failed.value) for one in jobs) and "other" not in str(failed.value)
 
@@ -96,7 +96,7 @@ def test_commands_end_with_their_queue(tmp_path: Path) -> None:
 
     jobs.append(job(tmp_path, "second", share=0.5))
     with pytest.raises(KeyboardInterrupt):
-        JobQueue(jobs, Machine(4), tmp_path, interrupt).run(0.02)
+        JobQueue(jobs, Resources(4), tmp_path, interrupt).run(0.02)
     pid = int((tmp_path / "pid").read_text())
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
@@ -105,8 +105,8 @@ def test_commands_end_with_their_queue(tmp_path: Path) -> None:
 def test_lists_that_cannot_be_run_are_refused(tmp_path: Path) -> None:
     one = job(tmp_path, "one")
     with pytest.raises(InputError, match="two jobs are named 'one'"):
-        JobQueue([one, one], Machine(1), tmp_path, print)
+        JobQueue([one, one], Resources(1), tmp_path, print)
     with pytest.raises(InputError, match="'one' needs 'none'"):
-        JobQueue([replace(one, needs=("none",))], Machine(1), tmp_path, print)
+        JobQueue([replace(one, needs=("none",))], Resources(1), tmp_path, print)
     with pytest.raises(InputError, match="0 cores"):
-        Machine(0)
+        Resources(0)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS
 from samrl_core.common.errors import InputError
 from samrl_core.policy.networks.weights import weights_name
-from samrl_core.studies.job_queue import DEVICE, WORKERS, JobQueue, Machine
+from samrl_core.studies.job_queue import DEVICE, WORKERS, JobQueue, Resources
 from samrl_core.studies.registry import experiment_named
 from samrl_core.studies.reproduction import KINDS, SEEDS, Reproduction
 from samrl_ros.cli.commands import app
@@ -20,7 +20,7 @@ TRAININGS = len(TASKS) * len(SEEDS) + len(OCCLUDED_TASKS)
 
 def test_everything_is_made_and_nothing_before_what_it_needs(tmp_path: Path) -> None:
     jobs = Reproduction(tmp_path, ("samrl",), True).jobs()
-    JobQueue(jobs, Machine(1), tmp_path, print)  # which refuses names that are missing or twice
+    JobQueue(jobs, Resources(1), tmp_path, print)  # which refuses names that are missing or twice
     names = [job.name for job in jobs]
     assert all(names.index(need) < k for k, job in enumerate(jobs) for need in job.needs)
     assert sum(name.startswith("train-") for name in names) == TRAININGS

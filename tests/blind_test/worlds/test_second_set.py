@@ -10,9 +10,9 @@ import pytest
 from samrl_core.blind_test.disturbances.disturbance import Disturbance, Quantity
 from samrl_core.blind_test.disturbances.registry import CATALOGUE, DISTURBANCES
 from samrl_core.blind_test.engines.simulate import Trace
-from samrl_core.blind_test.second_set.friction import MaxwellSlip, slip_elements
+from samrl_core.blind_test.second_set.friction import IwanElements, slip_elements
 from samrl_core.blind_test.second_set.registry import SECOND_OUTSIDE, SECOND_SET, find_second, form_of
-from samrl_core.blind_test.second_set.transmission import HardeningSpring, HertzFlanks
+from samrl_core.blind_test.second_set.transmission import DuffingSpring, HertzFlanks
 from samrl_core.blind_test.worlds import world
 from samrl_core.blind_test.worlds.nominal import nominal_arm
 from samrl_core.blind_test.worlds.plan import PlanItem, PlannedEffect, place_of
@@ -78,7 +78,7 @@ def test_parameters_have_units_and_repeat(name: str) -> None:
 
 
 def test_maxwell_slip_holds_its_stiffness_its_level_and_its_loop() -> None:
-    element = MaxwellSlip(*slip_elements(300.0, 0.9))
+    element = IwanElements(*slip_elements(300.0, 0.9))
     a, c = element.linear(0.0, 0.0, 1e-3, 0.0, 1e-3)
     assert a + c * 1e-3 == pytest.approx(300.0 * 1e-6)
     for _ in range(200):  # 20 mrad in one direction: all slip
@@ -89,7 +89,7 @@ def test_maxwell_slip_holds_its_stiffness_its_level_and_its_loop() -> None:
 
 @pytest.mark.parametrize("torque", [-7.0, 3.0])
 def test_transmissions_rest_where_they_carry_the_load(torque: float) -> None:
-    for element in (HertzFlanks(1e-3, 5e5, 0.1), HardeningSpring(2000.0, 0.5, 0.4, 2e-3)):
+    for element in (HertzFlanks(1e-3, 5e5, 0.1), DuffingSpring(2000.0, 0.5, 0.4, 2e-3)):
         assert element.linear(0.0, element.rest_twist(torque), 0.0, 1e-3)[0] == pytest.approx(
             torque, rel=1e-6
         )

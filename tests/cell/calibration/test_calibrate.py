@@ -114,7 +114,7 @@ def test_something_else_is_no_hand_eye_calibration(spoil: dict[str, Any], tmp_pa
         read_hand_eye(file)
 
 
-@pytest.mark.parametrize("pairs", [10, 20])
+@pytest.mark.parametrize("pairs", [10, pytest.param(20, marks=pytest.mark.slow)])
 def test_deviations_hold_for_both_calibrations(pairs: int) -> None:
     """Errors of 40 calibrations one after the other, in units of their own deviations."""
     camera_errors, base_errors = [], []

@@ -7,7 +7,7 @@ import pytest
 
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.cells import robots
-from samrl_core.cell.robots.inverse_kinematics import sample_seeds, solve_ik, solve_ik_multi
+from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, ReachError
 
@@ -58,28 +58,6 @@ def test_far_pose_is_refused_with_what_is_left(arm: ArmModel) -> None:
     far = Pose(np.array([2.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.0, 1.0]))
     with pytest.raises(ReachError, match="mm"):
         solve_ik(arm, far, arm.spec.home)
-    with pytest.raises(ReachError, match="best of 4 seeds"):
-        solve_ik_multi(arm, far, sample_seeds(arm.spec, np.random.default_rng(0), 3))
-
-
-def test_several_seeds_reach_what_one_does_not(arm: ArmModel) -> None:
-    limits, rng = arm.spec.limits, np.random.default_rng(11)
-    single = several = 0
-    for q in rng.uniform(limits.lower + 0.2, limits.upper - 0.2, (20, 7)):
-        target = arm.flange_in_base(q)
-        try:
-            solve_ik(arm, target, arm.spec.home)
-            single += 1
-        except ReachError:
-            pass
-        try:
-            found = solve_ik_multi(arm, target, sample_seeds(arm.spec, rng, 12))
-            several += 1
-            _assert_at(arm, found, target)
-        except ReachError:
-            pass
-    assert several > single
-    assert several >= 15
 
 
 def test_bad_arguments_are_refused(arm: ArmModel) -> None:
@@ -90,8 +68,6 @@ def test_bad_arguments_are_refused(arm: ArmModel) -> None:
         solve_ik(arm, target, arm.spec.home, q0=np.full(7, np.nan))
     with pytest.raises(InputError, match="margin"):
         solve_ik(arm, target, arm.spec.home, margin_rad=3.2)
-    with pytest.raises(InputError, match="seeds"):
-        solve_ik_multi(arm, target, [])
 
 
 def test_jacobian_equals_finite_differences(arm: ArmModel) -> None:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.cell.tasks import OCCLUDED_TASKS, TASKS
+from samrl_core.cell.tasks import EVERY_TASK
 from samrl_core.cell.tasks.task import Task
 
-EVERY = pytest.mark.parametrize(
-    "task", (*TASKS.values(), *OCCLUDED_TASKS.values()), ids=lambda task: task.name
-)
+EVERY = pytest.mark.parametrize("task", EVERY_TASK.values(), ids=lambda task: task.name)
 
 
 def start_tip(task: Task) -> np.ndarray:

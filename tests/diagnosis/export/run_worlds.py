@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from samrl_ros.cli.diagnose import DiagnoseOptions, diagnose_bags
+from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, diagnose_bags
 from samrl_ros.log_import.importer import import_logs
 from samrl_ros.log_import.mapping import read_mapping
 from tests.diagnosis.export.mujoco_worlds import KINDS, STEP, World, gap, make_world, record, simulate

@@ -11,7 +11,7 @@ import pytest
 
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis, NamedEffect
-from samrl_ros.cli.diagnose import DiagnoseOptions, load
+from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, load
 from samrl_ros.log_import.importer import import_logs
 from samrl_ros.log_import.mapping import read_mapping
 

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from samrl_core.learning.sim.train_settings import TrainSettings
-from samrl_ros.cli import train as train_command
 from samrl_ros.cli.commands import app
+from samrl_ros.cli.learning import train as train_command
 
 
 @pytest.mark.parametrize(("explained", "warned"), [(-0.01, True), (0.04, True), (0.4, False)])

@@ -18,7 +18,7 @@ from samrl_core.studies.speed.peers.mujoco_chain import MujocoChain
 from samrl_core.studies.speed.renderer_peers import vertex_to_pose
 from samrl_core.studies.speed.thread_scene import LENS, moved, rgb_xyz, thread_scene
 from samrl_core.studies.speed.timing import TimedCall, in_turn
-from samrl_ros.cell.model_bench import measure
+from samrl_ros.cell.bench.model_bench import measure
 from samrl_ros.cli.bench import bench_app
 
 

@@ -1,11 +1,11 @@
-"""Devices by name, where there need not be any."""
+"""Torch's devices by name."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from samrl_core.common.warp_runtime import numbered_device
+from samrl_core.common.devices import numbered_device
 
 
 def test_a_name_without_a_number_is_the_current_device(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,171 @@
+"""Hard variants: parts as made stay within their fits, force is judged, and the model has the drawing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.instance.cell_instance import instance_named
+from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.tasks import HARD_TASKS, TASKS, plain_name
+from samrl_core.cell.tasks.needle_threading.task import NEEDLE, NeedleThreading
+from samrl_core.cell.tasks.peg_insertion.task import BODY, PegInsertion
+from samrl_core.cell.tasks.spatula_flipping.task import PANCAKE, SpatulaFlipping
+from samrl_core.cell.tasks.task import Ending, Task
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
+
+CELL = cell_named()
+EVERY = pytest.mark.parametrize("task", HARD_TASKS.values(), ids=lambda task: task.name)
+
+
+def peg() -> PegInsertion:
+    task = HARD_TASKS["peg_insertion_hard"]
+    assert isinstance(task, PegInsertion)
+    return task
+
+
+def flipping() -> SpatulaFlipping:
+    task = HARD_TASKS["spatula_flipping_hard"]
+    assert isinstance(task, SpatulaFlipping)
+    return task
+
+
+def threading() -> NeedleThreading:
+    task = HARD_TASKS["needle_threading_hard"]
+    assert isinstance(task, NeedleThreading)
+    return task
+
+
+def made(task: Task, count: int = 60) -> list[Task]:
+    return [task.as_made(instance_named(f"typical:{k}", CELL).parts) for k in range(count)]
+
+
+def inserted(task: PegInsertion, values: np.ndarray, depth: float, force: float) -> bool:
+    """Whether a tip on the hole's axis at a depth below its mouth [m] is a success."""
+    block = task.body_poses(values)[BODY]
+    tip = block.apply(np.array([0.0, 0.0, task.height - depth]))
+    return task.succeeded(Ending({BODY: block}, {}, {}, tip, np.zeros((0, 3)), force))
+
+
+@EVERY
+def test_a_variant_is_its_plain_task_with_other_settings(task: Task) -> None:
+    plain = TASKS[plain_name(task.name)]
+    assert type(task) is type(plain) and task.max_actions < plain.max_actions
+    assert task.action_limit == plain.action_limit
+
+
+def test_fits_spread_over_two_to_five_tenths_of_a_millimetre() -> None:
+    """Peg and hole are made apart: pairs of typical cells fill the range, none is outside."""
+    clearances = np.array([one.clearance for one in made(peg()) if isinstance(one, PegInsertion)])
+    assert clearances.min() >= 0.0002 and clearances.max() <= 0.0005
+    assert np.quantile(clearances, 0.1) < 0.00028 and np.quantile(clearances, 0.9) > 0.00042
+    worst = [peg().as_made(instance_named(f"careless:{k}", CELL).parts) for k in range(30)]
+    assert all(0.0002 <= one.clearance <= 0.0005 for one in worst)
+
+
+def test_a_block_leans_about_its_mouth_and_the_values_say_how() -> None:
+    """Mouth where the first two values say, as high as that of a standing block; the inverse is exact."""
+    values = np.array([0.52, -0.03, math.radians(1.5), math.radians(-1.0)])
+    pose = peg().body_poses(values)[BODY]
+    np.testing.assert_allclose(
+        pose.apply(np.array([0.0, 0.0, peg().height])), [0.52, -0.03, 0.04], atol=1e-12
+    )
+    lean = math.degrees(math.acos(pose.rotation[2, 2]))
+    assert lean == pytest.approx(math.hypot(1.5, 1.0), rel=1e-3)
+    np.testing.assert_allclose(peg().values_at({BODY: pose}, np.zeros(0)), values, atol=1e-12)
+
+
+def test_a_turned_block_has_the_same_values() -> None:
+    """How it is turned about its axis is the world's own, and differs from episode to episode."""
+    draws = [peg().sample_start(np.random.default_rng(k)).body_in_world[BODY] for k in range(20)]
+    yaws = [math.degrees(math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])) for pose in draws]
+    assert max(yaws) > 8.0 and min(yaws) < -8.0 and max(np.abs(yaws)) < 15.1
+    for k, pose in enumerate(draws):
+        expected = peg().start_values(np.random.default_rng(k))
+        np.testing.assert_allclose(peg().values_at({BODY: pose}, np.zeros(0)), expected, atol=1e-9)
+
+
+def test_sub_goals_follow_the_axis_of_a_leaning_hole() -> None:
+    """Hover and end lie on the axis; 25 mm below the mouth a lean of 1.5 deg is 0.65 mm aside."""
+    values = np.array([0.5, 0.0, 0.0, math.radians(1.5)])
+    above, inside = peg().sub_goals(values, np.array([0.5, 0.0, 0.2]))
+    aside = math.sin(math.radians(1.5))
+    np.testing.assert_allclose(above.tip_position[0], 0.5 + aside * peg().hover, atol=1e-9)
+    np.testing.assert_allclose(inside.tip_position[0], 0.5 - aside * peg().goal_depth, atol=1e-9)
+    assert peg().is_done(values, inside.tip_position)
+
+
+@pytest.mark.parametrize(
+    ("depth", "force", "success"), [(0.021, 41.0, True), (0.021, 43.0, False), (0.019, 0.0, False)]
+)
+def test_a_peg_that_slips_in_the_fingers_has_failed(depth: float, force: float, success: bool) -> None:
+    values = np.array([0.48, 0.02, 0.02, -0.01])
+    assert inserted(peg(), values, depth, force) is success
+    plain = replace(peg(), force_limit=math.inf)
+    assert inserted(plain, values, depth, force) is (depth > 0.02)
+
+
+def test_pancakes_of_both_sizes_come_and_lie_clear_of_the_lip() -> None:
+    radii = np.array([one.pancake_radius for one in made(flipping()) if isinstance(one, SpatulaFlipping)])
+    small = radii < 0.045
+    assert 15 < small.sum() < 45
+    np.testing.assert_allclose(radii[small], 0.040, rtol=0.031)
+    np.testing.assert_allclose(radii[~small], 0.050, rtol=0.031)
+    reach = flipping().start_range[1][0] + radii.max()
+    assert reach < flipping().lip_x
+
+
+def test_too_much_force_spoils_a_flip() -> None:
+    pose = Pose(np.array([0.6, 0.0, 0.006]), np.array([0.0, 1.0, 0.0, 0.0]))
+    for force, success in ((10.0, True), (50.0, False)):
+        ending = Ending(
+            {PANCAKE: pose}, {PANCAKE: 0.0}, {PANCAKE: 0.05}, np.zeros(3), np.zeros((0, 3)), force
+        )
+        assert flipping().succeeded(ending) is success
+
+
+def test_needles_stand_within_two_centimetres_and_eyes_are_three_to_four_millimetres() -> None:
+    places = np.array(
+        [
+            threading().sample_start(np.random.default_rng(k)).body_in_world[NEEDLE].position
+            for k in range(200)
+        ]
+    )
+    offset = places - threading().eye
+    assert (
+        np.abs(offset[:, :2]).max() <= 0.010
+        and (offset[:, :2].max(0) > 0.009).all()
+        and not offset[:, 2].any()
+    )
+    some = [one for one in made(threading()) if isinstance(one, NeedleThreading)]
+    radii, lengths, stiffness = (
+        np.array([getattr(t, n) for t in some]) for n in ("eye_radius", "link_length", "stiffness")
+    )
+    assert radii.min() >= 0.003 and radii.max() <= 0.004 and np.ptp(radii) > 0.0004
+    assert np.ptp(lengths) > 0.0012 and stiffness.max() / stiffness.min() > 2.0
+
+
+def test_a_needle_that_was_found_moves_goals_and_scene_alike() -> None:
+    task = threading().with_needle_at(np.array([0.507, -0.004]))
+    needle = next(body for body in task.scene(CELL).bodies if body.name == NEEDLE)
+    np.testing.assert_allclose(needle.body_in_world.position, [0.507, -0.004, task.eye_z])
+    tip = np.array([0.5, 0.0, 0.3])
+    above = task.sub_goals(np.zeros(20), tip)[0]
+    np.testing.assert_allclose(above.tip_position[:2], [0.507, -0.004], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [({"fits": (0.0004, 0.0005)}, "fits"), ({"tilt": -0.1}, "tilt"), ({"force_limit": 0.0}, "force_limit")],
+)
+def test_impossible_settings_are_refused(change: dict, word: str) -> None:
+    with pytest.raises(InputError, match=word):
+        replace(peg(), **change)
+    with pytest.raises(InputError, match="small_radius"):
+        replace(flipping(), small_radius=0.06)
+    with pytest.raises(InputError, match="eyes"):
+        replace(threading(), eyes=(0.004, 0.005))

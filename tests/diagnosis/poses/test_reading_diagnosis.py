@@ -1,0 +1,117 @@
+"""Readings against a reference: depth against planes, stamps against another clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.types.reading_recording import ReadingRecording
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.kinds.readings import split_readings
+from samrl_core.diagnosis.result import Diagnosis
+
+NOISE_M, JITTER_S = 0.0015, 0.0004  # of depth at 1 m, of a stamp
+
+
+def depth(
+    scale: float = 0.0,
+    offset: float = 0.0,
+    square: float = 0.0,
+    near: float = 0.3,
+    far: float = 1.6,
+    seed: int = 0,
+) -> ReadingRecording:
+    rng = np.random.default_rng(seed)
+    true = np.repeat(np.linspace(near, far, 10), 40)
+    read = (1.0 + scale) * true + offset + square * true**2
+    read = read + NOISE_M * true**2 * rng.standard_normal(len(true))
+    read[rng.choice(len(true), 6, replace=False)] += 0.4  # flying pixels
+    return ReadingRecording(
+        "wall", "made", f"{seed:064x}", "depth", "camera", np.arange(400) / 30, read, true
+    )
+
+
+def stamps(
+    offset: float = 0.0, drift: float = 0.0, step: float = 0.0, seconds: float = 600.0, seed: int = 0
+) -> ReadingRecording:
+    rng = np.random.default_rng(seed)
+    true = 1.7e9 + np.arange(0.0, seconds, 0.5)
+    since = true - true[0]
+    read = true + offset + drift * since + step * (since > 0.3 * seconds)
+    read = read + JITTER_S * rng.standard_normal(len(true))
+    return ReadingRecording("clock", "made", f"{seed:064x}", "stamp", "camera", since, read, true)
+
+
+def told(recording: ReadingRecording) -> Diagnosis:
+    fit, held_out = split_readings(recording)
+    return diagnose([fit], [held_out])[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sensors_within_tolerances_have_no_gap(seed: int) -> None:
+    assert told(depth(scale=2e-4, offset=-3e-4, seed=seed)).verdict == "no_gap"
+    assert told(stamps(offset=3e-4, seed=seed)).verdict == "no_gap"
+
+
+@pytest.mark.parametrize("scale", [0.01, -0.02, 0.005])
+def test_a_factor_of_depth_is_named(scale: float) -> None:
+    d = told(depth(scale=scale))
+    assert d.verdict == "effect" and d.effects[0].name == "depth_scale@sensor:camera"
+    found = d.effects[0].parameters["a"]
+    assert found.ci95[0] < scale < found.ci95[1] and abs(found.value - scale) < 1.5e-3
+    assert d.gap is not None and d.gap.shrink is not None and d.gap.shrink > 0.2
+
+
+def test_depth_that_bends_is_named_by_its_square() -> None:
+    d = told(depth(square=0.015))
+    assert d.verdict == "effect" and d.effects[0].name == "depth_scale@sensor:camera"
+    assert abs(d.effects[0].parameters["c"].value - 0.015) < 3e-3
+
+
+def test_at_one_distance_a_factor_and_a_place_are_one_and_the_next_recording_splits_them() -> None:
+    d = told(depth(scale=0.02, near=0.6, far=0.6))
+    assert d.verdict == "ambiguous"
+    assert set(d.ambiguity_set[0]) == {"depth_scale@sensor:camera", "hand_eye@sensor:camera"}
+    assert d.next_experiment is not None and d.next_experiment.separates > 0.9
+
+
+def test_an_offset_of_depth_and_the_cameras_place_are_one_at_any_distance() -> None:
+    d = told(depth(offset=0.008))
+    assert d.verdict == "ambiguous" and d.next_experiment is None
+    assert any("no recording of these readings splits" in reason for reason in d.reasons)
+
+
+def test_a_constant_offset_of_stamps_is_latency_or_clock() -> None:
+    d = told(stamps(offset=0.03))
+    assert d.verdict == "ambiguous" and d.next_experiment is None
+    assert set(d.ambiguity_set[0]) == {"camera_latency@sensor:camera", "clock_offset@sensor:camera"}
+
+
+@pytest.mark.parametrize("offset, drift", [(-0.02, 0.0), (0.01, 3e-5), (0.0, -4e-5), (17.0, 0.0)])
+def test_early_stamps_and_drifts_are_the_clocks(offset: float, drift: float) -> None:
+    d = told(stamps(offset=offset, drift=drift))
+    assert d.verdict == "effect" and d.effects[0].name == "clock_offset@sensor:camera"
+    for name, true, within in (("o", offset, 1e-3), ("drift", drift, 3e-6)):
+        if name in d.effects[0].parameters:
+            assert abs(d.effects[0].parameters[name].value - true) < within
+        else:
+            assert true == 0.0
+
+
+def test_a_clock_that_jumped_is_not_explained() -> None:
+    assert told(stamps(step=0.05)).verdict == "none_of_mine"
+
+
+def test_readings_that_cannot_be_used_are_refused() -> None:
+    few = depth()
+    with pytest.raises(InputError, match="at least 40"):
+        split_readings(
+            replace(few, time=few.time[:30], reading=few.reading[:30], reference=few.reference[:30])
+        )
+    with pytest.raises(InputError, match="must be > 0"):
+        replace(few, reference=few.reference - 1.0)
+    with pytest.raises(InputError, match="one sensor"):
+        diagnose([few], [stamps()])

@@ -60,7 +60,7 @@ cell: $(BUILT)
 	exec $(BIN)/samrl cell --task $(TASK) --episodes $(EPISODES) --seed $(SEED) --out out/cell-$$n
 
 test: $(BUILT)
-	$(BIN)/python -m pytest -q -m "not slow and not live" -n $(WORKERS)
+	$(BIN)/python -m pytest -q -m "not slow and not live" -n $(WORKERS) --dist worksteal
 	$(MAKE) -j2 -Oline live check
 
 live: $(BUILT)

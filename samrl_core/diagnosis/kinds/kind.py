@@ -10,6 +10,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects import Effect
 from samrl_core.diagnosis.export.correction import Correction
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
@@ -80,6 +81,10 @@ class Kind(ABC, Generic[R]):
         self, evidence: Evidence, chosen: Fit, far: HowFar, rng: np.random.Generator
     ) -> Correction | None:
         """What was named as a change of the model, for exports; None where no export takes it."""
+        return None
+
+    def recalibration(self, likelihood: Likelihood, chosen: Fit) -> Recalibration | None:
+        """What was named as a change of a calibration; None where these recordings tell of none."""
         return None
 
     def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:

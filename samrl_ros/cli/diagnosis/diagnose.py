@@ -14,20 +14,24 @@ from rich.markup import escape
 
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
+from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.cli.progress import SIDE_BY_SIDE
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
 XACRO_HELP = "Value of an argument of a xacro model, NAME:=VALUE."
 NAMED = ("effect", "ambiguous", "none_of_mine")
+APPLY = "apply"  # folder below the report
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,10 @@ class DiagnoseOptions:
     ] = ()
     randomise: Annotated[
         bool, typer.Option("--randomise", help="With --export: posterior ranges for domain randomisation.")
+    ] = False
+    apply: Annotated[
+        bool,
+        typer.Option("--apply", help="Of recorded poses: write the corrected calibration into OUT/apply."),
     ] = False
     sim: Annotated[
         Path | None,
@@ -134,6 +142,11 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         with screen.status("reading recordings") as status:
             model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
             fit, held_out, notes = load(options, model)
+            if options.apply and not all(isinstance(r, PoseRecording) for r in fit):
+                raise InputError(
+                    "--apply corrects calibrations from recorded poses; effects of an arm go into the"
+                    " model of a simulator with --export"
+                )
             for note in notes:
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)
@@ -141,16 +154,35 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
             files = write_report(diagnosis, options.out)
             _write_resimulation(options.out, far.resimulations)
             correction = far.correction and keep_correction(far.correction, model, options.out)
+            applied = _applied(far.recalibration, diagnosis, options) if options.apply else []
     except KeyboardInterrupt:
         screen.print("interrupted; nothing was written, the same command begins again", highlight=False)
         return INTERRUPTED
     for line in summary(diagnosis, [str(f) for f in files]):
+        screen.print(escape(line), highlight=False, soft_wrap=True)
+    for line in applied:
         screen.print(escape(line), highlight=False, soft_wrap=True)
     if options.export and correction is None:
         screen.print(f"nothing was named, so there is nothing to export to {', '.join(options.export)}")
     elif correction is not None:
         export_all(correction, options.export, options.out, options.randomise, screen)
     return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
+
+
+def _applied(found: Recalibration | None, diagnosis: Diagnosis, options: DiagnoseOptions) -> list[str]:
+    """Write the corrected calibration of a diagnosis of poses; lines that say what became of it."""
+    from samrl_core.diagnosis.export.recalibration import write_recalibration
+
+    if found is None:
+        why = {
+            "ambiguous": "several causes fit alike; record what would split them first",
+            "no_gap": "nothing differs from the description",
+        }.get(diagnosis.verdict, "nothing was named")
+        return [f"nothing was applied: {why}"]
+    written = write_recalibration(found, options.out / APPLY)
+    lines = [f"applied: {t.name}, from {t.effect}" for t in found.transforms]
+    lines += [f"for your own code: {s.effect}: {s.says}" for s in found.statements]
+    return [*lines, *(str(path) for path in written)]
 
 
 def _many(options: DiagnoseOptions) -> int:

@@ -199,8 +199,9 @@ def _conclude(
     k = selection.correlation_time
     z = likelihood.whitened()
     judged = judge_sets(
-        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, progress
-    )
+        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, progress,
+        kind.doubts,
+    )  # fmt: skip
     done("how sure and how far")
     selection, outcome, far = judged.selection, judged.outcome, judged.far
     named, runner_ups, alarms = judged.named, judged.runner_ups, judged.alarms

@@ -65,6 +65,13 @@ class Kind(ABC, Generic[R]):
     ) -> tuple[NextExperiment | None, str]:
         """The recording that would split the named effects, and why there is none where there is none."""
 
+    def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
+        """Known causes that are no effect of the library and explain more than what was chosen, in words.
+
+        `least` [nat] is what an effect needs against nothing.
+        """
+        return []
+
     def notes(self, trials: Sequence[Observed]) -> list[str]:
         """Remarks about the input that only residuals show."""
         return []

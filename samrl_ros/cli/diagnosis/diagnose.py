@@ -215,6 +215,7 @@ def load(
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
     """
     from samrl_ros.recordings import read_tolerances
+    from samrl_ros.recordings.body_file import is_body_file, load_body_files
     from samrl_ros.recordings.described import described_by
     from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files, read_pose_tolerances
     from samrl_ros.recordings.reading_file import is_reading_file, load_reading_files
@@ -225,6 +226,8 @@ def load(
         return load_pose_files(fit_paths, held_paths, own)
     if any(is_reading_file(p) for p in (*fit_paths, *held_paths)):
         return load_reading_files(fit_paths, held_paths, options.tolerances)
+    if any(is_body_file(p) for p in (*fit_paths, *held_paths)):
+        return load_body_files(fit_paths, held_paths, options.tolerances)
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []

@@ -34,7 +34,7 @@ def only(d: Diagnosis) -> dict[str, tuple[float, float, float]]:
     return {name: (e.value, *e.ci95) for name, e in effect.parameters.items()}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("make", [toss, slide, bounces])
 def test_bodies_within_tolerances_have_no_gap(make, seed: int) -> None:  # type: ignore[no-untyped-def]
     assert told(several(make, World(), COUNT, seed)).verdict == "no_gap"
@@ -62,6 +62,7 @@ def test_in_one_direction_friction_and_a_lean_are_one_and_the_next_slides_split_
     assert d.next_experiment.programme["motion"] == "slides"
 
 
+@pytest.mark.thorough
 def test_a_rate_and_a_length_that_are_wrong_are_one_in_a_fall_and_no_recording_splits_them() -> None:
     for tracker in (Tracker(clock=1.2), Tracker(scale=1.0 / 1.44)):
         d = told(several(toss, World(tracker=tracker), COUNT, 3))
@@ -75,6 +76,7 @@ def test_a_rate_and_a_length_that_are_wrong_are_one_in_a_fall_and_no_recording_s
         )
 
 
+@pytest.mark.thorough
 def test_gravity_from_elsewhere_is_named_by_tosses() -> None:
     d = told(several(toss, World(gravity=(0.0, 0.5, -9.8)), COUNT, 2, turns=False))
     assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"
@@ -110,11 +112,13 @@ def test_what_no_effect_describes_is_refused(make, world: World) -> None:  # typ
     assert told(several(make, world, COUNT, 5)).verdict == "none_of_mine"
 
 
+@pytest.mark.thorough
 def test_a_family_that_is_withheld_is_not_replaced_by_another() -> None:
     d = told(several(slide, World(friction=0.18), COUNT, 1), ("base_tilt", "object_mass"))
     assert d.verdict in ("none_of_mine", "no_gap")
 
 
+@pytest.mark.thorough
 def test_lost_frames_and_wrong_detections_change_nothing() -> None:
     world = World(gravity=(0.45, 0.0, -9.8), tracker=Tracker(lost=0.08, wrong=0.02))
     d = told(several(toss, world, 9, 3))
@@ -122,6 +126,7 @@ def test_lost_frames_and_wrong_detections_change_nothing() -> None:
     assert any("stand apart" in note for note in d.notes)
 
 
+@pytest.mark.thorough
 def test_friction_that_nobody_stated_is_solved_for_and_no_gap() -> None:
     support = Support(friction=None)
     d = told(several(slide, World(friction=0.21), COUNT, 1, support=support))

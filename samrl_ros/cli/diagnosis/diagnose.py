@@ -18,13 +18,14 @@ from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
-from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.common.text_files import parse_json, read_text
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_core.diagnosis.result import Diagnosis
+from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.progress import SIDE_BY_SIDE
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
@@ -78,6 +79,12 @@ class DiagnoseOptions:
     randomise: Annotated[
         bool, typer.Option("--randomise", help="With --export: posterior ranges for domain randomisation.")
     ] = False
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Diagnose the running graph, window after window, until Ctrl-C.")
+    ] = False
+    window: Annotated[float, typer.Option(help="With --watch: length of a window [s].")] = 30.0
+    windows: Annotated[int, typer.Option(help="With --watch: end after so many; 0: never.", min=0)] = 0
+    keep: Annotated[int, typer.Option(help="With --watch: newest bags without a gap that stay.", min=0)] = 10
     apply: Annotated[
         bool,
         typer.Option("--apply", help="Of recorded poses: write the corrected calibration into OUT/apply."),
@@ -108,6 +115,8 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     check_targets(options.export)
     if options.many is not None:
         return _many(options)
+    if options.watch:
+        return _watch(options)
     if not options.bags:
         raise InputError("no recording is named; give bags, a folder of bags or a log, or --many DIR")
     screen = Console()
@@ -191,6 +200,32 @@ def _many(options: DiagnoseOptions) -> int:
     if options.bags or options.held_out:
         raise InputError("--many takes its recordings from its folder; leave out other bags and --held-out")
     assert options.many is not None
+    shared = _for_children(options)
+    shared += ["--randomise"] if options.randomise else []
+    out = options.out
+    return diagnose_many(options.many, out, shared, options.workers, options.ray, options.fail_on_gap)
+
+
+def _watch(options: DiagnoseOptions) -> int:
+    from samrl_ros.cli.diagnosis.watch import watch_graph
+
+    if options.bags or options.held_out or options.sim is not None or options.apply or options.export:
+        raise InputError(
+            "--watch takes its recordings from the running graph; leave out bags, --held-out, --sim, --apply"
+            " and --export, and diagnose a kept window with them later"
+        )
+    return watch_graph(
+        options.out,
+        _for_children(options),
+        options.window,
+        options.windows,
+        options.keep,
+        options.fail_on_gap,
+    )
+
+
+def _for_children(options: DiagnoseOptions) -> list[str]:
+    """Arguments of a `samrl diagnose` that is started for one set of recordings."""
     shared: list[str] = ["--seed", str(options.seed), "--null-worlds", str(options.null_worlds)]
     shared += ["--effort", options.effort.value]
     for name in ("urdf", "tolerances", "library"):
@@ -201,9 +236,7 @@ def _many(options: DiagnoseOptions) -> int:
         ("--xacro-arg", options.xacro_arg), ("--track", options.track), ("--export", options.export),
     ):  # fmt: skip
         shared += [text for value in values for text in (name, value)]
-    shared += ["--randomise"] if options.randomise else []
-    out = options.out
-    return diagnose_many(options.many, out, shared, options.workers, options.ray, options.fail_on_gap)
+    return shared
 
 
 def load(
@@ -297,22 +330,6 @@ def _one_log(path: Path, options: DiagnoseOptions) -> tuple[ArmRecording, list[s
     if not found:
         raise InputError(f"{path} has {[r.arm.role for r in recordings]}, not {role}; choose with --arm")
     return found[0], notes
-
-
-def read_library(path: Path) -> tuple[str, ...]:
-    """Families that may be named: YAML or JSON, a list or `families: [...]`.
-
-    Raises:
-        InputError: the file cannot be read, or holds no list of names.
-    """
-    try:
-        content = parse_yaml(read_text(path, "the library"), str(path))
-    except InputError as error:
-        raise InputError(f"library {path} cannot be read: {error}") from error
-    names = content.get("families") if isinstance(content, dict) else content
-    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise InputError(f"library {path} must list families, plain or under `families:`; see samrl effects")
-    return tuple(names)
 
 
 def cache_folder() -> Path:

@@ -37,8 +37,12 @@ def disturbed(effect: Effect, place: str, name: str, shape: Shape, amplitudes: n
             {"g": 0.05, "b": 1.0, "d": 0.05},
         ),
         (
-            "thermal_friction", "turn", "by its work", {"T": 3.0, "vw": 0.2}, (0.3, 0.8),
+            "thermal_friction", "turn", "by its work", {"T": 3.0, "vw": 0.2, "v": 0.005}, (0.3, 0.8),
             {"Finf": 0.3, "F0": 1.1, "T": 3.0, "vw": 0.2},
+        ),
+        (
+            "thermal_friction", "turn", "by its path", {"path": 1.5, "v": 0.005}, (0.3, 0.8),
+            {"Finf": 0.3, "F0": 1.1, "path": 1.5},
         ),
         (
             "friction_asymmetry", "turn", "offset ahead", {"v": 0.05, "b": 0.03}, (0.8,),

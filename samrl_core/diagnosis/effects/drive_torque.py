@@ -10,11 +10,14 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect, lacks_drive_torque
 from samrl_core.diagnosis.effects.form import Form, Place, Shape
+from samrl_core.diagnosis.residuals.basis_functions import SIGN_SPEEDS
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
 WIDEST = 0.2  # of the fastest motion: a wider turn of the sign is viscous friction under another name
 COMMON = 2.0 / 3.0  # of the joints that must show what is said of all
+USUAL_TURN = 0.005  # [rad/s] of a sign at an arm's speeds
+FAST = 1.2  # [rad/s] beyond an arm's speeds, where frictions may turn more slowly too
 BEYOND = 3.0  # tolerances; a background of twice the tolerances is none
 
 
@@ -182,11 +185,31 @@ def track_joints(trial: Trial, place: Place, error: Callable[[int], np.ndarray])
 
 
 def fastest_motion(trial: Trial, joints: tuple[int, ...]) -> float:
-    """Speed [rad/s] that a hundredth of the samples exceed."""
-    return float(np.quantile(np.abs(trial.motion.sure_velocity[:, list(joints)]), 0.99))
+    """Speed [rad/s] of the fastest of some joints in the system's recordings."""
+    return float(np.max(trial.fastest[list(joints)]))
 
 
 def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:
     """Width [rad/s] up to which a turn of the sign is one, for the speeds that were reached."""
     fastest = fastest_motion(trial, joints)
     return float(np.clip(max(min(WIDEST * fastest, most), 0.25 * WIDEST * fastest), 0.008, 3.0 * most))
+
+
+def turn_widths(widest: float) -> tuple[float, ...]:
+    """Widths [rad/s] of a sign's turn from which a search begins, below the widest.
+
+    What turns in 0.02 rad/s on an arm turns in a hundredth of the speed on a fast machine: its search must
+    begin as near.
+    """
+    wider, width = list(SIGN_SPEEDS), 3.0 * SIGN_SPEEDS[-1]
+    while width <= 0.7 * widest:
+        wider.append(width)
+        width *= 3.0
+    return tuple(width for width in wider if width < widest)
+
+
+def usual_turns(trial: Trial, joints: tuple[int, ...]) -> tuple[float, ...]:
+    """Widths [rad/s] of a sign's turn to begin with where another shape is searched beside it."""
+    fastest = fastest_motion(trial, joints)
+    narrow, wide = min(USUAL_TURN, 0.015 * fastest), 0.015 * fastest
+    return (narrow,) if fastest < FAST else (narrow, wide)

@@ -16,7 +16,7 @@ from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.residuals.trial import Trial, as_arms
+from samrl_core.diagnosis.residuals.trial import Trial, as_arms, fastest_motion
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.curves import curve_of
 from samrl_core.diagnosis.selection.description import Misdescription, misdescription
@@ -96,6 +96,9 @@ def arm_trials(
         rigid = RigidArm(recording.arm) if recording.arm.urdf is not None else None
         out.append(Trial(recording, rigid, start))
         start += recording.duration
+    fastest = fastest_motion(out[: len(fit)])
+    for trial in out:
+        trial.fastest = fastest
     common = set.intersection(*(set(t.channels) for t in out[: len(fit)]))
     for trial, recording in zip(out, [*fit, *held_out], strict=True):
         if set(trial.channels) != common and not set(trial.channels) >= common:

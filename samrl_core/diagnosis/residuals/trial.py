@@ -45,6 +45,7 @@ class Trial(Observed):
         self.scale = scale_limits(recording.arm, rigid, self.motion)
         self.channels = self.equations.channels
         self.joints = self.motion.joints
+        self.fastest = fastest_motion([self])
         self.cached: dict[tuple[str, str], Any] = {}
         self._phases: np.ndarray | None = None
 
@@ -363,3 +364,8 @@ def add(*parts: Columns) -> Columns:
         for key, value in part.items():
             out[key] = out[key] + value if key in out else value
     return out
+
+
+def fastest_motion(trials: Sequence[Trial]) -> np.ndarray:
+    """Speed (J,) [rad/s] that a hundredth of the samples exceed, in the recording where it is highest."""
+    return np.max([np.quantile(np.abs(t.motion.sure_velocity), 0.99, axis=0) for t in trials], axis=0)

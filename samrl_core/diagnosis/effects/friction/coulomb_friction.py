@@ -14,6 +14,7 @@ from samrl_core.diagnosis.effects.drive_torque import (
     are_possible,
     name_sizes,
     track_joints,
+    turn_widths,
     widest_turn,
 )
 from samrl_core.diagnosis.effects.effect import Parameter, lacks_drive_torque
@@ -70,7 +71,7 @@ class CoulombFriction(DriveEffect):
             return SmoothSign(name="smooth", place=place, amplitudes=("Fc",), shapes=common).with_shafts(
                 trial
             )
-        grid = tuple({"v": v} for v in SIGN_SPEEDS if v < widest)
+        grid = tuple({"v": v} for v in turn_widths(widest))
         limits, stiff = {"v": (5e-4, widest)}, tuple({"xs": x} for x in STIFF)
         return (
             SmoothSign(name="smooth", place=place, amplitudes=("Fc",), shapes=grid, refine=limits),

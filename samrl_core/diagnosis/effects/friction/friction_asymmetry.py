@@ -6,11 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, widest_turn
+from samrl_core.diagnosis.effects.drive_torque import (
+    DriveEffect,
+    DriveForm,
+    fastest_motion,
+    turn_widths,
+    widest_turn,
+)
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
-from samrl_core.diagnosis.residuals.basis_functions import SIGN_SPEEDS, smooth_sign
+from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.trial import Trial
+
+LEAST_OFFSET = 0.1  # difference over mean of what differs by direction
 
 
 class FrictionAsymmetry(DriveEffect):
@@ -34,9 +42,10 @@ class FrictionAsymmetry(DriveEffect):
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         widest, wide = (widest_turn(trial, place.joints, most) for most in (0.05, 0.2))
-        grid = tuple({"v": v} for v in SIGN_SPEEDS if v < widest)
-        limits = {"v": (2e-3, wide), "b": (2e-3, 0.15)}
-        offsets = tuple({"v": min(v, 0.9 * wide), "b": 0.03} for v in (0.01, 0.05))
+        grid = tuple({"v": v} for v in turn_widths(widest))
+        faster = max(1.0, fastest_motion(trial, place.joints))  # than arms: offsets grow with the speeds
+        limits = {"v": (2e-3, wide), "b": (2e-3, 0.15 * faster)}
+        offsets = tuple({"v": min(v * faster, 0.9 * wide), "b": 0.03 * faster} for v in (0.01, 0.05))
         return (
             Levels(
                 name="levels",
@@ -93,7 +102,8 @@ class Offset(DriveForm):
         return np.full(1, 0.05 * trial.scale[joint])
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return bool(amplitudes[0] > 0)
+        # A sigmoid that turns at zero is Coulomb's.
+        return bool(amplitudes[0] > 0 and np.tanh(shape["b"] / shape["v"]) > LEAST_OFFSET)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, turn_widths, widest_turn
 from samrl_core.diagnosis.effects.effect import Parameter, lacks_drive_torque
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
-from samrl_core.diagnosis.residuals.basis_functions import SIGN_SPEEDS, smooth_sign
+from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.trial import Trial
 
 
@@ -36,7 +36,8 @@ class LoadDependentFriction(DriveEffect):
         return lacks_drive_torque(trial)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        grid, limits = tuple({"v": v} for v in SIGN_SPEEDS), {"v": (5e-4, 0.05)}
+        widest = max(0.05, widest_turn(trial, place.joints, 0.05))
+        grid, limits = tuple({"v": v} for v in turn_widths(widest)), {"v": (5e-4, widest)}
         return (
             ByLoad(place=place, amplitudes=("Kl",), shapes=grid, refine=limits),
             # Gears lose more, or less, while the load drives them.

@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, usual_turns, widest_turn
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
@@ -44,16 +44,24 @@ class PositionDependentFriction(DriveEffect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         grid = tuple({"k": float(k)} for k in (1, 2, 3, 4, 6, 8, 12))
         limits, wave = {"k": (0.7, 15.0)}, ("sine", "cosine")
+        turns = usual_turns(trial, place.joints)
+        turning = {**limits, "v": (5e-4, widest_turn(trial, place.joints, 0.1))}
         return (
-            FrictionWave(name="friction", place=place, amplitudes=wave, shapes=grid, refine=limits),
+            FrictionWave(
+                name="friction",
+                place=place,
+                amplitudes=wave,
+                shapes=tuple({**shape, "v": v} for shape in grid for v in turns),
+                refine=turning,
+            ),
             TorqueWave(name="torque", place=place, amplitudes=wave, shapes=grid, refine=limits),
             # Orders in steps that the travel tells apart.
             FrictionEverywhere(
                 name="friction everywhere",
                 place=place,
                 amplitudes=("level", "sine", "cosine", "sine2", "cosine2"),
-                shapes=WAVES,
-                refine=limits,
+                shapes=tuple({**shape, "v": v} for shape in WAVES for v in turns),
+                refine=turning,
             ),
         )
 
@@ -87,6 +95,7 @@ class WaveForm(DriveForm):
         """Fields of a simulator that knows one harmonic, upon a level."""
         return {
             "coulomb": self.at_joints(trial, level),
+            "coulomb_velocity": self.at_joints(trial, shape.get("v", 0.005), 0.005),
             f"{head}_amplitude": self.at_joints(trial, np.hypot(a, b)),
             f"{head}_order": self.at_joints(trial, shape["k"]),
             f"{head}_phase": self.at_joints(trial, np.arctan2(b, a)),
@@ -101,7 +110,7 @@ class FrictionWave(WaveForm):
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         rows = self.waves(shape["k"] * trial.motion.full_position[:, joint])
-        return rows * smooth_sign(trial.motion.sure_velocity[:, joint], 0.005)
+        return rows * smooth_sign(trial.motion.sure_velocity[:, joint], shape["v"])
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         return self.varies(trial, shape, amplitudes, LEAST_WAVE)
@@ -143,7 +152,7 @@ class FrictionEverywhere(WaveForm):
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         rows = self.waves(shape["k"] * trial.motion.full_position[:, joint])
-        return rows * smooth_sign(trial.motion.sure_velocity[:, joint], 0.005)
+        return rows * smooth_sign(trial.motion.sure_velocity[:, joint], shape["v"])
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         # Also where the joint has not been: else a short travel is fitted by huge waves that cancel.

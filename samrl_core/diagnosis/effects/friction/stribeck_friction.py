@@ -7,7 +7,13 @@ from abc import abstractmethod
 import numpy as np
 from scipy.special import gamma
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, fastest_motion, widest_turn
+from samrl_core.diagnosis.effects.drive_torque import (
+    FAST,
+    DriveEffect,
+    DriveForm,
+    fastest_motion,
+    widest_turn,
+)
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
@@ -40,10 +46,14 @@ class StribeckFriction(DriveEffect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         # A drop that is not over at the fastest motion cannot be told from the level.
         fastest = fastest_motion(trial, place.joints)
-        speeds = [vs for vs in (0.03, 0.08, 0.2) if vs < fastest] or [0.03]
-        widest = min(0.03, widest_turn(trial, place.joints, 0.1))
-        limits = {"v": (5e-4, max(widest, 0.011)), "vs": (0.01, max(min(0.6, fastest), 0.04))}
-        grid = tuple({"v": 0.004, "vs": vs} for vs in speeds)
+        speeds = [vs for vs in (0.03, 0.08, 0.2, 0.6, 2.0) if vs < (fastest if vs < 0.5 else 0.6 * fastest)]
+        widest = min(max(0.03, 0.05 * fastest), widest_turn(trial, place.joints, 0.1))
+        slowest = max(min(0.6, fastest), 0.04) if fastest < FAST else 1.5 * fastest
+        limits = {"v": (5e-4, max(widest, 0.011)), "vs": (0.01, slowest)}
+        turns = [0.004]
+        if fastest > FAST:  # a sign that turns too soon is mended by a drop that is none
+            turns.append(0.6 * limits["v"][1])
+        grid = tuple({"v": v, "vs": vs} for vs in speeds or [0.03] for v in turns)
         exponents = tuple({**shape, "d": d} for d in (2.0, 1.0) for shape in grid)
         names = ("Fc", "drop")
         return (

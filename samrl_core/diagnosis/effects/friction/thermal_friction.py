@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, usual_turns, widest_turn
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import low_passed, smooth_sign
@@ -24,7 +24,10 @@ class ThermalFriction(DriveEffect):
         "Warm the arm up before recording or learning, or let the model's friction follow time or "
         "temperature."
     )
-    formula = "tau_f = (Finf + (F0 - Finf) exp(-x)) tanh(dq / v), x = t / T or T dx/dt = |dq| / vw - x"
+    formula = (
+        "tau_f = (Finf + (F0 - Finf) exp(-x)) tanh(dq / v), x = t / T, T dx/dt = |dq| / vw - x"
+        " or dx/dt = |dq| / path"
+    )
     source = (
         "Bittencourt et al. 2010: friction of a robot joint over load and temperature; heat from the "
         "friction's own work: Simoni et al. 2015, friction modeling with temperature effects for robots"
@@ -38,24 +41,41 @@ class ThermalFriction(DriveEffect):
         Parameter("F0", "N m", 0.1, 2.0, "level when cold"),
         Parameter("T", "s", 2.0, 3600.0, "time constant"),
         Parameter("vw", "rad/s", 0.01, 1.0, "mean speed that warms the joint by one e-folding"),
+        Parameter(
+            "path", "rad", 0.5, 50.0, "path that warms the joint by one e-folding, where nothing cools"
+        ),
     )
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        grid = tuple({"T": t} for t in (3.0, 10.0, 40.0, 300.0))
-        limits, names = {"T": (0.3, 3600.0)}, ("Finf", "rise")
+        turns = usual_turns(trial, place.joints)
+        grid = tuple({"T": t, "v": v} for t in (3.0, 10.0, 40.0, 300.0) for v in turns)
+        turn = (5e-4, widest_turn(trial, place.joints, 0.1))
+        limits, names = {"T": (0.3, 3600.0), "v": turn}, ("Finf", "rise")
         return (
             WarmingWithTime(
                 name="each recording", place=place, amplitudes=names, shapes=grid, refine=limits, once=False
             ),
             WarmingWithTime(
-                name="session", place=place, amplitudes=names, shapes=grid[2:], refine=limits, once=True
+                name="session",
+                place=place,
+                amplitudes=names,
+                shapes=grid[2 * len(turns) :],
+                refine=limits,
+                once=True,
             ),
             WarmingByWork(
                 name="by its work",
                 place=place,
                 amplitudes=names,
-                shapes=tuple({"T": t, "vw": vw} for t in (3.0, 10.0) for vw in (0.05, 0.2)),
-                refine={"T": (0.3, 600.0), "vw": (0.01, 2.0)},
+                shapes=tuple({"T": t, "vw": vw, "v": turns[-1]} for t in (3.0, 10.0) for vw in (0.05, 0.2)),
+                refine={"T": (0.3, 600.0), "vw": (0.01, 2.0), "v": turn},
+            ),
+            WarmingByPath(
+                name="by its path",
+                place=place,
+                amplitudes=names,
+                shapes=tuple({"path": path, "v": turns[0]} for path in (0.5, 2.0, 8.0)),
+                refine={"path": (0.1, 100.0), "v": turn},
             ),
         )
 
@@ -68,7 +88,7 @@ class WarmingForm(DriveForm):
         """Share (F,) of the rise that is left."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
-        sign = smooth_sign(trial.motion.sure_velocity[:, joint], 0.005)
+        sign = smooth_sign(trial.motion.sure_velocity[:, joint], shape["v"])
         return np.stack([sign, sign * self.cold(trial.motion, joint, shape)])
 
     def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
@@ -83,11 +103,14 @@ class WarmingForm(DriveForm):
         found = {"Finf": float(amplitudes[0]), "F0": float(amplitudes[0] + amplitudes[1]), "T": shape["T"]}
         return {**found, "vw": shape["vw"]} if "vw" in shape else found
 
-    def simulate_warming(self, trial: Trial, warm: float, rise: float, time: float) -> PlantFields:
+    def simulate_warming(
+        self, trial: Trial, shape: Shape, warm: float, rise: float, time: float
+    ) -> PlantFields:
         """Fields of a simulator that warms with time."""
         warm = max(warm, 1e-6)
         return {
             "coulomb": self.at_joints(trial, warm),
+            "coulomb_velocity": self.at_joints(trial, shape["v"], 0.005),
             "thermal_ratio": self.at_joints(trial, rise / warm),
             "thermal_time": self.at_joints(trial, time, 60.0),
         }
@@ -104,7 +127,7 @@ class WarmingWithTime(WarmingForm):
         return np.exp(-(start + motion.time - motion.time[0]) / shape["T"])
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        return self.simulate_warming(trial, float(amplitudes[0]), float(amplitudes[1]), shape["T"])
+        return self.simulate_warming(trial, shape, float(amplitudes[0]), float(amplitudes[1]), shape["T"])
 
 
 class WarmingByWork(WarmingForm):
@@ -116,7 +139,23 @@ class WarmingByWork(WarmingForm):
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         motion = trial.motion
         level = float(amplitudes[0]) + float(amplitudes[1]) * self.cold(motion, self.joint, shape)
-        return self.simulate_warming(trial, *_fit_time(motion.time - motion.time[0], level))
+        return self.simulate_warming(trial, shape, *_fit_time(motion.time - motion.time[0], level))
+
+
+class WarmingByPath(WarmingForm):
+    """The same where nothing cools meanwhile: the path of the motion alone counts."""
+
+    def cold(self, motion: RecordedMotion, joint: int, shape: Shape) -> np.ndarray:
+        return np.exp(-np.cumsum(np.abs(motion.sure_velocity[:, joint])) / motion.rate / shape["path"])
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        warm, rise = map(float, amplitudes)
+        return {"Finf": warm, "F0": warm + rise, "path": shape["path"]}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        motion = trial.motion
+        level = float(amplitudes[0]) + float(amplitudes[1]) * self.cold(motion, self.joint, shape)
+        return self.simulate_warming(trial, shape, *_fit_time(motion.time - motion.time[0], level))
 
 
 def _warmth(motion: RecordedMotion, joint: int, time_constant: float) -> np.ndarray:

@@ -12,8 +12,11 @@ import numpy as np
 from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import JointSignal
 
-ROUNDED = ((-0.7745966692414834, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.7745966692414834, 5.0 / 18.0))
-"""Nodes and weights of Gauss and Legendre over a step of a reading, in half steps."""
+ROUNDED = tuple((x, 1.0 / 21.0) for x in np.linspace(-1.1, 1.1, 21).tolist())
+"""Nodes and weights over a step of a reading, in half steps: so many that a punch at its edge is not missed.
+
+A little beyond the step: a log's digits are rounded once more.
+"""
 WOUND = 0.3  # ASSUMPTION: share of the limit that an integral may have held when a recording began
 
 
@@ -21,7 +24,8 @@ WOUND = 0.3  # ASSUMPTION: share of the limit that an integral may have held whe
 class LawTerms:
     """Torque at standstill by its causes, each (F, J) [N m]; not clipped."""
 
-    spring: np.ndarray
+    spring: np.ndarray  # what the stiffness makes of the error
+    punch: np.ndarray  # sets in beyond the dead band, whatever the stiffness
     damper: np.ndarray
     integral: np.ndarray
     stiff_integral: np.ndarray  # the part of the integral that the stiffness scales too
@@ -30,7 +34,7 @@ class LawTerms:
     @property
     def total(self) -> np.ndarray:
         """What the controller asks for before its limit."""
-        return self.spring + self.damper + self.integral + self.rest
+        return self.spring + self.punch + self.damper + self.integral + self.rest
 
 
 def position_error(controller: ArmController, command: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -52,8 +56,13 @@ def spring_torque(controller: ArmController, error: np.ndarray) -> np.ndarray:
     joints, law = error.shape[1], controller.law
     pitch = law.of_joints("pole_pitch", joints)
     safe = np.where(pitch > 0, pitch, 1.0)
-    straight = controller.stiffness * error + law.of_joints("punch", joints) * np.sign(error)
+    straight = controller.stiffness * error
     return np.where(pitch > 0, controller.stiffness / safe * np.sin(safe * error), straight)
+
+
+def punch_torque(controller: ArmController, error: np.ndarray) -> np.ndarray:
+    """Torque (F, J) that sets in beyond the dead band, whatever the stiffness."""
+    return controller.law.of_joints("punch", error.shape[1]) * np.sign(error)
 
 
 def spring_of_rounded(
@@ -64,10 +73,8 @@ def spring_of_rounded(
     The controller read more finely than the log: at a dead band's edge nobody knows on which side it was.
     The variance is what a kink or a punch adds to that of a straight spring.
     """
-    torques = [
-        (spring_torque(controller, dead_zone(controller, error + 0.5 * node * step)), w)
-        for node, w in ROUNDED
-    ]
+    shifted = [(dead_zone(controller, error + 0.5 * node * step), w) for node, w in ROUNDED]
+    torques = [(spring_torque(controller, e) + punch_torque(controller, e), w) for e, w in shifted]
     mean = np.sum([w * t for t, w in torques], axis=0)
     variance = np.sum([w * (t - mean) ** 2 for t, w in torques], axis=0)
     return mean, np.maximum(variance - (controller.stiffness * step) ** 2 / 12.0, 0.0)
@@ -100,16 +107,16 @@ def law_terms(
     error = position_error(controller, command.position, position)
     lag = law.of_joints("velocity_share", joints) * command.velocity - velocity
     spring, damper = spring_torque(controller, error), controller.damping * lag
-    rest = command.effort + gravity
+    punch, rest = punch_torque(controller, error), command.effort + gravity
     rate = law.of_joints("integral", joints) * error + law.of_joints("velocity_integral", joints) * lag
     integral = np.zeros_like(spring)
     for j in np.flatnonzero(np.any(rate != 0.0, axis=0)):
-        others = spring[:, j] + damper[:, j] + rest[:, j]
+        others = spring[:, j] + punch[:, j] + damper[:, j] + rest[:, j]
         integral[:, j] = _integrated(rate[:, j] * period_s, others, float(limit[j]), enabled[:, j])
     stiff = np.zeros_like(spring)
     if law.cascaded:
         stiff = np.cumsum(law.of_joints("integral", joints) * error * period_s, axis=0)
-    return LawTerms(spring, damper, integral, stiff, rest)
+    return LawTerms(spring, punch, damper, integral, stiff, rest)
 
 
 def _integrated(steps: np.ndarray, others: np.ndarray, limit: float, enabled: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
+from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
@@ -34,6 +35,7 @@ TIMING_RATE_HZ = 20.0  # below it moves are not followed, only what stays when t
 SETTLED = 1e-6  # [rad] travel of a command that rests
 SETTLING_S = 1.0  # ASSUMPTION: until a small servo has settled
 NOMINAL_SIGN = 0.005  # [rad/s] width of the sign in stated friction, as in closed-loop simulation
+WALKS = 60  # functions of a random walk: up to 2.5 Hz in a recording of 12 s
 MAX_LAG = 2  # [samples] by which states may lead or trail the commanded effort they caused
 
 Columns = dict[tuple[str, int], np.ndarray]  # (channel, joint) -> (p, N): a few regressors, sparse
@@ -126,8 +128,10 @@ def form_equations(motion: RecordedMotion) -> Equations:
             rising = damped * np.sqrt(motion.velocity_noise())
             level = np.hypot(level, rising)
             color["controller"] = _color(motion, rising, level, 2)
-        level = np.hypot(level, _between_commands(motion))
-        sigma["controller"] = _edges_wider(_spread(level, residual["controller"]), motion)
+        level = np.hypot(level, np.hypot(_between_commands(motion), _fast_walk(motion)))
+        # What an integral held when the recording began is unknown, and no part of a formula.
+        own = residual["controller"] - np.where(integrates(arm), residual["controller"].mean(axis=0), 0.0)
+        sigma["controller"] = _edges_wider(_spread(level, own), motion)
     if u is not None and tau is not None:
         residual["drive"] = u - rotor - tau
         rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
@@ -181,6 +185,35 @@ def _noise_of_speed(motion: RecordedMotion) -> np.ndarray:
 
 def _has_loop(arm: ArmDescription) -> bool:
     return arm.controller is not None and not arm.controller.law.open_loop
+
+
+def integrates(arm: ArmDescription) -> np.ndarray:
+    """Joints (J,) whose controller adds up errors."""
+    assert arm.controller is not None
+    count = len(arm.joints)
+    winds = [arm.controller.law.of_joints(name, count) for name in ("integral", "velocity_integral")]
+    return np.add(*winds) > 0
+
+
+def integrated_terms(motion: RecordedMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Torque per second (F, J) that integrals gain, and deviation (J,) [N m / sqrt(s)] of the random walk.
+
+    They add up the noise of every reading, those between two samples included.
+    """
+    controller = motion.controller
+    assert controller is not None
+    law, count = motion.described_law, motion.joints
+    winds = [controller.law.of_joints(name, count) for name in ("integral", "velocity_integral")]
+    stiff, damped = (np.where(x > 0, x, 1.0) for x in (controller.stiffness, controller.damping))
+    rate = winds[0] * law.spring / stiff + winds[1] * law.damper / damped
+    step = 1.0 / motion.rate
+    return rate, white_noise(rate, motion.rate) * np.sqrt(step + min(controller.period_s, step))
+
+
+def _fast_walk(motion: RecordedMotion) -> np.ndarray:
+    """Deviation (J,) [N m] of that random walk beyond its first `WALKS` functions."""
+    span = float(motion.time[-1] - motion.time[0])
+    return integrated_terms(motion)[1] * np.sqrt(2.0 * span / (np.pi**2 * WALKS))
 
 
 def _between_commands(motion: RecordedMotion) -> np.ndarray:

@@ -48,7 +48,7 @@ class Likelihood:
         for r, trial in enumerate(self.trials):
             for channel in trial.channels:
                 ratio = trial.residual[channel] / trial.sigma[channel]
-                for j, column in enumerate(ratio.T if len(ratio) else ()):
+                for j, column in enumerate(ratio.T):
                     self.blocks[r, channel, j] = slice(start, start + len(column))
                     parts.append(self._whitened(r, channel, j, column))
                     start += len(column)
@@ -180,6 +180,10 @@ class Likelihood:
         """What each tolerance most probably is (columns,), in standard deviations, given residuals (N,)."""
         weight = np.sqrt(self._strength) / (correlation + self._strength)
         return self._directions @ (weight * (self._basis.T @ y))
+
+    def tolerated_deviation(self, y: np.ndarray) -> float:
+        """Standard deviation of the inner product of residuals (N,) with what tolerances make."""
+        return float(np.linalg.norm(np.sqrt(self._strength) * (self._basis.T @ y)))
 
     def of_tolerances(self, sizes: np.ndarray) -> np.ndarray:
         """Residuals (N,) that tolerances of such sizes (columns,) make in these recordings."""

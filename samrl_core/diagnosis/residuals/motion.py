@@ -37,6 +37,7 @@ DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 MAX_RATE_HZ = 1000.0
 SLOW_PERIOD_S = 0.003  # of a controller, from which on it matters when within it a torque acts
+SAME_PERIOD = 0.75  # of a log's: a controller that is faster sends torques that are not logged
 LEAST_SURE_HZ = 1.0  # up to which a motion counts as one
 TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
 
@@ -329,6 +330,13 @@ class RecordedMotion:
             return np.ones_like(self.raw_position)
         return (held_values(flags.time, flags.effort, self.time) > 0).astype(float)
 
+    @property
+    def holds_every_torque(self) -> bool:
+        """Whether the log holds the torque of every period of the controller."""
+        if self.computed or self.controller is None:
+            return not self.computed
+        return self.controller.period_s > SAME_PERIOD / self.rate
+
     def _law_gives_torque(self) -> bool:
         """Without a recorded torque, a law that is known says what the drives were asked for."""
         return (
@@ -351,7 +359,9 @@ class RecordedMotion:
         # While a coarse encoder rests it is silent: rests must not speak for the motion.
         position = np.maximum(position, quantum(self.raw_position) / np.sqrt(12.0))
         if self.computed and self.controller is not None:
-            others[-1] = np.maximum(others[-1], self.controller.stiffness * position)
+            assert self.given is not None
+            # Before it is held: the mean of two samples is half as noisy where white noise is looked for.
+            others[-1] = np.maximum(white_noise(self.given, self.rate), self.controller.stiffness * position)
         return Noise(position, *others)
 
     @cached_property
@@ -387,6 +397,12 @@ class RecordedMotion:
         """Motors' torque (F, J) as far as it is no noise."""
         assert self.raw_commanded is not None
         return self.sure(self.raw_commanded, self.noise.commanded_effort)
+
+    @cached_property
+    def sure_effort(self) -> np.ndarray:
+        """Link-side effort (F, J) as far as it is no noise."""
+        assert self.raw_effort is not None
+        return self.sure(self.raw_effort, self.noise.effort)
 
     def sure(self, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """A signal (F, J) up to where it stands out of its own white noise of deviation (J,)."""

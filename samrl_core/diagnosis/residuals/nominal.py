@@ -13,15 +13,21 @@ from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.control_law import WOUND
-from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, Columns
+from samrl_core.diagnosis.residuals.equations import (
+    NOMINAL_SIGN,
+    WALKS,
+    Columns,
+    integrated_terms,
+    integrates,
+)
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains
-FLOOR_WIDTHS = (0.0015, 0.006, 0.025, 0.1)  # [rad/s] of the friction floor's sign
+FLOOR_WIDTHS = (0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1)  # [rad/s] of the friction floor's sign
+OF_A_WIDTH = 0.45  # of the tolerated friction, each: any one of them may be most of it
 AHEAD_S = 0.009  # of stated friction: MuJoCo's default solreffriction of 0.02 s at impedance 0.9
 COMPLIANCE = 1e-4  # [rad] twist at the effort limit: no joint is quite rigid
-WALKS = 60  # functions of a random walk: up to 2.5 Hz in a recording of 12 s
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 
@@ -53,15 +59,19 @@ def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns,
         out.append((trial.sensor(j, flat), offset[j]))
         velocity = motion.sure_velocity[:, j]
         # Nobody states how sharply the remaining friction turns; several widths span what it may be.
-        out += [(trial.drive(j, smooth_sign(velocity, w)[None]), 0.6 * coulomb[j]) for w in FLOOR_WIDTHS]
+        out += [
+            (trial.drive(j, smooth_sign(velocity, w)[None]), OF_A_WIDTH * coulomb[j]) for w in FLOOR_WIDTHS
+        ]
         out.append((trial.drive(j, velocity[None]), viscous[j]))
         if stated.friction[j] > 0:  # nor is it stated of the friction that the model has
             shapes = [smooth_sign(velocity, w) for w in FLOOR_WIDTHS]
             turn = smooth_sign(velocity, NOMINAL_SIGN)
             # MuJoCo's turns ahead of the velocity, the less abruptly the lighter the joint.
             ahead = velocity + AHEAD_S * motion.sure_acceleration[:, j]
-            shapes += [smooth_sign(ahead, w) for w in (NOMINAL_SIGN, *FLOOR_WIDTHS[2:])]
-            out += [(trial.drive(j, (x - turn)[None]), 0.6 * float(stated.friction[j])) for x in shapes]
+            shapes += [smooth_sign(ahead, w) for w in (NOMINAL_SIGN, *FLOOR_WIDTHS[4:])]
+            out += [
+                (trial.drive(j, (x - turn)[None]), OF_A_WIDTH * float(stated.friction[j])) for x in shapes
+            ]
         if trial.rotor[j] > 0:
             rotor = motion.sure_acceleration[:, j][None]
             out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j]))
@@ -114,19 +124,26 @@ def _bodies(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
 
 
 def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
-    """Channels that are stamped early or late against one another, within half a sample or the tolerance."""
+    """Channels that are stamped early or late against one another, within half a sample or the tolerance.
+
+    Of what stands out of noise: a controller makes torque of the noise that it reads, and that noise,
+    differenced, is in the residual as well. A shift would seem to explain it, and effects would have to undo
+    the shift.
+    """
     motion = trial.motion
     stamp = max(tolerances.stamp, 0.5 / motion.rate)
     out: list[tuple[Columns, float]] = []
     if motion.u is not None and motion.tau is not None:
-        columns = {("drive", j): motion.derivative(motion.u[:, j])[None] for j in range(trial.joints)}
+        sent = motion.reduce(motion.sure_torque)
+        columns = {("drive", j): motion.derivative(sent[:, j])[None] for j in range(trial.joints)}
         out.append((columns, stamp))
         if np.any(trial.rotor > 0):
             # States that are stamped half a period early or late move the rotor's share of the torque.
             jerk = motion.derivative(trial.rotor * motion.sure_ddq)
             out.append(({("drive", j): jerk[None, :, j] for j in range(trial.joints)}, stamp))
-    torque, channel = (motion.tau, "link") if "link" in trial.channels else (motion.u, "dynamics")
-    if torque is not None and channel in trial.channels:
+    channel = "link" if "link" in trial.channels else "dynamics"
+    if channel in trial.channels:
+        torque = motion.reduce(motion.sure_torque if motion.tau is None else motion.sure_effort)
         out.append(
             ({(channel, j): motion.derivative(torque[:, j])[None] for j in range(trial.joints)}, stamp)
         )
@@ -140,7 +157,9 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
         rate = rate + controller.damping * share * np.gradient(command.velocity, 1 / motion.rate, axis=0)
         out.append((add(*(trial.controller(j, rate[None, :, j]) for j in range(trial.joints))), stamp))
         law = motion.described_law
-        for part in (law.spring, law.damper):
+        for part in (law.spring, law.punch, law.damper):
+            if motion.computed:
+                part = motion.sure(part, white_noise(part, motion.rate))
             for j in range(trial.joints):
                 out.append((trial.controller(j, part[None, :, j]), CONTROLLER_GAIN))
     return out
@@ -154,7 +173,7 @@ def _motors(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
     law, out = controller.law, []
     known = law.of_joints("torque_per_volt", trial.joints) + law.of_joints("torque_per_ampere", trial.joints)
     spread = _per_joint(tolerances.motor_constant, trial)
-    torque = motion.raw_commanded
+    torque = motion.sure_torque if motion.computed else motion.raw_commanded
     for j in range(trial.joints):
         if known[j] > 0 and torque is not None:
             out.append((trial.drive(j, torque[None, :, j]), spread[j]))
@@ -170,18 +189,15 @@ def recording_columns(trial: Trial) -> list[tuple[Columns, float]]:
     motion, controller = trial.motion, trial.recording.arm.controller
     if controller is None or not trial.shows_controller or motion.command is None:
         return []
-    winds = [controller.law.of_joints(name, trial.joints) for name in ("integral", "velocity_integral")]
-    if not np.any(winds):
+    winding = np.flatnonzero(integrates(trial.recording.arm)).tolist()
+    if not winding:
         return []
     out: list[tuple[Columns, float]] = []
-    law, span = motion.described_law, max(float(motion.time[-1] - motion.time[0]), 1e-9)
+    span = max(float(motion.time[-1] - motion.time[0]), 1e-9)
     elapsed = (motion.time - motion.time[0]) / span
-    # The terms that are integrated, as torque per second.
-    stiff, damped = (np.where(x > 0, x, 1.0) for x in (controller.stiffness, controller.damping))
-    rate = winds[0] * law.spring / stiff + winds[1] * law.damper / damped
+    rate, noise = integrated_terms(motion)
     step = 1.0 / motion.rate
-    noise = white_noise(rate, motion.rate) * np.sqrt(step + min(controller.period_s, step))  # per root second
-    for j in np.flatnonzero(winds[0] + winds[1] > 0).tolist():
+    for j in winding:
         for shape in (np.ones_like(elapsed), elapsed):
             out.append((trial.controller(j, shape[None]), WOUND * trial.scale[j]))
         out.append((trial.controller(j, rate[None, :, j]), step))

@@ -51,10 +51,15 @@ def quantum(position: np.ndarray) -> np.ndarray:
         some = steps[steps > 1e-9]
         if len(some) < 10:
             continue
-        counts = some / np.min(some)
+        # A log's digits round the step too: what many steps make of it is finer than the smallest.
+        step = float(np.min(some))
+        for most in (5.0, 30.0, np.inf):
+            few = some[some < (most + 0.5) * step]
+            step = float(np.sum(few) / np.sum(np.round(few / step)))
+        counts = some / step
         # A float's smallest difference is no grid: most steps would be thousands of it.
         if np.median(counts) < 100.0 and np.all(np.abs(counts - np.round(counts)) < 0.02):
-            out[j] = np.min(some)
+            out[j] = step
     return out
 
 

@@ -96,11 +96,11 @@ def control(a: Arrays, b: int, k: int, j: int, command_q: f64, command_v: f64):
             side = ZERO
         error = wp.abs(side) * off - side * band
     lag = a.law[i, L_VELOCITY_SHARE] * command_v - a.measured_v[b, j]
-    pull = a.stiffness[i] * error + a.law[i, L_PUNCH] * side
+    pull = a.stiffness[i] * error
     pitch = a.law[i, L_POLE_PITCH]
     if pitch > ZERO:
         pull = a.stiffness[i] / pitch * wp.sin(pitch * error)
-    spring = a.params[b, j, P_STIFFNESS_SCALE] * pull
+    spring = a.params[b, j, P_STIFFNESS_SCALE] * pull + a.law[i, L_PUNCH] * side
     damper = a.params[b, j, P_DAMPING_SCALE] * a.damping[i] * lag
     u = spring + damper + past(a.command_u, k, i, a.params[b, j, P_COMMAND_DELAY])
     if a.compensate == 1:
@@ -108,8 +108,8 @@ def control(a: Arrays, b: int, k: int, j: int, command_q: f64, command_v: f64):
     # an integral stands still while the output is clipped and it would drive it further
     held = a.state[k % a.slots, b, j, S_INTEGRAL]
     gain = ONE
-    if a.cascaded == 1:
-        gain = a.params[b, j, P_STIFFNESS_SCALE]
+    if a.cascaded == 1:  # the stiffness is the position gain times the velocity gain
+        gain = a.params[b, j, P_STIFFNESS_SCALE] / wp.max(a.params[b, j, P_DAMPING_SCALE], f64(1e-6))
     wind = gain * a.law[i, L_INTEGRAL] * error + a.law[i, L_VELOCITY_INTEGRAL] * lag
     wind = wind * a.step * f64(a.substeps)
     raw = u + held + wind

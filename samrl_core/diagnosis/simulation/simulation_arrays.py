@@ -164,7 +164,7 @@ class Arrays:
     limit: wp.array(dtype=f64)
     law: wp.array2d(dtype=f64)  # (joint, slot)
     enabled: wp.array2d(dtype=f64)  # (time, joint), or one row where torque is never switched
-    cascaded: int  # the stiffness scales the integral of the position error too
+    cascaded: int  # the position gain scales the integral of the position error too
     braked: int  # switched off, the back-EMF goes on acting
     inertia_hint: wp.array(
         dtype=f64

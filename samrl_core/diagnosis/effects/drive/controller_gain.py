@@ -27,8 +27,9 @@ class ControllerGain(Effect):
     experiment = "two_gains"
     confounded_with = ("actuator_gain", "reflected_inertia")
     parameters = (
-        Parameter("eK", "1", -0.5, 0.5, "relative error of the stiffness"),
-        Parameter("eD", "1", -0.5, 0.5, "relative error of the damping"),
+        Parameter("eK", "1", -0.5, 0.5, "relative error of the stiffness; in a cascade of the position gain"),
+        Parameter("eD", "1", -0.5, 0.5, "relative error of the damping; in a cascade of the velocity gain"),
+        Parameter("eP", "1", -0.5, 0.5, "relative error of the punch, where there is one"),
         Parameter("sag", "rad", 0.001, 0.5, "how far a soft servo gives way over the poses, without torques"),
     )
 
@@ -48,21 +49,27 @@ class ControllerGain(Effect):
         controller = trial.recording.arm.controller
         assert controller is not None
         joints = list(place.joints)
-        there = (("eK", controller.stiffness), ("eD", controller.damping))
+        punch = controller.law.of_joints("punch", trial.joints)
+        there = (("eK", controller.stiffness), ("eD", controller.damping), ("eP", punch))
         names = tuple(name for name, gain in there if np.any(gain[joints] > 0))
         return (ScaledGains(name="gains", place=place, amplitudes=names),)
 
 
 class ScaledGains(Form):
-    """Stiffness and damping off by a factor each."""
+    """Stiffness, damping and punch off by a factor each.
+
+    In a cascade the position gain acts through the velocity gain: the stiffness is their product, and before
+    the integral the position gain stands alone. Amplitudes are those of the product and of the velocity gain.
+    """
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
         law = trial.motion.described_law
-        terms = {"eK": law.spring + law.stiff_integral, "eD": sure_damper(trial)}
+        terms = {"eK": law.spring + law.stiff_integral, "eD": sure_damper(trial), "eP": law.punch}
         if trial.motion.computed:
             # By the model: against what tolerances of masses say, a law would seem to explain their noise.
             done = trial.delivered_torque + trial.motion.back_emf_loss
-            terms["eK"] = done - law.damper - (law.integral - law.stiff_integral) - law.rest
+            terms["eK"] = done - law.damper - law.punch - (law.integral - law.stiff_integral) - law.rest
+        terms["eD"] = terms["eD"] - law.stiff_integral
         rows = -np.stack([terms[name] for name in self.amplitudes])
         if trial.motion.computed:  # nothing changes where the output is clipped anyway
             rows = rows * (np.abs(law.total) < trial.motion.limit())
@@ -73,18 +80,28 @@ class ScaledGains(Form):
         return np.zeros(count), np.full(count, 0.3)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        found = self._factors(trial, amplitudes)
+        controller = trial.recording.arm.controller
+        assert controller is not None
+        if controller.law.cascaded and "eK" in found:
+            found["eK"] = (1.0 + found["eK"]) / max(1.0 + found.get("eD", 0.0), 0.1) - 1.0
+        return found
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        fields = {"eK": "stiffness_scale", "eD": "damping_scale"}  # a punch moves nothing for long
+        return {
+            fields[name]: self.at_joints(trial, 1.0 + value, 1.0)
+            for name, value in self._factors(trial, amplitudes).items()
+            if name in fields
+        }
+
+    def _factors(self, trial: Trial, amplitudes: np.ndarray) -> dict[str, float]:
+        """Relative errors of the law's own terms."""
         found = dict(zip(self.amplitudes, map(float, amplitudes), strict=True))
         if trial.motion.computed and "eK" in found:
             # Of the spring that was there, not of the one described: see `ActuatorGain`.
             found["eK"] = found["eK"] / max(1.0 - found["eK"], 0.1)
         return found
-
-    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        fields = {"eK": "stiffness_scale", "eD": "damping_scale"}
-        return {
-            fields[name]: self.at_joints(trial, 1.0 + value, 1.0)
-            for name, value in self.parameters(trial, shape, amplitudes).items()
-        }
 
 
 def sure_damper(trial: Trial) -> np.ndarray:

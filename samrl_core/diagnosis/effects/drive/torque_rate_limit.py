@@ -41,9 +41,12 @@ class LimitedRate(PresentForm):
     """What a limit of the rate takes away from the effort as it was sent."""
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
-        sent = trial.motion.raw_commanded
+        motion = trial.motion
+        # With what sensor noise does through the gains: a limit acts on that as well. A torque that was
+        # computed from a log, or logged now and then, has noise that acted on no drive from sample to sample;
+        # it is in the residual too, and a limit that takes it away would seem to be right.
+        sent = motion.raw_commanded if motion.holds_every_torque else motion.sure_torque
         assert sent is not None
-        # With what sensor noise does through the gains: a limit acts on that as well.
         u = sent[:, self.joint]
         lost = (u - rate_limited(u, shape["R"] / trial.motion.rate))[None]
         return lose_torque(trial, self.place, lambda _: lost)

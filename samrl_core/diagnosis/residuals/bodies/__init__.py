@@ -1,1 +1,0 @@
-"""Tracks of free bodies as residuals: phases, segments, impacts."""

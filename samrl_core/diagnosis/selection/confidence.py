@@ -18,6 +18,7 @@ REMAINDER_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
 REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
 SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
+HIDDEN = 2.0  # standard deviations of tolerances that may hide a prediction
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 
 
@@ -153,12 +154,16 @@ def invariance_alarms(
 
 
 def undone_alarms(evidence: Evidence, fit: Fit) -> list[str]:
-    """Effects of whose prediction too much is not seen, and would have to be undone within tolerances."""
+    """Effects of whose prediction too much is not seen, and would have to be undone within tolerances.
+
+    What tolerances may be by themselves hides a smaller prediction: where that is so, nothing is said.
+    """
     likelihood, rest, alarms = evidence.likelihood, evidence.remainder(fit), []
     for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
         prediction = likelihood.prediction(h.regressors, amplitudes)
-        seen = 1.0 + float(prediction @ rest) / max(float(prediction @ prediction), 1e-12)
-        if seen < h.effect.least_share:
+        power = max(float(prediction @ prediction), 1e-12)
+        seen = 1.0 + float(prediction @ rest) / power
+        if seen + HIDDEN * likelihood.tolerated_deviation(prediction) / power < h.effect.least_share:
             alarms.append(
                 f"{h.name}: {seen:.0%} of its prediction is seen, tolerances would have to undo the rest"
             )

@@ -25,6 +25,7 @@ MOST = 6  # candidates that are simulated
 OF_A_FAMILY = 2  # of them
 CLEARLY = 0.75  # times what the best by evidence leaves: from here on another one goes first
 SIMULATED_S = 40.0  # of recordings, at most, per comparison
+LEAST_LEFT = 0.005  # of the equation: less is noise, and no formula is so exact
 MOTION = ("position", "velocity")
 
 
@@ -39,7 +40,7 @@ class Contender:
     @property
     def left(self) -> float:
         """Both together; where there is no simulation, the motion counts as not explained."""
-        return self.equation_left * (1.0 if self.motion_left is None else self.motion_left)
+        return max(self.equation_left, LEAST_LEFT) * (1.0 if self.motion_left is None else self.motion_left)
 
     @property
     def on_bound(self) -> bool:

@@ -31,6 +31,8 @@ class VerdictSettings:
     margin: float = 0.03  # shrink beyond the runner-up's, likewise
     sizes: tuple[float, float] = (0.7, 1.4)  # of the fitted effect that simulation may prefer, likewise
     limits: float = 0.25  # simulated shrink below which a limit of the drive is none
+    clearly: float = 8.0  # times the threshold, from which on a formula may be seen to explain
+    all: float = 0.02  # all but this share, on fitted and on held-out recordings
     hardly: float = 0.9  # share of the excess left beyond which it must shrink by `half`
     half: float = 0.5
     no_gap: float = 250.0  # [nat] excess without any effect above threshold that still counts as no gap
@@ -106,7 +108,8 @@ def decide(
     if far.gap is not None and far.gap.shrink is not None and far.gap.shrink < settings.worse:
         refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
         contradicted = True
-    if selection.chosen.hypotheses[0].effect.limits_motion and 0.0 <= _moves(far) < settings.limits:
+    limit = selection.chosen.hypotheses[0].effect.limits_motion and not explains_all(selection, settings)
+    if limit and 0.0 <= _moves(far) < settings.limits:
         refusals.append(f"{named[0].name} is no limit: without it the motion is hardly simulated worse")
     refusals += list(alarms)
     stands = bool(much_left) and not refusals and is_dominant(selection, far, settings)
@@ -188,6 +191,14 @@ def is_dominant(selection: Selection, far: HowFar, settings: VerdictSettings) ->
         and (gap.margin is None or gap.margin >= settings.margin or _by_a_twin(selection, gap))
         and settings.sizes[0] <= far.size <= settings.sizes[1]
     )
+
+
+def explains_all(selection: Selection, settings: VerdictSettings) -> bool:
+    """Whether a clear gap is explained to the last: what fits any torque a little does not do that."""
+    assert selection.chosen is not None
+    clear = selection.chosen.log_evidence > settings.clearly * selection.threshold
+    most = max(selection.unexplained, selection.held_out_unexplained)
+    return clear and most < settings.all
 
 
 def _by_a_twin(selection: Selection, gap: HeldOutGap) -> bool:

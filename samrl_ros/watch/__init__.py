@@ -1,1 +1,0 @@
-"""Watches a live graph: windows of joint topics into bags, a diagnosis of each, and /diagnostics."""

@@ -1,0 +1,153 @@
+"""Servo machines that were refused or misnamed, each by its smallest case."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.effects.drive.controller_gain import EFFECT as CONTROLLER_GAIN
+from samrl_core.diagnosis.effects.drive.controller_gain import sure_damper
+from samrl_core.diagnosis.effects.drive.torque_rate_limit import EFFECT as RATE_LIMIT
+from samrl_core.diagnosis.effects.drive_torque import turn_widths, usual_turns
+from samrl_core.diagnosis.effects.form import Place
+from samrl_core.diagnosis.kinds.arms import arm_trials
+from samrl_core.diagnosis.residuals.control_law import spring_of_rounded
+from samrl_core.diagnosis.residuals.equations import integrated_terms
+from samrl_core.diagnosis.residuals.signal_noise import quantum
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+from tests.diagnosis import worlds
+from tests.diagnosis.controllers.kinds import POSITION_SERVO, VELOCITY_DRIVE
+from tests.diagnosis.controllers.machines import Differs, Machine
+from tests.diagnosis.controllers.machines import worlds as machines
+from tests.diagnosis.test_diagnose import diagnosed
+from tests.diagnosis.worlds import LIFT, TURN
+
+SWING = Place("joint:swing", (0,))
+
+
+def recorded(machine: Machine, seconds: float = 3.0) -> list[ArmRecording]:
+    """A machine as described."""
+    return machines(machine, [Differs()], 1, seconds)[0]
+
+
+def trial_of(recording: ArmRecording) -> Trial:
+    return Trial(recording, RigidArm(recording.arm))
+
+
+# -- what is in the law -------------------------------------------------------------------------------------
+
+
+def test_a_punch_is_no_part_of_the_stiffness() -> None:
+    recording = recorded(replace(POSITION_SERVO, records="standstill"))[0]
+    trial = trial_of(recording)
+    (form,) = CONTROLLER_GAIN.forms(trial, SWING)
+    assert form.amplitudes == ("eK", "eD", "eP")
+    law = trial.motion.described_law
+    assert np.unique(np.abs(law.punch)) == pytest.approx([0.0, 0.02])
+    rows = form.columns(trial, {})["controller", 0]
+    assert rows[0] == pytest.approx(-trial.motion.reduce(law.spring)[:, 0])
+    assert rows[2] == pytest.approx(-trial.motion.reduce(law.punch)[:, 0])
+
+
+def test_a_velocity_gain_scales_the_position_loop_around_it() -> None:
+    """u = kv (kp e + ...) + ki int(kp e + ...): with kv 20 % up, K = kv kp is, and kp is not."""
+    trial = trial_of(recorded(VELOCITY_DRIVE)[0])
+    (form,) = CONTROLLER_GAIN.forms(trial, SWING)
+    found = form.parameters(trial, {}, np.array([0.2, 0.2]))
+    assert found == pytest.approx({"eK": 0.0, "eD": 0.2})
+    law = trial.motion.described_law
+    missing = trial.motion.reduce(-0.2 * (law.spring + sure_damper(trial)))[:, 0]
+    assert 0.2 * form.columns(trial, {})["controller", 0].sum(axis=0) == pytest.approx(missing, abs=1e-9)
+
+
+def test_a_reading_at_the_last_of_its_step_may_lie_beyond_a_punch() -> None:
+    """A twentieth of the step lies beyond the dead band: variance p (1 - p) of a jump from 0 to the punch."""
+    controller = POSITION_SERVO.described().controller
+    assert controller is not None
+    band, punch, step = 0.002, 0.02, 0.0004
+    error = np.array([[band - 0.45 * step]])
+    _, variance = spring_of_rounded(controller, error, np.array([step]))
+    assert variance[0, 0] == pytest.approx(0.05 * 0.95 * punch**2, rel=0.8)
+    assert spring_of_rounded(controller, error - 0.2 * step, np.array([step]))[1][0, 0] == 0.0
+
+
+# -- noise --------------------------------------------------------------------------------------------------
+
+
+def test_a_computed_torque_is_as_noisy_as_its_law() -> None:
+    """30 N m/rad of 2e-5 rad and 1 N m s/rad of 2e-3 rad/s; held over a period of the log it is no less."""
+    machine = replace(POSITION_SERVO, about={**POSITION_SERVO.about, "period_s": 0.004})
+    trial = trial_of(recorded(machine)[0])
+    assert trial.motion.computed
+    expected = np.hypot(30.0 * 2e-5, 1.0 * 2e-3)
+    assert trial.motion.noise.commanded_effort[0] == pytest.approx(expected, rel=0.15)
+
+
+def test_the_fast_part_of_an_integral_of_noise_is_in_the_likelihood() -> None:
+    trial = trial_of(recorded(VELOCITY_DRIVE)[0])
+    walk = integrated_terms(trial.motion)[1][0]  # N m per root second
+    assert walk == pytest.approx(6.0 * 2e-3 * np.sqrt(0.002 + 0.001), rel=0.2)
+    span = trial.motion.time[-1] - trial.motion.time[0]
+    beyond = walk * np.sqrt(2.0 * span / (np.pi**2 * 60))
+    assert trial.sigma["controller"].min() >= beyond
+
+
+def test_a_rate_limit_does_not_explain_the_noise_of_a_computed_torque() -> None:
+    time = np.arange(0.0, 3.0, 0.004)
+    rng = np.random.default_rng(5)
+    still = np.full((len(time), 1), 0.8)
+    states = JointSignal(
+        time, still + 2e-4 * rng.standard_normal(still.shape), 2e-3 * rng.standard_normal(still.shape)
+    )
+    arm = POSITION_SERVO.described()
+    trial = trial_of(ArmRecording("rest", "", "", arm, states, JointSignal(time, still, 0.0 * still), None))
+    (form,) = RATE_LIMIT.forms(trial, SWING)
+    lost = form.columns(trial, {"R": 0.1})["dynamics", 0]
+    assert np.std(lost) < 0.1 * np.std(trial.motion.u)
+
+
+@pytest.mark.parametrize("step", [9.5874e-5, 2 * np.pi / 4096])
+def test_a_step_is_found_under_the_digits_of_a_log(step: float) -> None:
+    """Digits round a fast move's 160 steps by more than a fiftieth of one, reckoned from the smallest."""
+    time = 0.008 * np.arange(2000)
+    read = np.round((1.2 * np.sin(1.3 * time) + 0.3 * np.sin(4.0 * time)) / step) * step
+    assert quantum(np.round(read, 6)[:, None])[0] == pytest.approx(step, rel=1e-5)
+    noisy = read + 0.2 * step * np.random.default_rng(1).standard_normal(read.shape)
+    assert quantum(noisy[:, None])[0] == 0.0
+
+
+# -- speeds -------------------------------------------------------------------------------------------------
+
+
+def test_speeds_are_those_of_all_recordings() -> None:
+    a, b = worlds.record(worlds.plant(), "AB")
+    together = arm_trials([a, b], [])[0]
+    alone = np.max([trial_of(r).fastest for r in (a, b)], axis=0)
+    assert all(np.array_equal(t.fastest, alone) for t in together)
+
+
+def test_searches_begin_at_turns_as_wide_as_the_speeds() -> None:
+    assert turn_widths(0.06) == (0.002, 0.006, 0.02)
+    assert turn_widths(0.3)[-1] == pytest.approx(0.18)
+    trial = trial_of(worlds.record(worlds.plant(), "A")[0])
+    trial.fastest = np.full(3, 6.0)
+    assert usual_turns(trial, (0,)) == pytest.approx((0.005, 0.09))
+
+
+def test_a_friction_that_turns_slowly_is_coulombs() -> None:
+    library = {"coulomb_friction", "friction_asymmetry", "viscous_friction", "stribeck_friction"}
+    diagnosis = diagnosed(4, library, coulomb={TURN: 0.8}, coulomb_velocity={TURN: 0.1})
+    assert diagnosis.verdict == "effect", diagnosis.reasons
+    assert [e.name for e in diagnosis.effects] == ["coulomb_friction@joint:turn"]
+    assert diagnosis.effects[0].parameters["Fc"].value == pytest.approx(0.8, rel=0.05)
+
+
+def test_a_limit_that_held_out_motion_does_not_reach_is_named_where_it_explains_all() -> None:
+    """The held-out task runs at softer gains and asks for less."""
+    diagnosis = diagnosed(9, {"torque_saturation", "coulomb_friction", "payload"}, effort_limit={LIFT: 9.0})
+    assert diagnosis.verdict == "effect", diagnosis.reasons
+    assert [e.name for e in diagnosis.effects] == ["torque_saturation@joint:lift"]

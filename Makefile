@@ -1,6 +1,7 @@
 # One command each; every target sets up .venv first when it is missing or its inputs changed.
 #   make cell    one recorded episode of the cell      make test   fast tests, then check
-#   make slow    the slow tests                        make check  ruff, pyright
+#   make check   ruff, pyright                         make slow   the slow tests
+#   make thorough  tests of some seconds each that make test leaves out; CI runs both
 #   make fuzz    100,000 damaged inputs over all readers (FUZZ: their number, SEED; JOBS: readers at once)
 #   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts,
 #                and for JOBS whole cells at once, of three cores each)
@@ -36,7 +37,7 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: setup cell test live check slow fuzz faults soak bench bench-model docs clean
+.PHONY: setup cell test thorough live check slow fuzz faults soak bench bench-model docs clean
 .DELETE_ON_ERROR:
 
 setup: $(BUILT)
@@ -60,8 +61,11 @@ cell: $(BUILT)
 	exec $(BIN)/samrl cell --task $(TASK) --episodes $(EPISODES) --seed $(SEED) --out out/cell-$$n
 
 test: $(BUILT)
-	$(BIN)/python -m pytest -q -m "not slow and not live" -n $(WORKERS) --dist worksteal
+	$(BIN)/python -m pytest -q -m "not slow and not thorough and not live" -n $(WORKERS) --dist worksteal
 	$(MAKE) -j2 -Oline live check
+
+thorough: $(BUILT)
+	$(BIN)/python -m pytest -q -m "thorough and not slow and not live" -n $(WORKERS) --dist worksteal
 
 live: $(BUILT)
 	$(BIN)/python -m pytest -q -m "live and not slow"

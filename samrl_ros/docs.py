@@ -11,7 +11,14 @@ import yaml
 from samrl_core.cell.instance.cell_instance import GROUPS
 from samrl_core.cell.instance.difference import CUT, differences_of
 from samrl_core.cell.types.controllers import KINDS
-from samrl_core.diagnosis.effects import EFFECTS, FAMILIES, NOT_BY_JOINTS, POSE_EFFECTS, READING_EFFECTS
+from samrl_core.diagnosis.effects import (
+    BODY_EFFECTS,
+    EFFECTS,
+    FAMILIES,
+    NOT_BY_JOINTS,
+    POSE_EFFECTS,
+    READING_EFFECTS,
+)
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.report.report_schema import schema_text
 from samrl_ros.contract.topics import SERVICES, TOPICS
@@ -109,8 +116,16 @@ def effects_page() -> str:
         "(../guide/diagnose_poses.md#depth-against-planes-stamps-against-a-clock):"
         f" {', '.join(f'`{e.family}`' for e in READING_EFFECTS)}.\n",
     ]
-    first = {e.family: e for e in reversed((*EFFECTS, *POSE_EFFECTS, *READING_EFFECTS))}
-    for e in (*EFFECTS, *(e for e in (*POSE_EFFECTS, *READING_EFFECTS) if first[e.family] is e)):
+    lines += [
+        f"{len(BODY_EFFECTS)} families are told by [tracks of free bodies](../guide/diagnose_bodies.md).\n",
+        "| no. | family | place | recording that shows it |",
+        "|---|---|---|---|",
+    ]
+    lines += [f"| {e.number} | `{e.family}` | {e.place_kind} | {_cell(e.excitation)} |" for e in BODY_EFFECTS]
+    lines.append("")
+    others = (*POSE_EFFECTS, *READING_EFFECTS, *BODY_EFFECTS)
+    first = {e.family: e for e in reversed((*EFFECTS, *others))}
+    for e in (*EFFECTS, *(e for e in others if first[e.family] is e)):
         lines += [f"## `{e.family}`\n", f"{e.title}. {e.meaning}\n", f"- Formula: `{e.formula}`"]
         lines += [f"- {p.name} [{p.unit}], {_range(p)}: {p.meaning}" for p in e.parameters]
         lines.append(f"- Confounded with: {', '.join(e.confounded_with) or 'none known'}")

@@ -199,8 +199,9 @@ def _conclude(
     k = selection.correlation_time
     z = likelihood.whitened()
     judged = judge_sets(
-        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, progress
-    )
+        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, progress,
+        kind.doubts,
+    )  # fmt: skip
     done("how sure and how far")
     selection, outcome, far = judged.selection, judged.outcome, judged.far
     named, runner_ups, alarms = judged.named, judged.runner_ups, judged.alarms
@@ -270,6 +271,8 @@ def _conclude(
     if chosen is not None and diagnosis.effects:
         rng = np.random.default_rng([settings.seed, 1])  # draws of its own: the report's stay as they are
         far = replace(far, correction=kind.correction(evidence, chosen, far, rng))
+        if diagnosis.verdict == "effect":
+            far = replace(far, recalibration=kind.recalibration(likelihood, chosen))
     done("report")
     return kind.finish(diagnosis, likelihood.trials[0]), far
 

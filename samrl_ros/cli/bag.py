@@ -151,6 +151,7 @@ def import_command(
     ] = False,
 ) -> None:
     """Turn logs of other tools into bags, by a YAML mapping alone (msgs_docs/guide/import.md)."""
+    from samrl_ros.log_import.body_importer import import_body_logs
     from samrl_ros.log_import.importer import INDEX, import_logs
     from samrl_ros.log_import.mapping import read_mapping
     from samrl_ros.log_import.pose_importer import import_pose_logs, kind_of_mapping
@@ -164,6 +165,9 @@ def import_command(
         if kind == "readings":
             read = import_reading_logs(mapping, folder, target)
             made = [(each, f"{each.recording.quantity} of {each.recording.sensor}") for each in read]
+        elif kind == "bodies":
+            bodies = import_body_logs(mapping, folder, target)
+            made = [(each, each.recording.body.name) for each in bodies]
         elif kind == "poses":
             poses = import_pose_logs(mapping, folder, target)
             made = [(each, f"{each.recording.target} seen by {each.recording.camera}") for each in poses]

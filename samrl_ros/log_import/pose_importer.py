@@ -46,13 +46,13 @@ class ImportedPoses:
 
 
 def kind_of_mapping(path: Path) -> str:
-    """`poses`, `readings` or `joints`: what a mapping file describes.
+    """`poses`, `readings`, `bodies` or `joints`: what a mapping file describes.
 
     Raises:
         InputError: it cannot be read, or describes two kinds.
     """
     content = parse_yaml(read_text(path, "the mapping"), str(path))
-    found = [key for key in ("poses", "readings") if isinstance(content, dict) and key in content]
+    found = [key for key in ("poses", "readings", "bodies") if isinstance(content, dict) and key in content]
     if len(found) > 1:
         raise InputError(f"{path.name}: has {' and '.join(found)}; one mapping describes one kind")
     return found[0] if found else "joints"
@@ -151,15 +151,10 @@ def _track(spec: PoseRecordingSpec, key: str, track: TrackSpec, cache: dict[str,
     source, where = cache[spec.source_of(key)], f"{spec.path}.poses.{key}"
     count, given = len(source.time), track.quantities
     values = {
-        name: _block(formulas, source.values, count, f"{where}.{name}") for name, formulas in given.items()
+        name: block_of(formulas, source.values, count, f"{where}.{name}") for name, formulas in given.items()
     }
     if "matrix" in values:
-        if values["matrix"].shape[1] not in (12, 16):
-            raise InputError(f"{where}.matrix has {values['matrix'].shape[1]} numbers, must be 12 or 16")
-        rows = values["matrix"][:, :12].reshape(count, 3, 4)
-        rotations, position = Rotation.from_matrix(rows[:, :, :3]), rows[:, :, 3]
-        if float(np.max(np.abs(rotations.as_matrix() - rows[:, :, :3]))) > 1e-3:
-            raise InputError(f"{where}.matrix holds no rotations; numbers must stand row by row")
+        rotations, position = matrices_of(values["matrix"], where)
     else:
         (kind,) = (name for name in ROTATIONS if name in values)
         rotations = rotations_of(kind, values[kind], track.order, track.angle_unit, where)
@@ -170,17 +165,29 @@ def _track(spec: PoseRecordingSpec, key: str, track: TrackSpec, cache: dict[str,
     if track.inverse:
         rotations = rotations.inv()
         position = -rotations.apply(position)
-    keep = _range(spec, source.time)
+    keep = inside_range(spec.time_range, source.time)
     return PoseTrack(source.time[keep], position[keep], rotations.as_quat()[keep])
 
 
-def _range(spec: PoseRecordingSpec, time: np.ndarray) -> np.ndarray:
-    low, high = spec.time_range or (None, None)
+def matrices_of(numbers: np.ndarray, where: str) -> tuple[Rotation, np.ndarray]:
+    """Rotations and positions (N, 3) of matrices (N, 12 or 16), row by row. Raises `InputError`."""
+    if numbers.shape[1] not in (12, 16):
+        raise InputError(f"{where}.matrix has {numbers.shape[1]} numbers, must be 12 or 16")
+    rows = numbers[:, :12].reshape(len(numbers), 3, 4)
+    rotations, position = Rotation.from_matrix(rows[:, :, :3]), rows[:, :, 3]
+    if float(np.max(np.abs(rotations.as_matrix() - rows[:, :, :3]))) > 1e-3:
+        raise InputError(f"{where}.matrix holds no rotations; numbers must stand row by row")
+    return rotations, position
+
+
+def inside_range(given: tuple[int | float | None, int | float | None] | None, time: np.ndarray) -> np.ndarray:
+    """Mask (N,) of times within a range since the first [s]; None is open."""
+    low, high = given or (None, None)
     since = time - time[0]
     return (since >= (-np.inf if low is None else low)) & (since < (np.inf if high is None else high))
 
 
-def _block(given: FormulaList, values: dict[str, Any], count: int, where: str) -> np.ndarray:
+def block_of(given: FormulaList, values: dict[str, Any], count: int, where: str) -> np.ndarray:
     """Values (N, K) of formulas."""
     parts = [np.asarray(evaluate(formula, values, where), dtype=float) for formula in given.formulas]
     if given.listed:
@@ -207,7 +214,7 @@ def _arm(
         return ArmPoses(role, flange)
     where = f"{spec.path}.poses.{role}"
     source = cache[spec.source_of(f"{role}.joints")]
-    angles = ANGLES[joints.angle_unit] * _block(
+    angles = ANGLES[joints.angle_unit] * block_of(
         FormulaList(joints.position), source.values, len(source.time), f"{where}.joints.position"
     )
     if angles.shape[1] != len(joints.names):
@@ -217,7 +224,7 @@ def _arm(
     found = next((f for f in (data / arm.urdf, beside / arm.urdf) if is_file(f)), None)
     if found is None:
         raise InputError(f"{where}.urdf: no file {data / arm.urdf} or {beside / arm.urdf}")
-    keep = _range(spec, source.time)
+    keep = inside_range(spec.time_range, source.time)
     return ArmPoses(
         role, flange, tuple(joints.names), source.time[keep] - zero, angles[keep], read_model(found, {}).urdf
     )

@@ -94,6 +94,7 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
         "blind_test": frozenset({"recordings", "bags"}),
         "nodes": frozenset({"hardware", "bags", "contract", "conversions", "hosting"}),
         "cell": frozenset({"nodes", "hardware", "bags", "contract", "conversions", "hosting"}),
+        "watch": frozenset({"bags", "contract"}),
         "doctor": frozenset({"hosting", "contract"}),
         "hardware": frozenset({"contract", "conversions"}),
         "cli": frozenset(
@@ -104,6 +105,7 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
                 "blind_test",
                 "log_import",
                 "recordings",
+                "watch",
                 "nodes",
                 "bags",
                 "hosting",

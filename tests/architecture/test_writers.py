@@ -16,6 +16,7 @@ OWN_WRITERS = {
     "samrl_ros/bags/metadata.py": "OSError is the bag writer's to word",
     "samrl_ros/cell/node_group.py": "logs of child processes, in `room_for`",
     "samrl_ros/cell/soak/soak.py": "log of a child process, in `room_for`",
+    "samrl_ros/watch/judgement.py": "log of a child process, in `room_for`",
     "samrl_ros/nodes/training_process.py": "log of a child process, in `room_for`",
     "samrl_core/studies/job_queue.py": "logs of child processes, in `room_for`",
     "samrl_core/blind_test/engines/engines.py": "a folder for one simulation",

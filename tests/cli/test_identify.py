@@ -33,6 +33,7 @@ def test_a_push_is_read_as_it_was_written(push_files: list[str]) -> None:
     np.testing.assert_array_equal(found.seen, made.seen)
 
 
+@pytest.mark.thorough
 def test_two_pushes_give_the_mass_with_its_interval(
     push_files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

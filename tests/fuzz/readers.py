@@ -28,7 +28,7 @@ from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.schemas import definition
 from samrl_ros.bags.writer import BagWriter
 from samrl_ros.cell.parameter_file import load_parameters
-from samrl_ros.cli.diagnosis.diagnose import read_library
+from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.conversions import from_message
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.writing import as_yaml

@@ -125,6 +125,7 @@ def test_a_training_is_of_the_cell_that_is_asked_for(cell: CellSpec, tmp_path: P
     assert TrainSettings(cell=NAME).cell == Options(tmp_path, cell=NAME).cell == NAME
 
 
+@pytest.mark.thorough
 @pytest.mark.ros
 def test_an_episode_of_the_whole_agent(cell: CellSpec, tmp_path: Path) -> None:
     from samrl_ros.cell.local_graph import LocalGraph
@@ -153,6 +154,7 @@ def test_an_episode_of_the_whole_agent(cell: CellSpec, tmp_path: Path) -> None:
     assert np.linalg.norm(np.subtract(end, start)) > 0.005
 
 
+@pytest.mark.thorough
 @pytest.mark.ros
 def test_recordings_of_the_arm_are_diagnosed(cell: CellSpec, tmp_path: Path) -> None:
     from samrl_ros.cli.main import run

@@ -58,6 +58,7 @@ def test_an_expert_who_knows_the_truth_succeeds_in_the_world(task: Task) -> None
         world.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.ros
 def test_an_episode_of_the_whole_agent(task: Task, tmp_path: Path) -> None:
     from samrl_ros.cell.local_graph import LocalGraph

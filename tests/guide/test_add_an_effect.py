@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.guide.pages import blocks
 
 ROOT = Path(__file__).parents[2]
@@ -55,6 +57,7 @@ def follow(copy: Path) -> list[str]:
     return touched
 
 
+@pytest.mark.thorough
 def test_the_recipe_adds_an_effect_that_is_named_and_explained(tmp_path: Path) -> None:
     copy, out = tmp_path / "copy", tmp_path / "out"
     for package in ("samrl_core", "samrl_ros"):

@@ -20,7 +20,7 @@ from samrl_ros.bags.metadata import load
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.writer import BagWriter
 from samrl_ros.cell.parameter_file import load_parameters
-from samrl_ros.cli.diagnosis.diagnose import read_library
+from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.mapping import read_mapping
 from samrl_ros.recordings.joint_messages import encode_text
@@ -71,7 +71,7 @@ def test_other_encodings_are_named(reader: str, encoding: str, tmp_path: Path) -
 @pytest.mark.parametrize(
     "text",
     [
-        "[" * 20_000,
+        "[" * 5_000,
         "{a: " * 300 + "1" + "}" * 300,
         "&a [*a]",
         "a: !!bool maybe",

@@ -83,6 +83,7 @@ def test_given_urdf_and_tolerances_replace_those_of_the_bag(motion: ArmRecording
     assert back.arm.controller is not None and back.arm.controller.tolerances.mass == 0.2
 
 
+@pytest.mark.thorough
 def test_fifteen_seconds_at_a_kilohertz_are_quick(motion: ArmRecording, tmp_path: Path) -> None:
     count = 15_000
     values = np.random.default_rng(0).normal(size=(count, 7)).cumsum(axis=0) * 1e-3

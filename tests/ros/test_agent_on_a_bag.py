@@ -114,6 +114,7 @@ def test_the_library_does_what_the_graph_did(
     assert [topic for topic, _ in told] == [TARGET, ACTION, ACTION, ACTION]
 
 
+@pytest.mark.thorough
 def test_so_it_does_with_the_networks_of_the_package(
     three_learned: Any, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -204,6 +205,7 @@ def learned_policy(folder: Path) -> tuple[Any, Any]:
     return PolicyNode(PolicySettings(policy="learned", weights=str(folder)), outbox), outbox
 
 
+@pytest.mark.thorough
 def test_learned_parts_are_the_same_in_both(
     recorded: list[tuple[str, Any]], observations: dict[int, Observation], weights: Path
 ) -> None:

@@ -124,6 +124,7 @@ def test_a_replay_of_its_bag_says_the_same(run: StoppedRun, tmp_path: Path) -> N
         assert row["replayed"] == row["recorded"], topic
 
 
+@pytest.mark.thorough
 def test_a_stop_between_two_episodes_holds_the_next_one(tmp_path: Path) -> None:
     just_ended = 300_000_000  # since the first episode's last action was asked for; the next is asked for
     run = StoppedRun(tmp_path, after_ns=just_ended, actions=1)
@@ -132,6 +133,7 @@ def test_a_stop_between_two_episodes_holds_the_next_one(tmp_path: Path) -> None:
     assert not run.on(READY, run.stopped_ns, run.reset_ns) and run.on(READY, run.reset_ns)
 
 
+@pytest.mark.thorough
 def test_an_answer_from_before_the_reset_moves_nothing(tmp_path: Path) -> None:
     """A policy that was computing when the stop came speaks while the arm stands."""
     late: list[Any] = []

@@ -179,6 +179,7 @@ def test_a_mesh_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
         as_glb(tmp_path / "link.obj")
 
 
+@pytest.mark.thorough
 def test_a_bag_is_copied_with_what_viewers_are_shown(three_actions: Any, tmp_path: Path) -> None:
     from samrl_ros.cell.viewer.view_file import write_view
     from samrl_ros.cell.viewer.viewer_messages import MADE

@@ -44,6 +44,7 @@ def test_covering_changes_what_the_output_looks_at() -> None:
     assert rank_correlation(within_patches(gradients, SETTINGS).ravel(), found.ravel()) == pytest.approx(1.0)
 
 
+@pytest.mark.thorough
 def test_one_episode_is_run_and_summed_up(tmp_path: Path) -> None:
     settings = SaliencySettings(noise_samples=1, patch=32, stride=32)
     options = Options(tmp_path, ("peg_insertion",), count=1, workers=1)

@@ -19,6 +19,7 @@ def views() -> tuple[HeldView, ...]:
     return held_views(TASK, CELL)
 
 
+@pytest.mark.thorough
 def test_the_arm_gets_there_and_is_in_nobodys_way(views: tuple[HeldView, ...]) -> None:
     """From the start by each stop to the view, clear of the tool arm; straight ways reach fewer."""
     reach, start = ViewReach(CELL, TASK), TASK.start_joints(CELL)

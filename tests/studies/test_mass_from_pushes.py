@@ -72,6 +72,7 @@ def test_a_push_in_a_new_world_is_the_same(world: PyBulletWorld) -> None:
     np.testing.assert_array_equal(first.seen, again.seen)
 
 
+@pytest.mark.thorough
 def test_one_push_weighs_the_pancake(world: PyBulletWorld) -> None:
     """From 50 % off to 10 %, with an interval that holds the truth."""
     found = identify([pushed(world, PushSettings(total_s=0.35))], DISC, 0.5 * MASS)

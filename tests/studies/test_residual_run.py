@@ -179,6 +179,7 @@ def test_settings_out_of_range_are_refused(bad: dict) -> None:
         replace(SETTINGS, **bad)
 
 
+@pytest.mark.thorough
 def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every point of every seed once, the picture, the weights, and nothing done twice."""
     from samrl_core.studies.experiment import Options

@@ -64,6 +64,16 @@ _OF_READINGS = (
     "readings.clock_offset",
 )
 
+# What tracks of free bodies show: tossed, dropped, sliding.
+_OF_BODIES = (
+    "bodies.base_tilt",
+    "bodies.contact_friction",
+    "bodies.contact_stiffness",
+    "bodies.object_mass",
+    "bodies.clock_offset",
+    "bodies.object_geometry",
+)
+
 
 def _load(files: tuple[str, ...]) -> tuple[Effect[Any], ...]:
     return tuple(import_module(f"{__name__}.{file}").EFFECT for file in files)
@@ -72,7 +82,8 @@ def _load(files: tuple[str, ...]) -> tuple[Effect[Any], ...]:
 EFFECTS: tuple[Effect, ...] = _load(_FILES)
 POSE_EFFECTS = _load(_OF_POSES)
 READING_EFFECTS = _load(_OF_READINGS)
-EVERY_EFFECT = (*EFFECTS, *POSE_EFFECTS, *READING_EFFECTS)
+BODY_EFFECTS = _load(_OF_BODIES)
+EVERY_EFFECT = (*EFFECTS, *POSE_EFFECTS, *READING_EFFECTS, *BODY_EFFECTS)
 
 FAMILIES: dict[str, Effect[Any] | UnmodelledFamily] = {
     f.family: f for f in sorted((*reversed(EVERY_EFFECT), *UNMODELLED), key=lambda f: f.number)
@@ -98,6 +109,7 @@ def find_family(name: str) -> Effect[Any] | UnmodelledFamily:
 
 
 __all__ = [
+    "BODY_EFFECTS",
     "EFFECTS",
     "EVERY_EFFECT",
     "FAMILIES",

@@ -28,20 +28,6 @@ class UnmodelledFamily:
 
 UNMODELLED: tuple[UnmodelledFamily, ...] = (
     UnmodelledFamily(
-        31,
-        "contact_friction",
-        "Contact friction",
-        "Touching surfaces slip earlier or later than the model thinks.",
-        "Set the friction coefficient of this pair of materials, measured at several normal forces.",
-    ),
-    UnmodelledFamily(
-        32,
-        "contact_stiffness",
-        "Contact stiffness",
-        "Contact is softer or harder than modelled, so force rises and rebounds differently.",
-        "Set the stiffness and damping of this pair, measured with taps at several speeds.",
-    ),
-    UnmodelledFamily(
         33,
         "clearance",
         "Clearance of the fit",
@@ -61,13 +47,6 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Compliant tool",
         "The tool bends under load, so that its tip lags behind the flange.",
         "Stiffen the tool, or model it as a spring of the fitted stiffness.",
-    ),
-    UnmodelledFamily(
-        36,
-        "object_mass",
-        "Mass of the object",
-        "The handled object weighs, or is balanced, otherwise than modelled.",
-        "Weigh the object and correct its mass and centre of mass.",
     ),
     UnmodelledFamily(
         37,

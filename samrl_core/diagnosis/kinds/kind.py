@@ -10,6 +10,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects import Effect
 from samrl_core.diagnosis.export.correction import Correction
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
@@ -64,6 +65,13 @@ class Kind(ABC, Generic[R]):
     ) -> tuple[NextExperiment | None, str]:
         """The recording that would split the named effects, and why there is none where there is none."""
 
+    def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
+        """Known causes that are no effect of the library and explain more than what was chosen, in words.
+
+        `least` [nat] is what an effect needs against nothing.
+        """
+        return []
+
     def notes(self, trials: Sequence[Observed]) -> list[str]:
         """Remarks about the input that only residuals show."""
         return []
@@ -80,6 +88,10 @@ class Kind(ABC, Generic[R]):
         self, evidence: Evidence, chosen: Fit, far: HowFar, rng: np.random.Generator
     ) -> Correction | None:
         """What was named as a change of the model, for exports; None where no export takes it."""
+        return None
+
+    def recalibration(self, likelihood: Likelihood, chosen: Fit) -> Recalibration | None:
+        """What was named as a change of a calibration; None where these recordings tell of none."""
         return None
 
     def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:

@@ -6,15 +6,22 @@ from collections.abc import Sequence
 from typing import Any
 
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.arms import Arms
+from samrl_core.diagnosis.kinds.bodies import Bodies
 from samrl_core.diagnosis.kinds.kind import Kind, Recording
 from samrl_core.diagnosis.kinds.poses import Poses
 from samrl_core.diagnosis.kinds.readings import Readings
 
-KINDS: dict[type, Kind[Any]] = {ArmRecording: Arms(), PoseRecording: Poses(), ReadingRecording: Readings()}
+KINDS: dict[type, Kind[Any]] = {
+    ArmRecording: Arms(),
+    PoseRecording: Poses(),
+    ReadingRecording: Readings(),
+    BodyRecording: Bodies(),
+}
 
 
 def kind_of(recordings: Sequence[Recording]) -> Kind[Any]:

@@ -9,8 +9,10 @@ from typing import ClassVar
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import POSE_EFFECTS
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.kinds.next_views import next_views
+from samrl_core.diagnosis.kinds.pose_corrections import recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
@@ -75,6 +77,9 @@ class Poses(Kind[PoseRecording]):
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
     ) -> tuple[NextExperiment | None, str]:
         return next_views(likelihood, fits, names, seed)
+
+    def recalibration(self, likelihood: Likelihood, chosen: Fit) -> Recalibration:
+        return recalibration(chosen, [t for t in likelihood.trials if isinstance(t, PoseTrial)])
 
 
 def _chain_of(recording: PoseRecording) -> tuple[object, ...]:

@@ -48,7 +48,7 @@ class Likelihood:
         for r, trial in enumerate(self.trials):
             for channel in trial.channels:
                 ratio = trial.residual[channel] / trial.sigma[channel]
-                for j, column in enumerate(ratio.T):
+                for j, column in enumerate(ratio.T if len(ratio) else ()):
                     self.blocks[r, channel, j] = slice(start, start + len(column))
                     parts.append(self._whitened(r, channel, j, column))
                     start += len(column)

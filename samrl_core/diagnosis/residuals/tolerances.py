@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial
+from samrl_core.diagnosis.residuals.bodies.nominal import tolerance_columns as columns_of_bodies
+from samrl_core.diagnosis.residuals.bodies.nominal import unknown_columns as unknown_of_bodies
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.nominal import recording_columns as own_columns_of_arm
 from samrl_core.diagnosis.residuals.nominal import tolerance_columns as columns_of_arm
@@ -28,6 +31,8 @@ def tolerance_columns(trial: Observed, widened: float = 1.0) -> list[tuple[Colum
         return columns_of_poses(trial, widened)
     if isinstance(trial, ReadingTrial):
         return columns_of_readings(trial, widened)
+    if isinstance(trial, BodyTrial):
+        return columns_of_bodies(trial, widened)
     raise InputError(f"recordings of kind {trial.kind!r} state no tolerances")
 
 
@@ -40,4 +45,6 @@ def unknown_columns(trial: Observed) -> np.ndarray:
     """Mask over the columns: what nobody stated and the recordings themselves gave."""
     if isinstance(trial, PoseTrial):
         return unknown_in_poses(trial)
+    if isinstance(trial, BodyTrial):
+        return unknown_of_bodies(trial)
     return np.zeros(len(tolerance_columns(trial)), dtype=bool)

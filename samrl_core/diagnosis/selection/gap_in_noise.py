@@ -45,7 +45,11 @@ def compare_in_noise(
         None if rival is None else rival.hypotheses[0].name, share,
         None if after is None else _interval(held_out, before, after, rng),
         None if share is None or other is None else share - shrink(nominal, _rms(other)),
-        tuple(_channel(held_out, c, before, after) for c in held_out.trials[0].channels),
+        tuple(
+            _channel(held_out, c, before, after)
+            for c in held_out.trials[0].channels
+            if any(b[1] == c for b in held_out.blocks)
+        ),
         tuple(t.name for t in held_out.trials),
     )  # fmt: skip
     return gap, _overlays(held_out, before, after)

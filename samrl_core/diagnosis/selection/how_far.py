@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from samrl_core.diagnosis.export.correction import Correction
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
@@ -47,6 +48,7 @@ class HowFar:
     overlays: tuple[Overlay, ...] = ()
     alarms: tuple[str, ...] = ()
     correction: Correction | None = None  # of the model, where something was named
+    recalibration: Recalibration | None = None  # of the calibration, where one effect was named for sure
     motion: float | None = None  # shrink of position and velocity alone, where it was simulated
     size: float | None = None  # of the fitted first effect, that simulation would have best
 

@@ -33,6 +33,9 @@ LATER_LEAVES = 0.25  # of the torque, at most, unless it shrinks the held-out ga
 LATER_SHRINKS = 0.5  # where a known effect is the second choice, an unknown one is more probable
 ABOUT = 0.05  # difference of two shrinks that says nothing
 
+# Known causes that are no effect: evidence, what was chosen, what an effect needs [nat] -> words.
+Doubts = Callable[[Evidence, Fit | None, float], list[str]]
+
 
 @dataclass(frozen=True, eq=False)
 class Judged:
@@ -54,6 +57,7 @@ def judge_sets(
     simulate: bool,
     seed: int,
     progress: Callable[[str], None],
+    doubts: Doubts = lambda evidence, chosen, least: [],
 ) -> Judged:
     """The first set that is not refused, or else the nearest."""
     nearest: Judged | None = None
@@ -64,9 +68,9 @@ def judge_sets(
             tried = attempts.send(contradicted if nearest is not None else None)
         except StopIteration:
             break
-        one, contradicted = judge_set(likelihood, held, tried, settings, simulate, seed, progress)
+        one, contradicted = judge_set(likelihood, held, tried, settings, simulate, seed, progress, doubts)
         if (plainer := _plainer(likelihood, held, one)) is not None:
-            simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress)
+            simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress, doubts)
             if simple.outcome.verdict != "none_of_mine":
                 one, contradicted = simple, denied
         if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
@@ -137,6 +141,7 @@ def judge_set(
     simulate: bool,
     seed: int,
     progress: Callable[[str], None],
+    doubts: Doubts = lambda evidence, chosen, least: [],
 ) -> tuple[Judged, tuple[int, ...]]:
     """A set with its verdict, and the indices of members that an alarm contradicts."""
     rng = np.random.default_rng(seed)
@@ -162,10 +167,13 @@ def judge_set(
         alarms += undone_alarms(evidence, chosen)
         for h in chosen.hypotheses:
             alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
+    alarms += (doubted := doubts(evidence, chosen, selection.threshold))
     progress("how far")
     far = how_far(held, selection, simulate, rng, progress, likelihood)
     alarms += list(far.alarms)
     outcome = rules.decide(selection, named, runner_ups, alarms, far, settings)
+    if chosen is None and doubted:
+        outcome = rules.Decision("none_of_mine", tuple(doubted), unexplained=1.0)
     contradicted = tuple(
         i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)
     )

@@ -93,7 +93,11 @@ def timelines(
 
         energy = {}
         for j, place in enumerate(trial.places):
-            parts = [part for (rr, _, jj), part in likelihood.blocks.items() if (rr, jj) == (r, j)]
+            parts = [
+                part
+                for (rr, _, jj), part in likelihood.blocks.items()
+                if (rr, jj) == (r, j) and part.stop - part.start == len(elapsed)
+            ]
             energy[place] = np.sqrt(np.max([per_window(z[part] ** 2) for part in parts], axis=0))
         freedom = max(size / correlation, 1.0)
         chance = FALSE_DISCOVERY / (windows * len(trial.places))
@@ -113,7 +117,7 @@ def onset(likelihood: Likelihood, prediction: np.ndarray, recording: int, correl
     elapsed = trial.elapsed(trial.channels[0])
     numerator, power = np.zeros(len(elapsed)), np.zeros(len(elapsed))
     for (r, _, _), part in likelihood.blocks.items():
-        if r == recording:
+        if r == recording and part.stop - part.start == len(elapsed):
             numerator += prediction[part] * likelihood.y[part]
             power += prediction[part] ** 2
     if float(np.sum(power)) / correlation < 50.0:

@@ -14,20 +14,25 @@ from rich.markup import escape
 
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
-from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.common.text_files import parse_json, read_text
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
+from samrl_core.diagnosis.result import Diagnosis
+from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.progress import SIDE_BY_SIDE
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
 XACRO_HELP = "Value of an argument of a xacro model, NAME:=VALUE."
 NAMED = ("effect", "ambiguous", "none_of_mine")
+APPLY = "apply"  # folder below the report
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,16 @@ class DiagnoseOptions:
     randomise: Annotated[
         bool, typer.Option("--randomise", help="With --export: posterior ranges for domain randomisation.")
     ] = False
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Diagnose the running graph, window after window, until Ctrl-C.")
+    ] = False
+    window: Annotated[float, typer.Option(help="With --watch: length of a window [s].")] = 30.0
+    windows: Annotated[int, typer.Option(help="With --watch: end after so many; 0: never.", min=0)] = 0
+    keep: Annotated[int, typer.Option(help="With --watch: newest bags without a gap that stay.", min=0)] = 10
+    apply: Annotated[
+        bool,
+        typer.Option("--apply", help="Of recorded poses: write the corrected calibration into OUT/apply."),
+    ] = False
     sim: Annotated[
         Path | None,
         typer.Option(help="A log of your simulator: say where and when it leaves the machine's. No model."),
@@ -100,6 +115,8 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     check_targets(options.export)
     if options.many is not None:
         return _many(options)
+    if options.watch:
+        return _watch(options)
     if not options.bags:
         raise InputError("no recording is named; give bags, a folder of bags or a log, or --many DIR")
     screen = Console()
@@ -134,6 +151,11 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         with screen.status("reading recordings") as status:
             model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
             fit, held_out, notes = load(options, model)
+            if options.apply and not all(isinstance(r, PoseRecording) for r in fit):
+                raise InputError(
+                    "--apply corrects calibrations from recorded poses; effects of an arm go into the"
+                    " model of a simulator with --export"
+                )
             for note in notes:
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)
@@ -141,10 +163,13 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
             files = write_report(diagnosis, options.out)
             _write_resimulation(options.out, far.resimulations)
             correction = far.correction and keep_correction(far.correction, model, options.out)
+            applied = _applied(far.recalibration, diagnosis, options) if options.apply else []
     except KeyboardInterrupt:
         screen.print("interrupted; nothing was written, the same command begins again", highlight=False)
         return INTERRUPTED
     for line in summary(diagnosis, [str(f) for f in files]):
+        screen.print(escape(line), highlight=False, soft_wrap=True)
+    for line in applied:
         screen.print(escape(line), highlight=False, soft_wrap=True)
     if options.export and correction is None:
         screen.print(f"nothing was named, so there is nothing to export to {', '.join(options.export)}")
@@ -153,12 +178,54 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
 
 
+def _applied(found: Recalibration | None, diagnosis: Diagnosis, options: DiagnoseOptions) -> list[str]:
+    """Write the corrected calibration of a diagnosis of poses; lines that say what became of it."""
+    from samrl_core.diagnosis.export.recalibration import write_recalibration
+
+    if found is None:
+        why = {
+            "ambiguous": "several causes fit alike; record what would split them first",
+            "no_gap": "nothing differs from the description",
+        }.get(diagnosis.verdict, "nothing was named")
+        return [f"nothing was applied: {why}"]
+    written = write_recalibration(found, options.out / APPLY)
+    lines = [f"applied: {t.name}, from {t.effect}" for t in found.transforms]
+    lines += [f"for your own code: {s.effect}: {s.says}" for s in found.statements]
+    return [*lines, *(str(path) for path in written)]
+
+
 def _many(options: DiagnoseOptions) -> int:
     from samrl_ros.cli.diagnosis.many import diagnose_many
 
     if options.bags or options.held_out:
         raise InputError("--many takes its recordings from its folder; leave out other bags and --held-out")
     assert options.many is not None
+    shared = _for_children(options)
+    shared += ["--randomise"] if options.randomise else []
+    out = options.out
+    return diagnose_many(options.many, out, shared, options.workers, options.ray, options.fail_on_gap)
+
+
+def _watch(options: DiagnoseOptions) -> int:
+    from samrl_ros.cli.diagnosis.watch import watch_graph
+
+    if options.bags or options.held_out or options.sim is not None or options.apply or options.export:
+        raise InputError(
+            "--watch takes its recordings from the running graph; leave out bags, --held-out, --sim, --apply"
+            " and --export, and diagnose a kept window with them later"
+        )
+    return watch_graph(
+        options.out,
+        _for_children(options),
+        options.window,
+        options.windows,
+        options.keep,
+        options.fail_on_gap,
+    )
+
+
+def _for_children(options: DiagnoseOptions) -> list[str]:
+    """Arguments of a `samrl diagnose` that is started for one set of recordings."""
     shared: list[str] = ["--seed", str(options.seed), "--null-worlds", str(options.null_worlds)]
     shared += ["--effort", options.effort.value]
     for name in ("urdf", "tolerances", "library"):
@@ -169,9 +236,7 @@ def _many(options: DiagnoseOptions) -> int:
         ("--xacro-arg", options.xacro_arg), ("--track", options.track), ("--export", options.export),
     ):  # fmt: skip
         shared += [text for value in values for text in (name, value)]
-    shared += ["--randomise"] if options.randomise else []
-    out = options.out
-    return diagnose_many(options.many, out, shared, options.workers, options.ray, options.fail_on_gap)
+    return shared
 
 
 def load(
@@ -183,6 +248,7 @@ def load(
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
     """
     from samrl_ros.recordings import read_tolerances
+    from samrl_ros.recordings.body_file import is_body_file, load_body_files
     from samrl_ros.recordings.described import described_by
     from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files, read_pose_tolerances
     from samrl_ros.recordings.reading_file import is_reading_file, load_reading_files
@@ -193,6 +259,8 @@ def load(
         return load_pose_files(fit_paths, held_paths, own)
     if any(is_reading_file(p) for p in (*fit_paths, *held_paths)):
         return load_reading_files(fit_paths, held_paths, options.tolerances)
+    if any(is_body_file(p) for p in (*fit_paths, *held_paths)):
+        return load_body_files(fit_paths, held_paths, options.tolerances)
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []
@@ -262,22 +330,6 @@ def _one_log(path: Path, options: DiagnoseOptions) -> tuple[ArmRecording, list[s
     if not found:
         raise InputError(f"{path} has {[r.arm.role for r in recordings]}, not {role}; choose with --arm")
     return found[0], notes
-
-
-def read_library(path: Path) -> tuple[str, ...]:
-    """Families that may be named: YAML or JSON, a list or `families: [...]`.
-
-    Raises:
-        InputError: the file cannot be read, or holds no list of names.
-    """
-    try:
-        content = parse_yaml(read_text(path, "the library"), str(path))
-    except InputError as error:
-        raise InputError(f"library {path} cannot be read: {error}") from error
-    names = content.get("families") if isinstance(content, dict) else content
-    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise InputError(f"library {path} must list families, plain or under `families:`; see samrl effects")
-    return tuple(names)
 
 
 def cache_folder() -> Path:

@@ -47,6 +47,7 @@ def weak_drive() -> Sequence[ArmRecording]:
     return [ARM.record(n, s, gain=(0.94, 1.0)) for n, s in (("A", 5), ("B", 6))]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(BASELINES))
 def test_every_baseline_finds_an_obvious_cause(name: str, rubbing: Sequence[ArmRecording]) -> None:
     claim = baseline(name)(rubbing)

@@ -180,6 +180,7 @@ def test_the_worst_signal_of_the_named_joint_comes_first() -> None:
     assert json.loads(page.scripts["overlay-index"])[0]["key"][:2] == [samples.HELD_OUT, "panda_joint4"]
 
 
+@pytest.mark.thorough
 def test_many_long_recordings_stay_below_six_megabytes() -> None:
     d = samples.diagnosis("effect")
     copies = tuple(replace(o, recording=f"c{i}.mcap") for i in range(20) for o in d.overlays)

@@ -193,6 +193,7 @@ def _check_all(problem: Problem, fields: list[str] | None = None) -> None:
             )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "kind", [k if k in FAST else pytest.param(k, marks=pytest.mark.slow) for k in PLANTS]
 )
@@ -223,6 +224,7 @@ def test_gradient_of_a_servo_on_a_voltage() -> None:
     _check_all(_problem("slide", plant, servo, substeps=2))
 
 
+@pytest.mark.thorough
 def test_gradient_with_substeps_and_late_records() -> None:
     _check_all(_problem("slide", replace(RICH, payload=None), substeps=3, efforts="end"))
 

@@ -79,6 +79,7 @@ def test_a_q_learns_which_actions_succeed(tmp_path: Path, loss: str) -> None:
     assert float((right == (batch["return_"] > 0.5)).float().mean()) > 0.9
 
 
+@pytest.mark.thorough
 def test_killed_in_the_middle_it_ends_the_same(tmp_path: Path, whole: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     process = subprocess.Popen([sys.executable, tiny.__file__, str(tmp_path), "0.3"], env=environment)

@@ -115,6 +115,7 @@ def test_looks_vary_about_the_models_own() -> None:
     assert ((own_image - other).abs().mean(dim=(1, 2, 3)) > 0.01).all()
 
 
+@pytest.mark.thorough
 def test_noise_has_the_stated_size() -> None:
     """The depth's error at 0.4 m is about 0.6 mm along the ray; a share of the images is clean."""
     _, _, renderer = scene("peg_insertion")

@@ -148,6 +148,7 @@ def pushes() -> VisitedStates:
     )
 
 
+@pytest.mark.thorough
 def test_simopt_finds_the_friction_under_a_pushed_pancake() -> None:
     """Three iterations of 16 samples; the factor may be anything from a half to two at first."""
     model = model_of("spatula_flipping")

@@ -83,6 +83,7 @@ def test_adr_learns_from_actors_and_goes_on_where_it_was(
         other.after_actor(actor_of(model))
 
 
+@pytest.mark.thorough
 def test_simopt_learns_before_training(tmp_path: Path) -> None:
     """From the cell's pushes; the physical parameters of what is sampled then are near those of the cell."""
     model = model_of("spatula_flipping")

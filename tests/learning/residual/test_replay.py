@@ -97,6 +97,7 @@ while True:
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("after", [20, 150])
 def test_a_killed_writer_loses_one_step_at_most(tmp_path: Path, after: int) -> None:
     path = tmp_path / "replay"

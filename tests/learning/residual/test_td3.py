@@ -67,6 +67,7 @@ def test_effort_keeps_residuals_short() -> None:
         replace(QUICK, penalty_weight=-1.0)
 
 
+@pytest.mark.thorough
 def test_the_actor_is_held_to_what_was_tried() -> None:
     """With that alone it comes to the residuals executed, and without it to none."""
     data = replace(
@@ -81,6 +82,7 @@ def test_the_actor_is_held_to_what_was_tried() -> None:
     assert (tried[1] - data.residual[0]).norm() < 0.0003 < (tried[0] - data.residual[0]).norm()
 
 
+@pytest.mark.thorough
 def test_the_actor_acts_as_it_learnt_where_updates_see_few_features() -> None:
     """One in five, as after 100 episodes: what is learnt there is not what all features at once give."""
     residual = torch.tensor([0.001, -0.002, 0.0005])
@@ -117,6 +119,7 @@ def test_what_leaving_costs_falls_with_the_root_of_the_episodes() -> None:
         replace(QUICK, few_episodes=0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, 4])
 def test_features_that_tell_episodes_apart_hide_nothing(seed: int) -> None:
     """Of 24 episodes, each to be known by its features, those with residuals along +x succeed more often.
@@ -156,6 +159,7 @@ def test_updates_see_more_features_the_more_episodes_there_are() -> None:
     assert ((first != 0.0) != (second != 0.0)).any() and ((first[0] != 0.0) != (first[1] != 0.0)).any()
 
 
+@pytest.mark.thorough
 def test_critics_learn_from_blurred_residuals() -> None:
     """Two steps that residuals tell apart, by 0.2 mm, hardly differ in value where the noise is 1.5 mm."""
     residual = torch.tensor([[0.0001, 0.0, 0.0], [-0.0001, 0.0, 0.0]]).repeat(32, 1)

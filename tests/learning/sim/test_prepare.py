@@ -25,6 +25,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {p.name: p.read_bytes() for p in folder.iterdir()}
 
 
+@pytest.mark.thorough
 def test_a_killed_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     """SIGKILL while shards are being made."""
     arguments = (

@@ -113,6 +113,7 @@ def test_estimates_err_as_set(model: Model) -> None:
     assert 0 < errors.max() < 0.008
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "stages"),
     [("needle_threading", {"above", "thread_1"}), ("spatula_flipping", {"behind", "under"})],

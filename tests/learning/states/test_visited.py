@@ -37,6 +37,7 @@ def visited(task: str = "peg_insertion", count: int = 2) -> VisitedStates:
     )
 
 
+@pytest.mark.thorough
 def test_states_near_what_was_visited_are_learnt_from(tmp_path: Path) -> None:
     """About a quarter of the episodes begin there; none of a training without them comes near."""
     given = visited().starts(TASK)

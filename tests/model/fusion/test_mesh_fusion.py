@@ -18,6 +18,7 @@ from samrl_core.model.scene.mesh_checks import MeshLimits, require_sound
 from samrl_core.studies.model.mesh_fusion import BODIES, TARGET_M, MeshEvaluator, cameras, main, swollen
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_twelve_photos_give_the_body(name: str) -> None:
     cell = cell_named()
@@ -38,6 +39,7 @@ def test_twelve_photos_give_the_body(name: str) -> None:
     assert judge.stage(swollen(mesh, 0.003)).chamfer > 0.002
 
 
+@pytest.mark.thorough
 def test_the_experiment_writes_its_figures_and_a_picture(tmp_path: Path) -> None:
     few = ["--views", "5", "--voxel", "0.003", "--iterations", "2"]
     assert main(["--bodies", "pancake", *few, "--out", str(tmp_path)]) == 0

@@ -34,6 +34,7 @@ def offset(mesh: FusedMesh) -> np.ndarray:
     return np.linalg.norm(mesh.vertices[mesh.observed] - CENTER, axis=1) - RADIUS
 
 
+@pytest.mark.thorough
 def test_a_ball_too_large_shrinks(ball: FusedMesh, views: list[MaskedView]) -> None:
     large = replace(ball, vertices=CENTER + 1.08 * (ball.vertices - CENTER))
     result = refine(large, views, STEPS)
@@ -42,6 +43,7 @@ def test_a_ball_too_large_shrinks(ball: FusedMesh, views: list[MaskedView]) -> N
     assert result.after.total < 0.6 * result.before.total
 
 
+@pytest.mark.thorough
 def test_wrong_colors_are_mended_and_the_shape_left_alone(ball: FusedMesh, views: list[MaskedView]) -> None:
     dark = replace(ball, color=np.maximum(ball.color - 0.1, 0.0))
     shapeless = replace(STEPS, vertex_std=0.0, color_std=0.1)

@@ -53,6 +53,7 @@ def covered(problems: list[Problem], settings: WanderSettings) -> tuple[np.ndarr
     return np.mean(inside, axis=0), np.array(widths), found
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_where_contacts_stray() -> None:
     """As often as they should; those of noise alone do not."""
     rng = np.random.default_rng(7)

@@ -27,6 +27,7 @@ def two() -> list[PushRecord]:
     return [pushes.made_push(MASS, FRICTION, force, seed=i) for i, force in enumerate((6.0, 8.0))]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", [0.5, 1.5])
 def test_two_pushes_give_mass_and_friction(two: list[PushRecord], share: float) -> None:
     """From 50 % off to within the interval, which is a narrow one."""
@@ -48,6 +49,7 @@ def test_what_a_push_cannot_show_is_said(two: list[PushRecord]) -> None:
     assert found.parameter("inertia_ratio").value == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.thorough
 def test_a_second_push_goes_on_where_the_first_ended(two: list[PushRecord]) -> None:
     first = identify(two[:1], pushes.DISC, 0.5 * MASS, pushes.SETTINGS)
     both = identify(two, pushes.DISC, 0.5 * MASS, pushes.SETTINGS, first)

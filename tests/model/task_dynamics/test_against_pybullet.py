@@ -6,6 +6,7 @@ Start poses and the parameters of the task's scene are given to both; the model'
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
@@ -16,6 +17,7 @@ from tests.model.task_dynamics.recorded import CELL, SAMPLE, pancake_errors, rec
 torch.set_num_threads(1)
 
 
+@pytest.mark.thorough
 def test_thread_goes_through_the_eye_as_in_the_world() -> None:
     """Over 2 s, within 0.2 mm on the way; 2 cm of it below the eye at the end."""
     task = NeedleThreading()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from samrl_core.cell.robots.cells import cell_named
@@ -22,6 +23,7 @@ def thread() -> tuple[Model, np.ndarray, torch.Tensor, torch.Tensor]:
     return model, values, torch.from_numpy(model.initial_colors()), target
 
 
+@pytest.mark.thorough
 def test_points_of_a_thread_lie_on_it() -> None:
     """The mean over a pixel mixes the thread and what is centimetres behind it."""
     model, values, colors, target = thread()

@@ -38,6 +38,7 @@ def successes(name: str, seeds: Sequence[int], error: Error) -> int:
     return count
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(ERRORS))
 def test_plans_solve_the_task(name: str) -> None:
     """One start, with errors."""

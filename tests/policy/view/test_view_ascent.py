@@ -219,6 +219,7 @@ def test_network_image_of_one_pixel_turned() -> None:
     assert float(over[0, 3, 2]) == float(image[0, 0, 1]) != float(image[0, 0, 0])
 
 
+@pytest.mark.thorough
 def test_goes_to_where_the_target_can_be_seen() -> None:
     """Behind a screen the present view is worth nothing, whatever Q says."""
     hidden = Model(task_named("needle_threading_occluded"), cell_named())

@@ -118,7 +118,7 @@ def test_flipped_bytes_are_refused_or_reported_never_a_crash(small_bag) -> None:
     data = file.read_bytes()
     rng = np.random.default_rng(9)
     refused = 0
-    for position in rng.integers(0, len(data), 150):
+    for position in rng.integers(0, len(data), 60):
         changed = bytearray(data)
         changed[position] ^= int(rng.integers(1, 256))
         file.write_bytes(changed)

@@ -44,6 +44,7 @@ def test_root_text_is_the_installed_file_byte_for_byte() -> None:
         assert text.startswith(file.read_bytes() + b"\n" + RULER.encode())
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not (SHARE / "std_msgs").is_dir(), reason="no ROS packages installed")
 def test_computed_hashes_equal_all_installed_ones() -> None:
     checked = 0

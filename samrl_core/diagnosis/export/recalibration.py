@@ -1,0 +1,100 @@
+"""What a diagnosis of poses changes in a calibration: transforms with covariances, and shifts of stamps.
+
+A transform is written twice: as `samrl cell --hand-eye` and `--bases` read it (`calibration.json`), and as
+the lines of a mapping. What is no transform of the chain is a statement for the user's own code.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.files import write_whole
+
+SCHEMA = 1
+FILE, LINES = "calibration.json", "corrected.yaml"
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedTransform:
+    """A constant transform of the chain, as it was stated and as it was found."""
+
+    effect: str  # family@place
+    name: str  # in a mapping: camera_in_flange, target_in_base, ...
+    stated: Pose
+    found: Pose
+    covariance: np.ndarray  # (6, 6) of position in the parent's axes [m] and rotation in the child's [rad]
+    calibration: tuple[str, str] | None  # kind and key of a `calibration.json`, if a cell has this transform
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """Standard deviations (6,) [m], [rad]."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A correction that no transform of the chain holds."""
+
+    effect: str
+    says: str
+
+
+@dataclass(frozen=True, eq=False)
+class Recalibration:
+    """All corrections of one diagnosis of poses."""
+
+    camera: str
+    transforms: tuple[CorrectedTransform, ...]
+    statements: tuple[Statement, ...]
+    sources: tuple[tuple[str, str], ...]  # (file, sha256) of the recordings that were fitted
+
+
+def write_recalibration(found: Recalibration, folder: Path) -> list[Path]:
+    """A folder with `calibration.json` for each transform of a cell, and `corrected.yaml` with all lines."""
+    written = []
+    for t in found.transforms:
+        if t.calibration is not None:
+            path = folder / t.calibration[0] / FILE
+            write_whole(path, json.dumps(_calibration_json(t, found), indent=1, allow_nan=False) + "\n")
+            written.append(path)
+    write_whole(folder / LINES, _lines(found))
+    return [*written, folder / LINES]
+
+
+def _calibration_json(t: CorrectedTransform, found: Recalibration) -> dict[str, Any]:
+    assert t.calibration is not None
+    kind, key = t.calibration
+    deviation = t.deviation
+    return {
+        "schema": SCHEMA,
+        "kind": kind,
+        key: {"position": t.found.position.tolist(), "quat_xyzw": t.found.quat_xyzw.tolist()},
+        "standard_deviation": {"position": deviation[:3].tolist(), "rotation": deviation[3:].tolist()},
+        "covariance": t.covariance.tolist(),
+        "effect": t.effect,
+        "stated": {"position": t.stated.position.tolist(), "quat_xyzw": t.stated.quat_xyzw.tolist()},
+        "sources": [{"file": file, "sha256": digest} for file, digest in found.sources],
+    }
+
+
+def _lines(found: Recalibration) -> str:
+    out = [f"# What differs from the description of {found.camera}; one standard deviation behind each line."]
+    if found.transforms:
+        out += ["# In the mapping, in place of what is stated there:", "poses:"]
+    for t in found.transforms:
+        position = ", ".join(f"{v:.6f}" for v in t.found.position)
+        quaternion = ", ".join(f"{v:.7f}" for v in t.found.quat_xyzw)
+        moved = ", ".join(f"{1e3 * s:.2f}" for s in t.deviation[:3])
+        turned = ", ".join(f"{np.rad2deg(s):.3f}" for s in t.deviation[3:])
+        out += [
+            f"  # {t.effect}: {moved} mm; {turned} deg",
+            f"  {t.name}: {{position: [{position}], quaternion: [{quaternion}]}}",
+        ]
+    out += [f"# {s.effect}: {s.says}" for s in found.statements]
+    return "\n".join(out) + "\n"

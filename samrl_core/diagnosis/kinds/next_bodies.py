@@ -1,0 +1,114 @@
+"""The motion of a body that would split an ambiguity set, or the sentence that none does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from samrl_core.cell.types.body_recording import BodyRecording, BodyTrack
+from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial, body_trials, channels_of
+from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.result import NextExperiment
+from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+from samrl_core.diagnosis.selection.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
+from samrl_core.diagnosis.selection.twins import AS_MUCH
+
+WAYS = 4  # directions of slides and tosses
+SLIDE_SPEED, TOSS_SPEED, RISE_SPEED, SPIN = 1.0, 1.5, 2.5, 6.0  # [m/s], [m/s], [m/s], [rad/s]
+FLIGHT_S = 0.5
+MOTIONS = {
+    "slides": "slides to rest at 1 m/s from the start, in four directions of the support",
+    "tosses": "tosses of half a second in four directions, turning about two axes",
+}
+OUTSIDE = "a clock that is filmed, or a length of known size beside the path, must"
+
+
+def next_bodies(
+    likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
+) -> tuple[NextExperiment | None, str]:
+    """The motion in which the closest pair differs most; where none splits them, why."""
+    trial = likelihood.trials[0]
+    assert isinstance(trial, BodyTrial)
+    rivals: dict[str, tuple[Hypothesis, np.ndarray]] = {}
+    for fit in fits:
+        if fit.hypotheses[0].name in names:
+            rivals.setdefault(fit.hypotheses[0].name, (fit.hypotheses[0], fit.amplitudes[0]))
+    pair = " and ".join(names)
+    scored = []
+    for kind, recordings in _candidates(trial, seed).items():
+        found = [find_segments(r, k) for k, r in enumerate(recordings)]
+        channels = channels_of(recordings, found)
+        if channels:
+            (made,) = body_trials([recordings], [found], trial.constants, channels)
+            scored.append((discrimination(made, list(rivals.values())), kind))
+    best, kind = max(scored, default=(0.0, ""))
+    if best < AS_MUCH:
+        tried = "; ".join(MOTIONS[k] for _, k in scored)
+        return None, f"no recording of this tracker splits {pair} (tried: {tried}); {OUTSIDE}"
+    why = f"{pair} would differ by {best:.0f} of log evidence in {MOTIONS[kind]}"
+    content = {"schema": 1, "kind": "bodies", "motion": kind, "record": MOTIONS[kind], "why": why}
+    return NextExperiment(FILE, why, float(1.0 - np.exp(-best / NAT_PER_CERTAINTY)), content), ""
+
+
+def _candidates(trial: BodyTrial, seed: int) -> dict[str, list[BodyRecording]]:
+    """Nominal motions with the tracker's noise and rate."""
+    recording, rng = trial.recording, np.random.default_rng(seed)
+    step = float(np.median(np.diff(recording.track.time)))
+    gravity = np.asarray(recording.gravity)
+    out: dict[str, list[BodyRecording]] = {"tosses": []}
+    up = -gravity / np.linalg.norm(gravity)
+    for way in _ways(up):
+        time = np.arange(0.0, FLIGHT_S, step)
+        start = TOSS_SPEED * way + RISE_SPEED * up
+        path = time[:, None] * start + 0.5 * time[:, None] ** 2 * gravity
+        turned = Rotation.from_rotvec(time[:, None] * SPIN * (way + 0.5 * np.cross(up, way)))
+        out["tosses"].append(_recorded(recording, time, path, turned, trial.level, rng, "flight"))
+    support = recording.support
+    friction = trial.constants.friction
+    if support is not None and friction > 0.0:
+        normal = np.asarray(support.normal)
+        pull = gravity - normal * (gravity @ normal)
+        out["slides"] = []
+        for way in _ways(normal):
+            path, time = _slide(way, pull, friction * -float(normal @ gravity), step)
+            turned = Rotation.from_rotvec(np.zeros((len(time), 3)))
+            out["slides"].append(_recorded(recording, time, path, turned, trial.level, rng, "contact"))
+    return out
+
+
+def _slide(way: np.ndarray, pull: np.ndarray, brake: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, 3) of a slide until it rests, two seconds at most, and times (n,)."""
+    position, velocity, path = np.zeros(3), SLIDE_SPEED * way, []
+    while len(path) * step < 2.0:
+        path.append(position.copy())
+        speed = float(np.linalg.norm(velocity))
+        if speed < brake * step:
+            break
+        change = pull - brake * velocity / speed
+        position = position + step * velocity + 0.5 * step**2 * change
+        velocity = velocity + step * change
+    return np.array(path), step * np.arange(len(path))
+
+
+def _ways(up: np.ndarray) -> list[np.ndarray]:
+    along = np.eye(3)[int(np.argmin(np.abs(up)))]
+    first = along - up * (along @ up)
+    first = first / np.linalg.norm(first)
+    second = np.cross(up, first)
+    angles = 2.0 * np.pi * np.arange(WAYS) / WAYS
+    return [np.cos(a) * first + np.sin(a) * second for a in angles]
+
+
+def _recorded(
+    like: BodyRecording, time: np.ndarray, path: np.ndarray, turned: Rotation, noise: np.ndarray,
+    rng: np.random.Generator, phase: str,
+) -> BodyRecording:  # fmt: skip
+    seen = np.array([axis in like.track.axes for axis in "xyz"])
+    noisy = (path + noise * rng.standard_normal(path.shape)) * seen
+    quats = turned.as_quat() if like.track.turns else like.track.quat_xyzw[:0]
+    track = BodyTrack(time, noisy, like.track.axes, quats, like.track.turns)
+    return replace(like, name="next", track=track, phase=phase)

@@ -1,0 +1,1 @@
+"""Tracks of free bodies as residuals: phases, segments, impacts."""

@@ -1,0 +1,260 @@
+"""From a track to the motions that a model can say something about: flights, slides, and impacts between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from samrl_core.cell.types.body_recording import BodyRecording
+from samrl_core.diagnosis.residuals.bodies.phase_search import (
+    CONTACT,
+    FLIGHT,
+    Phase,
+    find_phases,
+    rough_noise,
+)
+from samrl_core.diagnosis.residuals.bodies.segment import Segment, rotations, smoothed, smoothness
+from samrl_core.diagnosis.residuals.bodies.stray_poses import stray_poses
+
+LEAST_SAMPLES = 7
+LEAST_S = {"flight": 0.06, "slide": 0.12}
+SLOWEST = 0.04  # [m/s] of a slide: below it friction has no direction
+SURELY = 5.0  # standard deviations of the speed, likewise
+WINDOW_S = 0.06  # to either side, over which a speed is told
+JUMP = 0.15  # [m/s] of velocity within a motion: something was hit
+LEVEL = 0.02  # of gravity along the support, below which nothing speeds up by itself
+SEEN = 0.98  # of the normal that must lie within measured axes
+APART_S = 0.05  # between two flights, at most, for one impact
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A rebound from the support: speeds along its normal [m/s] and their standard deviations per metre of
+    noise."""
+
+    recording: int
+    time: float  # [s]
+    before: float
+    after: float
+    before_spread: float  # [1/s]
+    after_spread: float
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Motions and impacts of one recording, and what was left out."""
+
+    segments: tuple[Segment, ...]
+    impacts: tuple[Impact, ...]
+    notes: tuple[str, ...]
+    strays: int = 0  # poses that are none of the body
+
+
+def find_segments(recording: BodyRecording, index: int) -> Found:
+    """Everything of one recording; `index` is its place in the trial."""
+    stray = stray_poses(
+        recording.track.time, recording.track.position[:, [a in recording.track.axes for a in "xyz"]]
+    )
+    recording = replace(recording, track=recording.track.only(~stray))
+    track, time = recording.track, recording.track.time
+    turned = rotations(track.quat_xyzw, len(track))
+    center = track.position + turned @ np.asarray(recording.body.center)
+    seen = np.array([axis in track.axes for axis in "xyz"])
+    center[:, ~seen] = 0.0
+    phases = _phases(recording, center, seen)
+    segments: list[Segment] = []
+    for phase in phases:
+        if phase.kind == FLIGHT:
+            parts = [np.arange(phase.begin, phase.end)]
+        elif phase.kind == CONTACT and recording.support is not None:
+            parts = _slides(recording, time, center, np.arange(phase.begin, phase.end))
+        else:
+            continue
+        for part in parts:
+            for rows in _without_jumps(time, center, part):
+                made = _segment(recording, index, phase.kind, rows, center, turned)
+                if made is not None:
+                    segments.append(made)
+    impacts = _impacts(recording, index, center, seen, phases)
+    used = sum(len(s) for s in segments)
+    notes = []
+    if not segments:
+        notes.append(_why_nothing(recording, center, seen))
+    elif used < len(track):
+        notes.append(
+            f"{recording.name}: {used} of {len(track)} poses are free flight or sliding; impacts, rest and"
+            " what is neither are left out"
+        )
+    return Found(tuple(segments), impacts, tuple(notes), int(np.count_nonzero(stray)))
+
+
+def _why_nothing(recording: BodyRecording, center: np.ndarray, seen: np.ndarray) -> str:
+    """What the whole track looks like, for whoever mixed up a unit, an axis or a rate."""
+    time = recording.track.time
+    text = f"{recording.name}: no part of it is a flight or a slide"
+    if len(time) < LEAST_SAMPLES:
+        return f"{text}: it has {len(time)} poses, {LEAST_SAMPLES} are the least"
+    curve = 2.0 * np.polyfit(time - time[0], center, 2)[0]
+    shown = ", ".join(f"{axis} {c:.3g}" for axis, c, s in zip("xyz", curve, seen, strict=True) if s)
+    return (
+        f"{text}; as one parabola it accelerates by {shown} m/s^2, stated gravity is"
+        f" {tuple(round(g, 3) for g in recording.gravity)}: look for the unit, the rate, the axes; or state"
+        " `phase`"
+    )
+
+
+def _phases(recording: BodyRecording, center: np.ndarray, seen: np.ndarray) -> list[Phase]:
+    count = len(center)
+    if recording.phase != "auto":
+        return [Phase(recording.phase, 0, count)]
+    gravity = np.asarray(recording.gravity)
+    up = -gravity / np.linalg.norm(gravity)
+    if recording.support is not None:
+        up = np.asarray(recording.support.normal)
+    if np.linalg.norm(up[seen]) < SEEN:
+        return [Phase(CONTACT if recording.support is not None else FLIGHT, 0, count)]
+    found = find_phases(recording.track.time, center @ up, abs(float(gravity @ up)))
+    # What touches a piece of another kind may have been hit within the sample.
+    return [
+        Phase(p.kind, p.begin + (p.begin > 0), p.end - (p.end < count)) for p in found if p.end - p.begin > 2
+    ]
+
+
+def _segment(
+    recording: BodyRecording, index: int, kind: str, rows: np.ndarray, center: np.ndarray, turned: np.ndarray
+) -> Segment | None:
+    name = "flight" if kind == FLIGHT else "slide"
+    time = recording.track.time[rows]
+    if len(rows) < LEAST_SAMPLES or time[-1] - time[0] < LEAST_S[name]:
+        return None
+    _, velocity = smoothed(time, center[rows], smoothness(time))
+    normal, direction, share = np.zeros(3), np.zeros_like(velocity), 1.0
+    if kind == CONTACT:
+        assert recording.support is not None
+        normal = np.asarray(recording.support.normal)
+        along = velocity - np.outer(velocity @ normal, normal)
+        direction = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+        share = 1.0 / (1.0 + recording.body.rolling) if recording.support.rolls else 1.0
+    return Segment(
+        name, index, time, center[rows], velocity, turned[rows], normal,
+        np.asarray(recording.gravity, dtype=float), direction, share,
+    )  # fmt: skip
+
+
+def _slides(
+    recording: BodyRecording, time: np.ndarray, center: np.ndarray, rows: np.ndarray
+) -> list[np.ndarray]:
+    """Stretches of contact in which the body moves along the support."""
+    assert recording.support is not None
+    if len(rows) < LEAST_SAMPLES:
+        return []
+    normal = np.asarray(recording.support.normal)
+    gravity = np.asarray(recording.gravity)
+    along = center[rows] - np.outer(center[rows] @ normal, normal)
+    speed, spread = _speeds(time[rows], along)
+    moving = speed > np.maximum(SLOWEST, SURELY * spread)
+    level = np.linalg.norm(gravity - normal * (gravity @ normal)) < LEVEL * np.linalg.norm(gravity)
+    out = []
+    for run in _runs(moving):
+        if level and run[0] > 0:
+            # It was set in motion by something: what follows the greatest speed is its own.
+            run = run[int(np.argmax(speed[run])) :]
+        out.append(rows[run])
+    return out
+
+
+def _speeds(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Speed (n,) of positions (n, 3) by local parabolas, and its standard deviation."""
+    noise = max(rough_noise(column) for column in values.T)
+    speed, spread = np.empty(len(time)), np.empty(len(time))
+    for k in range(len(time)):
+        near = _near(time, k, time[k] - WINDOW_S, time[k] + WINDOW_S, 5)
+        rate, deviation = _slope(time[near] - time[k], values[near])
+        speed[k], spread[k] = np.linalg.norm(rate), noise * deviation
+    return speed, spread
+
+
+def _near(time: np.ndarray, k: int, low: float, high: float, least: int) -> np.ndarray:
+    first, last = np.searchsorted(time, (low, high))
+    while last - first < min(least, len(time)):
+        first, last = max(0, first - 1), min(len(time), last + 1)
+    return np.arange(first, last)
+
+
+def _slope(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Slope (k,) at t = 0 of parabolas through values (n, k), and its deviation per deviation of a value."""
+    basis = np.stack([np.ones_like(t), t, t**2], axis=1)
+    inverse = np.linalg.pinv(basis)
+    return inverse[1] @ values, float(np.linalg.norm(inverse[1]))
+
+
+def _without_jumps(time: np.ndarray, center: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
+    """Rows cut where the velocity jumps: a wall, an edge, a hand."""
+    count = len(rows)
+    if count < 2 * LEAST_SAMPLES:
+        return [rows]
+    t, values = time[rows], center[rows]
+    noise = max(rough_noise(column) for column in values.T)
+    score = np.zeros(count)
+    for k in range(5, count - 4):
+        left = _near(t, k, t[k - 1] - 2 * WINDOW_S, t[k - 1] + 1e-9, 5)
+        right = _near(t, k, t[k] - 1e-9, t[k] + 2 * WINDOW_S, 5)
+        left, right = left[left < k], right[right >= k]
+        middle = 0.5 * (t[k - 1] + t[k])
+        a, da = _slope(t[left] - middle, values[left])
+        b, db = _slope(t[right] - middle, values[right])
+        jump = float(np.linalg.norm(b - a))
+        score[k] = jump / (JUMP + 6.0 * noise * float(np.hypot(da, db)))
+    out, begin = [], 0
+    while score.max() > 1.0:
+        k = int(np.argmax(score))
+        out.append(k)
+        reach = max(2, int(np.searchsorted(t, t[k] + 2 * WINDOW_S) - k))
+        score[max(0, k - reach) : k + reach] = 0.0
+    parts = []
+    for k in [*sorted(out), count]:
+        parts.append(rows[begin : k - (k < count)])
+        begin = k + 1
+    return parts
+
+
+def _runs(mask: np.ndarray) -> list[np.ndarray]:
+    index = np.flatnonzero(mask)
+    return [r for r in np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(r)]
+
+
+def _impacts(
+    recording: BodyRecording, index: int, center: np.ndarray, seen: np.ndarray, phases: list[Phase]
+) -> tuple[Impact, ...]:
+    """Rebounds of what is round or a point: of a box it depends on which corner hits."""
+    support = recording.support
+    if support is None or recording.body.shape not in ("point", "sphere") or recording.phase != "auto":
+        return ()
+    normal, time = np.asarray(support.normal), recording.track.time
+    if np.linalg.norm(normal[seen]) < SEEN:
+        return ()
+    height, out = center @ normal, []
+    flights = [p for p in phases if p.kind == FLIGHT and p.end - p.begin >= 5]
+    for a, b in zip(flights[:-1], flights[1:], strict=True):
+        if time[b.begin] - time[a.end - 1] > APART_S + 3.0 * float(np.median(np.diff(time))):
+            continue
+        middle = 0.5 * (time[a.end - 1] + time[b.begin])
+        fits = []
+        for phase in (a, b):
+            t = time[phase.begin : phase.end] - middle
+            near = np.abs(t) < 0.25
+            basis = np.stack([np.ones_like(t), t, t**2], axis=1)[near]
+            fits.append((np.linalg.pinv(basis), height[phase.begin : phase.end][near]))
+        (p0, v0, c0), (p1, v1, c1) = (inverse @ y for inverse, y in fits)
+        roots = np.roots([c1 - c0, v1 - v0, p1 - p0]) if abs(v1 - v0) > 1e-9 else np.zeros(0)
+        real = [float(r.real) for r in roots if abs(r.imag) < 1e-9]
+        hit = min(real, key=abs, default=0.0)
+        if abs(hit) > APART_S:
+            hit = 0.0
+        rates = [inverse[1] + 2.0 * hit * inverse[2] for inverse, _ in fits]
+        before, after = (float(rate @ y) for rate, (_, y) in zip(rates, fits, strict=True))
+        if before < -0.1 and after > 0.05:
+            spreads = [float(np.linalg.norm(rate)) for rate in rates]
+            out.append(Impact(index, middle + hit, before, after, *spreads))
+    return tuple(out)

@@ -1,0 +1,102 @@
+"""The motions of a trial against the nominal model, and the noise of the tracker that they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.cell.types.body_recording import BodyRecording
+from samrl_core.diagnosis.residuals.bodies.constants import Constants
+from samrl_core.diagnosis.residuals.bodies.find_segments import Found, Impact
+from samrl_core.diagnosis.residuals.bodies.free_rotation import FreeRotation, free_rotation
+from samrl_core.diagnosis.residuals.bodies.segment import Segment, smoothed, smoothness
+
+APART = 6.0  # standard deviations beyond which a pose is none of the body
+ALIKE = (0.75, 1.33)  # noise of one trial over that of all, within which it is the same
+LEAST = 1e-6  # [m], [rad]: rounding of a log
+TRIMMED, OF_TRIMMED = 3.0, 0.9866  # deviations that count, and what is left of a Gaussian's
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Everything of a trial before noise is known.
+
+    Attributes:
+        paths: (n, 3) [m] positions over the nominal ones, of each segment; the start is still in them.
+        flying: indices of segments whose turns are compared with a free rotation.
+        path_rests, turn_rests: (n, 3) what no smooth curve follows.
+    """
+
+    segments: tuple[Segment, ...]
+    impacts: tuple[Impact, ...]
+    paths: tuple[np.ndarray, ...]
+    flying: tuple[int, ...]
+    rotations: tuple[FreeRotation, ...]
+    path_rests: tuple[np.ndarray, ...]
+    turn_rests: tuple[np.ndarray, ...]
+    strays: int  # poses that were left out
+
+
+def motions_of(
+    recordings: Sequence[BodyRecording], found: Sequence[Found], constants: Constants, turns: bool
+) -> Motions:
+    """Of one trial; `turns`: flights are compared with free rotations."""
+    segments = tuple(s for f in found for s in f.segments)
+    paths = tuple(s.position - s.travelled(s.nominal(constants.friction)) for s in segments)
+    flying = tuple(k for k, s in enumerate(segments) if turns and not s.slides)
+    gyration = recordings[0].body.gyration
+    rotations = tuple(free_rotation(segments[k].time, segments[k].turned, gyration) for k in flying)
+    return Motions(
+        segments, tuple(i for f in found for i in f.impacts), paths, flying, rotations,
+        tuple(_rest(s.time, p) for s, p in zip(segments, paths, strict=True)),
+        tuple(_rest(segments[k].time, r.residual) for k, r in zip(flying, rotations, strict=True)),
+        sum(f.strays for f in found),
+    )  # fmt: skip
+
+
+def _rest(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What a smooth curve leaves (n, 3), scaled to its freedom."""
+    order = min(smoothness(time) + 1, len(time) - 3)
+    rest = values - smoothed(time, values, order)[0]
+    return rest * np.sqrt(len(time) / (len(time) - order - 1))
+
+
+def noise_levels(trials: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray]:
+    """Standard deviation (3,) of each trial's rests: that of all together, unless its own clearly differs.
+
+    Short motions tell their noise badly, and a tracker is the same in all of them.
+    """
+    every = [rest for rests in trials for rest in rests]
+    if not every:
+        return [np.full(3, LEAST) for _ in trials]
+    common = _level(np.concatenate(every))
+    out = []
+    for rests in trials:
+        own = _level(np.concatenate(rests)) if rests else common
+        same = (own / common > ALIKE[0]) & (own / common < ALIKE[1])
+        out.append(np.where(same, common, own))
+    return out
+
+
+def _level(values: np.ndarray) -> np.ndarray:
+    """Standard deviation (3,) of what lies within three of them."""
+    middle = np.abs(values - np.median(values, axis=0))
+    rough = np.maximum(1.4826 * np.median(middle, axis=0), LEAST)
+    inside = middle < TRIMMED * rough
+    power = np.sum(np.where(inside, values, 0.0) ** 2, axis=0) / np.maximum(np.sum(inside, axis=0), 1)
+    return np.maximum(np.sqrt(power) / OF_TRIMMED, LEAST)
+
+
+def sigmas(rests: Sequence[np.ndarray], level: np.ndarray) -> tuple[list[np.ndarray], int]:
+    """Standard deviations (n, 3) of each motion, and how many poses stand apart; these hardly count."""
+    out, outliers = [], 0
+    for rest in rests:
+        score = np.max(np.abs(rest) / level, axis=1)
+        apart = score > APART
+        sigma = np.tile(level, (len(rest), 1))
+        sigma[apart] *= score[apart, None] ** 2
+        outliers += int(np.count_nonzero(apart))
+        out.append(sigma)
+    return out, outliers

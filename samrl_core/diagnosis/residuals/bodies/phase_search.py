@@ -1,0 +1,161 @@
+"""Which part of a track is flight and which is contact: the best sequence of parabolas and lines.
+
+The height over the support (or along gravity) is a parabola in flight and a line in contact, whatever height
+the support really has. Every stretch of samples has a cost as flight, as contact or as neither (an impact, a
+hand, a tumble); dynamic programming finds the sequence of least cost (optimal partitioning; Jackson 2005).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FLIGHT, CONTACT, NEITHER = "flight", "contact", "neither"
+CURVED = (0.4, 1.8)  # of the stated gravity: what a flight's parabola may have, drag and wrong units included
+FLAT = 0.15  # likewise, up to which it is a line
+CLIMB = 0.12  # [m/s] of height in contact: a support that is not quite as stated
+APIECE = 12.0  # cost of a piece [squared standard deviations]
+STRANGE = 8.0  # more for a parabola of another kind
+PER_SAMPLE = 9.0  # cost of a sample that is neither
+LEAST = {FLIGHT: 5, CONTACT: 4}  # samples of a piece
+LONGEST = 400  # samples of a piece before it is joined with its neighbours
+SLACK = 5e-4  # [m] by which a flight is no parabola and a table no plane
+JUMP = 0.25  # [m/s] between two parabolas, below which they are one flight
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Samples begin to end (excluded) of one kind."""
+
+    kind: str
+    begin: int
+    end: int
+
+
+def rough_noise(values: np.ndarray) -> float:
+    """White noise of a signal (N,) by its third differences, which hold next to nothing of a motion."""
+    if len(values) < 8:
+        return SLACK
+    third = np.diff(values, 3)
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
+
+
+def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Phase]:
+    """Pieces in order of heights (N,) [m] under a gravity [m/s^2] that pulls them down, `gravity` > 0."""
+    noise = float(np.hypot(rough_noise(height), SLACK))
+    pieces = _partition(time, height / noise, gravity / noise, CLIMB / noise)
+    return _joined(time, height, pieces, noise)
+
+
+def _partition(time: np.ndarray, y: np.ndarray, gravity: float, climb: float) -> list[Phase]:
+    """The cheapest sequence of pieces of y (N,) in units of its noise."""
+    count = len(y)
+    best = np.full(count + 1, np.inf)
+    best[0] = 0.0
+    came: list[tuple[int, str]] = [(0, NEITHER)] * (count + 1)
+    sums = _Sums(time, y)
+    for end in range(1, count + 1):
+        begin = np.arange(max(0, end - LONGEST), end)
+        flight, contact, any_way = sums.costs(begin, end, gravity, climb)
+        size = end - begin
+        flight = np.where(size >= LEAST[FLIGHT], flight, np.inf)
+        contact = np.where(size >= LEAST[CONTACT], contact, np.inf)
+        # A hand, a rope, a roll: one parabola of another kind is neither, and not many short flights.
+        neither = np.where(size >= LEAST[FLIGHT], any_way + STRANGE, np.inf)
+        for kind, cost in ((FLIGHT, flight), (CONTACT, contact), (NEITHER, neither)):
+            total = best[begin] + cost + APIECE
+            k = int(np.argmin(total))
+            if total[k] < best[end]:
+                best[end], came[end] = float(total[k]), (int(begin[k]), kind)
+        last = came[end - 1][1] if end > 1 else ""
+        alone = best[end - 1] + PER_SAMPLE + (0.0 if last == NEITHER else APIECE / 4.0)
+        if alone < best[end]:
+            best[end], came[end] = float(alone), (end - 1, NEITHER)
+    out: list[Phase] = []
+    end = count
+    while end > 0:
+        begin_of, kind = came[end]
+        if out and kind == NEITHER and out[-1].kind == NEITHER:
+            out[-1] = Phase(NEITHER, begin_of, out[-1].end)
+        else:
+            out.append(Phase(kind, begin_of, end))
+        end = begin_of
+    return out[::-1]
+
+
+class _Sums:
+    """Moments of a signal, from which the fit of any stretch follows at once."""
+
+    def __init__(self, time: np.ndarray, y: np.ndarray) -> None:
+        # Extended precision: the moments of a short stretch are small differences of long sums.
+        t, v = time.astype(np.longdouble), y.astype(np.longdouble)
+        self._time = t
+        self._t = [np.concatenate([[0.0], np.cumsum(t**k)]) for k in range(5)]
+        self._y = [np.concatenate([[0.0], np.cumsum(v * t**k)]) for k in range(3)]
+        self._yy = np.concatenate([[0.0], np.cumsum(v * v)])
+
+    def costs(
+        self, begin: np.ndarray, end: int, gravity: float, climb: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Squared errors (K,) of stretches `begin` (K,) to `end` as flight, contact, any parabola."""
+        at = self._time[begin]
+        m = [t[end] - t[begin] for t in self._t]
+        b = [y[end] - y[begin] for y in self._y]
+        t1 = m[1] - at * m[0]
+        t2 = m[2] - 2 * at * m[1] + at**2 * m[0]
+        t3 = m[3] - 3 * at * m[2] + 3 * at**2 * m[1] - at**3 * m[0]
+        t4 = m[4] - 4 * at * m[3] + 6 * at**2 * m[2] - 4 * at**3 * m[1] + at**4 * m[0]
+        y0, y1 = b[0], b[1] - at * b[0]
+        y2 = b[2] - 2 * at * b[1] + at**2 * b[0]
+        n = m[0]
+        # About the means, then orthogonal to the line: q is half the squared time.
+        s_tt, s_ty = t2 - t1**2 / n, y1 - t1 * y0 / n
+        s_tq, s_qq = 0.5 * (t3 - t1 * t2 / n), 0.25 * (t4 - t2**2 / n)
+        s_qy, s_yy = 0.5 * (y2 - t2 * y0 / n), self._yy[end] - self._yy[begin] - y0**2 / n
+        s_tt, safe = np.maximum(s_tt, 1e-30), s_tt > 1e-30
+        slope = s_ty / s_tt
+        s_qq, s_qy = s_qq - s_tq**2 / s_tt, s_qy - s_tq * slope
+        s_yy = s_yy - s_ty * slope
+        curve = np.where(s_qq > 1e-30, s_qy / np.maximum(s_qq, 1e-30), 0.0)
+        left = s_yy - curve**2 * s_qq
+
+        def held(low: float, high: float) -> np.ndarray:
+            return left + (curve - np.clip(curve, low, high)) ** 2 * s_qq
+
+        flight = held(-CURVED[1] * gravity, -CURVED[0] * gravity)
+        flat = held(-FLAT * gravity, FLAT * gravity) + (slope - np.clip(slope, -climb, climb)) ** 2 * s_tt
+        return (
+            np.where(safe, np.maximum(flight, 0.0), np.inf).astype(float),
+            np.where(safe, np.maximum(flat, 0.0), np.inf).astype(float),
+            np.where(safe, np.maximum(left, 0.0), np.inf).astype(float),
+        )
+
+
+def _joined(time: np.ndarray, height: np.ndarray, pieces: list[Phase], noise: float) -> list[Phase]:
+    """Neighbours that are one: contact with contact, and flights between which nothing jumps."""
+    out: list[Phase] = []
+    for piece in pieces:
+        if (
+            out
+            and out[-1].kind == piece.kind
+            and (piece.kind != FLIGHT or not _jumps(time, height, out[-1], piece, noise))
+        ):
+            out[-1] = Phase(piece.kind, out[-1].begin, piece.end)
+        else:
+            out.append(piece)
+    return out
+
+
+def _jumps(time: np.ndarray, height: np.ndarray, a: Phase, b: Phase, noise: float) -> bool:
+    """Whether the velocity jumps between two flights, beyond what their parabolas leave open."""
+    border = 0.5 * (time[a.end - 1] + time[b.begin])
+    slopes, spreads = [], []
+    for phase in (a, b):
+        t, y = time[phase.begin : phase.end] - border, height[phase.begin : phase.end]
+        near = np.abs(t) <= 0.15
+        t, y = (t[near], y[near]) if near.sum() >= 5 else (t, y)
+        basis = np.stack([np.ones_like(t), t, t**2], axis=1)
+        slopes.append(float(np.linalg.lstsq(basis, y, rcond=None)[0][1]))
+        spreads.append(noise * float(np.sqrt(np.linalg.pinv(basis.T @ basis)[1, 1])))
+    return abs(slopes[1] - slopes[0]) > JUMP + 3.0 * float(np.hypot(*spreads))

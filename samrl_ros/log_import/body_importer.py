@@ -1,0 +1,204 @@
+"""Runs a mapping of bodies: files to columns, columns to tracks of a free body, tracks to recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from samrl_core.cell.types.body_recording import BodyRecording, BodyTolerances, BodyTrack
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_there, write_whole
+from samrl_core.common.text_files import parse_yaml, read_text
+from samrl_core.diagnosis.kinds.bodies import SEVERAL
+from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
+from samrl_ros.log_import.body_specs import TURNS, BodyRecordingSpec, BodyTrackSpec
+from samrl_ros.log_import.importer import INDEX
+from samrl_ros.log_import.pose_importer import block_of, inside_range, matrices_of
+from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, rotations_of
+from samrl_ros.log_import.sources import SourceData, read_source, update_digest
+from samrl_ros.recordings.body_file import SUFFIX, write_body_file
+
+MOST_FILES = 5000  # that one pattern may name
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedBody:
+    """A recording of a body made from a log, and what became of it."""
+
+    recording: BodyRecording
+    role: str  # fit or held_out
+    report: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def import_body_logs(path: Path, data: Path, out: Path | None) -> list[ImportedBody]:
+    """Every recording of a mapping; written as `out/<name>.body.npz` with an index, unless `out` is None.
+
+    Raises:
+        InputError: with the key path of what is wrong; or a file of `out` exists already.
+    """
+    text = read_text(path, "the mapping")
+    content = parse_yaml(text, str(path))
+    if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
+        raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
+    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
+    made: list[ImportedBody] = []
+    stated: list[str | None] = []
+    for number, entry in enumerate(content["recordings"]):
+        where = f"{path.name}: recordings[{number}]"
+        for one in _each_file(entry, general, data, where):
+            own = {**general, **one} if isinstance(one, dict) else one
+            spec = BodyRecordingSpec.read(own, where)
+            stated.append(spec.role)
+            made.append(import_body(spec, text, data))
+    counts = Counter(each.recording.name for each in made)
+    if twice := [name for name, count in counts.items() if count > 1]:
+        raise InputError(f"{path.name}: recordings {twice[:5]} are named more than once")
+    if not made:
+        raise InputError(f"{path.name}: recordings is empty; name at least one")
+    made = _with_roles(made, [r for r in stated if r is not None])
+    if out is None:
+        return made
+    files = [out / f"{each.recording.name}{SUFFIX}" for each in made]
+    if existing := [p for p in (*files, out / INDEX) if is_there(p)]:
+        raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
+    out.mkdir(parents=True, exist_ok=True)
+    for each, file in zip(made, files, strict=True):
+        write_body_file(each.recording, file)
+    pairs = list(zip(made, files, strict=True))
+    roles = {role: [f.name for e, f in pairs if e.role == role] for role in ("fit", "held_out")}
+    write_whole(out / INDEX, json.dumps(roles, indent=2) + "\n")
+    return made
+
+
+def _with_roles(made: list[ImportedBody], stated: list[str]) -> list[ImportedBody]:
+    """Every third of several recordings held out where the mapping gives no role at all."""
+    if stated or len(made) < SEVERAL:
+        return made
+    return [replace(m, role="held_out") if k % SEVERAL == 1 else m for k, m in enumerate(made)]
+
+
+def _each_file(entry: Any, general: dict[str, Any], data: Path, where: str) -> list[Any]:
+    """An entry as it is, or one for each file that its `glob` names."""
+    if not isinstance(entry, dict) or "glob" not in entry:
+        if isinstance(entry, dict) and "hold_out_every" in entry:
+            raise InputError(f"{where}.hold_out_every goes with `glob`; a single recording has a `role`")
+        return [entry]
+    rest = {k: v for k, v in entry.items() if k not in ("glob", "hold_out_every")}
+    pattern, every = entry["glob"], entry.get("hold_out_every", 0)
+    if not isinstance(pattern, str) or pattern.startswith("/") or ".." in Path(pattern).parts:
+        raise InputError(f"{where}.glob is {pattern!r}, must be a pattern below the folder of the data")
+    if isinstance(every, bool) or not isinstance(every, int) or every < 0 or every == 1:
+        raise InputError(f"{where}.hold_out_every is {every!r}, must be 2 or more, or 0 for none")
+    sources = rest.get("sources", general.get("sources"))
+    if not isinstance(sources, dict) or len(sources) != 1:
+        raise InputError(f"{where}.glob needs exactly one source; name the files of several by recordings")
+    found = sorted(p for p in data.glob(pattern) if p.is_file())
+    if not found:
+        raise InputError(f"{where}.glob: no file in {data} is like {pattern!r}")
+    if len(found) > MOST_FILES:
+        raise InputError(f"{where}.glob names {len(found)} files, at most {MOST_FILES} are read")
+    out = []
+    for k, file in enumerate(found):
+        own = {**rest, "name": file.stem, "files": {next(iter(sources)): str(file.relative_to(data))}}
+        if every:
+            own["role"] = "held_out" if k % every == every - 1 else "fit"
+        out.append(own)
+    return out
+
+
+def import_body(spec: BodyRecordingSpec, text: str, data: Path) -> ImportedBody:
+    """Make one recording; `text` is the mapping's.
+
+    Raises:
+        InputError: with the key path of what is wrong.
+    """
+    notes: list[str] = []
+    constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
+    source = read_source(spec, spec.source_of("track"), constants, data, notes)
+    track = _track(spec, spec.bodies.track, source)
+    tolerances = BodyTolerances()
+    if spec.tolerances is not None:
+        try:
+            tolerances = BodyTolerances.from_mapping(spec.tolerances)
+        except InputError as error:
+            raise InputError(f"{spec.path}.tolerances: {error}") from error
+    digest, given = hashlib.sha256(text.encode() + spec.name.encode()), spec.bodies
+    for file in source.files:
+        update_digest(digest, file)
+    where = f"{spec.path}.bodies"
+    support = None if given.support is None else given.support.support(f"{where}.support")
+    try:
+        recording = BodyRecording(
+            spec.name, ", ".join(map(str, source.files)), digest.hexdigest(), track,
+            given.body.model(f"{where}.body"), support, given.pull, given.camera, given.phase, tolerances,
+        )  # fmt: skip
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    report, more = _describe(recording)
+    return ImportedBody(recording, spec.role or "fit", tuple(report), (*notes, *more))
+
+
+def _track(spec: BodyRecordingSpec, track: BodyTrackSpec, source: SourceData) -> BodyTrack:
+    where, count = f"{spec.path}.bodies.track", len(source.time)
+    values = {
+        name: block_of(formulas, source.values, count, f"{where}.{name}")
+        for name, formulas in track.quantities.items()
+    }
+    kept = np.flatnonzero(inside_range(spec.time_range, source.time))
+    if len(kept) < 2:
+        raise InputError(f"{spec.path}.time_range {spec.time_range} leaves {len(kept)} of {count} poses")
+    axes, turns = track.axes, ""
+    rotations: Rotation | None = None
+    if "matrix" in values:
+        rotations, position = matrices_of(values["matrix"], where)
+        turns = "xyz"
+    else:
+        position = values["position"]
+        if position.shape[1] != len(axes):
+            raise InputError(
+                f"{where}.position has {position.shape[1]} numbers per sample for the axes {axes!r};"
+                " state one formula per axis, or other `axes`"
+            )
+        for kind in (name for name in TURNS if name in values):
+            turns = "xyz"
+            if kind == "angle":
+                (turns,) = set("xyz") - set(axes)
+                turned = np.zeros((count, 3))
+                turned[:, "xyz".index(turns)] = ANGLES[track.angle_unit] * values[kind][:, 0]
+                rotations = Rotation.from_rotvec(turned)
+            else:
+                rotations = rotations_of(kind, values[kind], track.order, track.angle_unit, where)
+    whole = np.zeros((count, 3))
+    whole[:, ["xyz".index(axis) for axis in axes]] = LENGTHS[track.unit] * position
+    quats = np.zeros((count, 4)) if rotations is None else rotations.as_quat()
+    time = source.time[kept] - source.time[kept[0]]
+    try:
+        return BodyTrack(time, whole[kept], axes, quats[kept] if turns else np.zeros((0, 4)), turns)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _describe(recording: BodyRecording) -> tuple[list[str], list[str]]:
+    """What the track becomes, and notes of what is left out."""
+    track, found = recording.track, find_segments(recording, 0)
+    rate = 1.0 / float(np.median(np.diff(track.time)))
+    turns = f", turns about {track.turns}" if track.turns else ", no turns"
+    lines = [f"{len(track)} poses at {rate:.4g} Hz, {recording.duration:.3f} s; {track.axes}{turns}"]
+    for segment in found.segments:
+        speed = np.linalg.norm(segment.velocity, axis=1)
+        lines.append(
+            f"{segment.kind} {segment.time[0]:.3f} .. {segment.time[-1]:.3f} s, {len(segment)} poses,"
+            f" {speed.min():.2f} .. {speed.max():.2f} m/s"
+        )
+    if found.impacts:
+        shares = ", ".join(f"{-i.after / i.before:.3f}" for i in found.impacts)
+        lines.append(f"{len(found.impacts)} rebounds, speed kept: {shares}")
+    return lines, list(found.notes)

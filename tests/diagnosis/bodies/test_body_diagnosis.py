@@ -1,0 +1,209 @@
+"""Tracks of free bodies: what is named, left open and refused, in worlds of SciPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyTolerances, Support
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+from samrl_core.diagnosis.kinds.bodies import split_bodies, split_body
+from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
+from samrl_core.diagnosis.residuals.bodies.free_rotation import free_rotation
+from samrl_core.diagnosis.residuals.bodies.phase_search import find_phases
+from samrl_core.diagnosis.residuals.bodies.stray_poses import stray_poses
+from samrl_core.diagnosis.result import Diagnosis
+from tests.diagnosis.bodies.body_worlds import G, Tracker, World, bounces, several, slide, toss
+
+COUNT = 6
+
+
+def told(recordings: list[BodyRecording], library: tuple[str, ...] | None = None) -> Diagnosis:
+    fit, held_out, _ = split_bodies(recordings)
+    return diagnose(fit, held_out, DiagnosisSettings(library=library))[0]
+
+
+def only(d: Diagnosis) -> dict[str, tuple[float, float, float]]:
+    """Value and interval of each parameter of the only effect."""
+    (effect,) = d.effects
+    return {name: (e.value, *e.ci95) for name, e in effect.parameters.items()}
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("make", [toss, slide, bounces])
+def test_bodies_within_tolerances_have_no_gap(make, seed: int) -> None:  # type: ignore[no-untyped-def]
+    assert told(several(make, World(), COUNT, seed)).verdict == "no_gap"
+
+
+def test_friction_is_named_with_its_size() -> None:
+    d = told(several(slide, World(friction=0.22), COUNT, 1))
+    assert d.verdict == "effect" and d.effects[0].name == "contact_friction@body:puck"
+    value, low, high = only(d)["mu"]
+    assert low < 0.22 < high and abs(value - 0.22) < 0.01
+    assert d.gap is not None and d.gap.shrink is not None and d.gap.shrink > 0.5
+
+
+def test_a_table_that_leans_is_told_from_friction_by_slides_in_several_directions() -> None:
+    d = told(several(slide, World(gravity=(0.45, 0.0, -9.8)), COUNT, 1))
+    assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"
+    assert abs(only(d)["ay"][0] + np.arctan2(0.45, 9.8)) < 0.006 and abs(only(d)["ax"][0]) < 0.006
+
+
+def test_in_one_direction_friction_and_a_lean_are_one_and_the_next_slides_split_them() -> None:
+    d = told(several(slide, World(friction=0.2), COUNT, 1, way=0.4))
+    assert d.verdict == "ambiguous"
+    assert set(d.ambiguity_set[0]) == {"contact_friction@body:puck", "base_tilt@cell"}
+    assert d.next_experiment is not None and d.next_experiment.separates > 0.9
+    assert d.next_experiment.programme["motion"] == "slides"
+
+
+@pytest.mark.thorough
+def test_a_rate_and_a_length_that_are_wrong_are_one_in_a_fall_and_no_recording_splits_them() -> None:
+    for tracker in (Tracker(clock=1.2), Tracker(scale=1.0 / 1.44)):
+        d = told(several(toss, World(tracker=tracker), COUNT, 3))
+        assert d.verdict == "ambiguous" and d.next_experiment is None
+        assert set(d.ambiguity_set[0]) == {"clock_offset@sensor:camera", "object_geometry@body:cube"}
+        assert any("a clock that is filmed" in reason for reason in d.reasons)
+        drift = d.effects[0].parameters.get("drift")
+        size = d.effects[0].parameters.get("s")
+        assert (drift is None or abs(drift.value - 0.2) < 0.01) and (
+            size is None or abs(size.value - 0.44) < 0.02
+        )
+
+
+@pytest.mark.thorough
+def test_gravity_from_elsewhere_is_named_by_tosses() -> None:
+    d = told(several(toss, World(gravity=(0.0, 0.5, -9.8)), COUNT, 2, turns=False))
+    assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"
+    assert abs(only(d)["ax"][0] - np.arctan2(0.5, 9.8)) < 0.005
+    assert "object_mass" in d.not_testable and "drops out" in d.not_testable["object_mass"]
+
+
+def test_a_centre_of_mass_that_is_elsewhere_is_named_by_turning_tosses() -> None:
+    d = told(several(toss, World(center=(0.006, 0.0, -0.004)), COUNT, 4, spin=10.0))
+    assert d.verdict == "effect" and d.effects[0].name == "object_mass@body:cube"
+    for name, true in (("cx", 0.006), ("cy", 0.0), ("cz", -0.004)):
+        value, low, high = only(d)[name]
+        assert low < true < high and abs(value - true) < 0.0015
+
+
+def test_restitution_is_named_with_its_size() -> None:
+    d = told(several(bounces, World(restitution=0.72), COUNT, 1))
+    assert d.verdict == "effect" and d.effects[0].name == "contact_stiffness@body:ball"
+    value, low, high = only(d)["e"]
+    assert low < 0.72 < high and abs(value - 0.72) < 0.02
+
+
+@pytest.mark.parametrize(
+    "make, world",
+    [
+        (toss, World(drag=0.15)),
+        (toss, World(lift=(0.4, 0.9, 0.0))),
+        (slide, World(push=lambda t: np.array([1.5 * np.sin(12.0 * t), 0.0, 0.0]))),
+    ],
+    ids=["drag", "spin in air", "pushed"],
+)
+def test_what_no_effect_describes_is_refused(make, world: World) -> None:  # type: ignore[no-untyped-def]
+    assert told(several(make, world, COUNT, 5)).verdict == "none_of_mine"
+
+
+@pytest.mark.thorough
+def test_a_family_that_is_withheld_is_not_replaced_by_another() -> None:
+    d = told(several(slide, World(friction=0.18), COUNT, 1), ("base_tilt", "object_mass"))
+    assert d.verdict in ("none_of_mine", "no_gap")
+
+
+@pytest.mark.thorough
+def test_lost_frames_and_wrong_detections_change_nothing() -> None:
+    world = World(gravity=(0.45, 0.0, -9.8), tracker=Tracker(lost=0.08, wrong=0.02))
+    d = told(several(toss, world, 9, 3))
+    assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"
+    assert any("stand apart" in note for note in d.notes)
+
+
+@pytest.mark.thorough
+def test_friction_that_nobody_stated_is_solved_for_and_no_gap() -> None:
+    support = Support(friction=None)
+    d = told(several(slide, World(friction=0.21), COUNT, 1, support=support))
+    assert d.verdict == "no_gap" and "solved for" in d.not_testable["contact_friction"]
+    (note,) = (n for n in d.notes if "not stated" in n)
+    assert abs(float(note.rpartition(" ")[2]) - 0.21) < 0.01
+
+
+@pytest.mark.parametrize("rate", [30.0, 60.0, 240.0])
+def test_flights_and_contact_are_found_wherever_the_support_is(rate: float) -> None:
+    world = World(tracker=Tracker(rate=rate, noise=1e-3))
+    recording = bounces(world, np.random.default_rng(0), seconds=2.2)
+    time, height = recording.track.time, recording.track.position[:, 2] + 0.37
+    found = find_phases(time, height, G)
+    true = [np.sqrt(2 * 0.6 / G)]
+    for k in range(1, 4):
+        true.append(true[-1] + 2 * true[0] * 0.6**k)
+    flights = [p for p in found if p.kind == "flight"]
+    for hit, a, b in zip(true[:3], flights[:3], flights[1:4], strict=False):
+        assert time[a.end - 1] < hit + 1.5 / rate and time[b.begin] > hit - 1.5 / rate
+    assert found[-1].kind == "contact" and time[found[-1].begin] < 1.8
+
+
+def test_a_toss_without_a_support_leaves_the_hand_out() -> None:
+    recording = toss(World(), np.random.default_rng(1), turns=False)
+    track = recording.track
+    held = np.repeat(track.position[:1], 40, axis=0) + 5e-4 * np.random.default_rng(0).standard_normal(
+        (40, 3)
+    )
+    whole = replace(
+        track, time=np.arange(40 + len(track)) / 120.0, position=np.concatenate([held, track.position])
+    )
+    (segment,) = find_segments(replace(recording, track=whole), 0).segments
+    assert segment.kind == "flight" and abs(segment.time[0] - 40 / 120.0) < 0.03
+
+
+def test_strays_are_single_poses_and_impacts_are_none() -> None:
+    rng = np.random.default_rng(0)
+    recording = bounces(World(tracker=Tracker(rate=60.0)), rng)
+    position = recording.track.position.copy()
+    assert not stray_poses(recording.track.time, position).any()
+    wrong = [11, 40, 41, 70]
+    position[wrong] += [0.03, 0.0, 0.02]
+    assert np.flatnonzero(stray_poses(recording.track.time, position)).tolist() == wrong
+
+
+def test_free_rotation_is_what_scipy_integrates() -> None:
+    inertia, time = np.array([1.0, 2.0, 2.6]), np.arange(0.0, 0.8, 1 / 120)
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        q, w = y[:4], y[4:]
+        turn = 0.5 * np.concatenate([q[3] * w + np.cross(q[:3], w), [-q[:3] @ w]])
+        return np.concatenate([turn, np.cross(inertia * w, w) / inertia])
+
+    made = solve_ivp(rate, (0, 1), [0, 0, 0, 1, 3, 8, -5], t_eval=time, rtol=1e-10, atol=1e-12).y.T
+    turned = Rotation.from_quat(made[:, :4])
+    found = free_rotation(time, turned.as_matrix(), inertia)
+    assert np.max(np.abs(found.residual)) < 1e-6
+    assert np.allclose(found.spin, turned.apply(made[:, 4:]), atol=1e-5)
+
+
+def test_recordings_that_cannot_be_used_are_refused() -> None:
+    one = toss(World(), np.random.default_rng(0))
+    with pytest.raises(InputError, match="24 are the least"):
+        split_body(replace(one, track=one.track.only(np.arange(20))), 3)
+    with pytest.raises(InputError, match="one body"):
+        diagnose([one], [replace(one, body=BodyModel("other", "sphere", (0.1,)))])
+    with pytest.raises(InputError, match="needs `support`"):
+        replace(one, phase="contact")
+    with pytest.raises(InputError, match="sum of the others"):
+        BodyModel(mass=1.0, inertia=(1.0, 1.0, 3.0))
+    with pytest.raises(InputError, match="known are"):
+        BodyTolerances.from_mapping({"frction": 0.1})
+
+
+def test_a_track_without_any_motion_is_not_testable_and_says_what_it_looks_like() -> None:
+    recordings = several(toss, World(gravity=(0.0, 0.0, -0.4)), 3, 1)
+    d = told(recordings)
+    assert d.verdict == "not_testable"
+    assert any("as one parabola it accelerates" in note for note in d.notes)

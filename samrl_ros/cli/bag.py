@@ -152,7 +152,8 @@ def import_command(
 ) -> None:
     """Turn logs of other tools into bags, by a YAML mapping alone (msgs_docs/guide/import.md)."""
     from samrl_ros.log_import.body_importer import import_body_logs
-    from samrl_ros.log_import.importer import INDEX, import_logs
+    from samrl_ros.log_import.imported_files import INDEX
+    from samrl_ros.log_import.importer import import_logs
     from samrl_ros.log_import.mapping import read_mapping
     from samrl_ros.log_import.pose_importer import import_pose_logs, kind_of_mapping
     from samrl_ros.log_import.reading_importer import import_reading_logs

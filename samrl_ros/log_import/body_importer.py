@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.body_recording import BodyRecording, BodyTolerances, BodyTrack
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_there, write_whole
-from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_core.diagnosis.kinds.bodies import SEVERAL
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_ros.log_import.body_specs import TURNS, BodyRecordingSpec, BodyTrackSpec
-from samrl_ros.log_import.importer import INDEX
+from samrl_ros.log_import.imported_files import check_names, mapping_entries, write_imported
 from samrl_ros.log_import.pose_importer import block_of, inside_range, matrices_of
 from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, rotations_of
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
@@ -44,37 +40,21 @@ def import_body_logs(path: Path, data: Path, out: Path | None) -> list[ImportedB
     Raises:
         InputError: with the key path of what is wrong; or a file of `out` exists already.
     """
-    text = read_text(path, "the mapping")
-    content = parse_yaml(text, str(path))
-    if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
-        raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
-    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
+    text, general, entries = mapping_entries(path)
     made: list[ImportedBody] = []
     stated: list[str | None] = []
-    for number, entry in enumerate(content["recordings"]):
+    for number, entry in enumerate(entries):
         where = f"{path.name}: recordings[{number}]"
         for one in _each_file(entry, general, data, where):
             own = {**general, **one} if isinstance(one, dict) else one
             spec = BodyRecordingSpec.read(own, where)
             stated.append(spec.role)
             made.append(import_body(spec, text, data))
-    counts = Counter(each.recording.name for each in made)
-    if twice := [name for name, count in counts.items() if count > 1]:
-        raise InputError(f"{path.name}: recordings {twice[:5]} are named more than once")
-    if not made:
-        raise InputError(f"{path.name}: recordings is empty; name at least one")
+    check_names(made, path)
     made = _with_roles(made, [r for r in stated if r is not None])
     if out is None:
         return made
-    files = [out / f"{each.recording.name}{SUFFIX}" for each in made]
-    if existing := [p for p in (*files, out / INDEX) if is_there(p)]:
-        raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
-    out.mkdir(parents=True, exist_ok=True)
-    for each, file in zip(made, files, strict=True):
-        write_body_file(each.recording, file)
-    pairs = list(zip(made, files, strict=True))
-    roles = {role: [f.name for e, f in pairs if e.role == role] for role in ("fit", "held_out")}
-    write_whole(out / INDEX, json.dumps(roles, indent=2) + "\n")
+    write_imported(made, out, SUFFIX, lambda each, file: write_body_file(each.recording, file))
     return made
 
 

@@ -17,11 +17,12 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
 from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_file, is_there, write_whole
+from samrl_core.common.files import is_file
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
+from samrl_ros.log_import.imported_files import write_imported
 from samrl_ros.log_import.mapping import Mapping
 from samrl_ros.log_import.resampling import even, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
@@ -31,8 +32,6 @@ from samrl_ros.recordings.described import described_by
 from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
 from samrl_ros.recordings.read import RAW, moving_joints
 from samrl_ros.recordings.write import write_recording
-
-INDEX = "recordings.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,18 +104,15 @@ def import_logs(mapping: Mapping, data: Path, out: Path | None) -> list[Imported
     made = [import_recording(spec, mapping, data) for spec in mapping.recordings]
     if out is None:
         return made
-    index = out / INDEX
-    existing = [p for p in (*(out / f"{each.recording.name}.mcap" for each in made), index) if is_there(p)]
-    if existing:
-        raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
-    for each in made:
-        about = {"imported_by": mapping.path.name, "role": each.role}
-        if each.raw:
-            about[RAW] = ", ".join(each.raw)
-        write_recording(each.recording, out / f"{each.recording.name}.mcap", custom_data=about)
-    roles = {r: [f"{e.recording.name}.mcap" for e in made if e.role == r] for r in ("fit", "held_out")}
-    write_whole(index, json.dumps(roles, indent=2) + "\n")
+    write_imported(made, out, ".mcap", lambda each, file: _write_bag(each, file, mapping.path.name))
     return made
+
+
+def _write_bag(made: ImportedRecording, file: Path, mapping: str) -> None:
+    about = {"imported_by": mapping, "role": made.role}
+    if made.raw:
+        about[RAW] = ", ".join(made.raw)
+    write_recording(made.recording, file, custom_data=about)
 
 
 def _constant(value: Any, where: str) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_file, is_there, write_whole
+from samrl_core.common.files import is_file
 from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.importer import INDEX
+from samrl_ros.log_import.imported_files import check_names, mapping_entries, write_imported
 from samrl_ros.log_import.pose_specs import (
     ANGLES,
     LENGTHS,
@@ -64,31 +63,16 @@ def import_pose_logs(path: Path, data: Path, out: Path | None) -> list[ImportedP
     Raises:
         InputError: with the key path of what is wrong; or a file of `out` exists already.
     """
-    text = read_text(path, "the mapping")
-    content = parse_yaml(text, str(path))
-    if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
-        raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
-    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
+    text, general, entries = mapping_entries(path)
     made = []
-    for number, entry in enumerate(content["recordings"]):
+    for number, entry in enumerate(entries):
         where = f"{path.name}: recordings[{number}]"
         spec = PoseRecordingSpec.read({**general, **entry} if isinstance(entry, dict) else entry, where)
         made.append(import_poses(spec, text, data, path.parent))
-    names = [each.recording.name for each in made]
-    if not names or len(set(names)) != len(names):
-        raise InputError(f"{path.name}: recordings {names}: at least one, and each name once")
+    check_names(made, path)
     if out is None:
         return made
-    files = [out / f"{name}{SUFFIX}" for name in names]
-    if existing := [p for p in (*files, out / INDEX) if is_there(p)]:
-        raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
-    out.mkdir(parents=True, exist_ok=True)
-    for each, file in zip(made, files, strict=True):
-        write_pose_file(each.recording, file)
-    roles = {
-        r: [f.name for e, f in zip(made, files, strict=True) if e.role == r] for r in ("fit", "held_out")
-    }
-    write_whole(out / INDEX, json.dumps(roles, indent=2) + "\n")
+    write_imported(made, out, SUFFIX, lambda each, file: write_pose_file(each.recording, file))
     return made
 
 

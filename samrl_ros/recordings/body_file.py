@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,9 @@ from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyT
 from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import read_whole
-from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.common.text_files import parse_json
 from samrl_core.diagnosis.kinds.bodies import split_bodies
+from samrl_ros.recordings.arrays_by_role import check_unseen, read_by_role
 
 SUFFIX = ".body.npz"
 VERSION = 1
@@ -80,26 +81,15 @@ def load_body_files(
     Raises:
         InputError: as `read_body_file`; files of another kind; held-out poses that were fitted.
     """
-    if others := [p.name for p in (*fit_paths, *held_paths) if not is_body_file(p)]:
-        raise InputError(f"{', '.join(others)}: recordings of another kind; diagnose each kind for itself")
-    fit, held = [read_body_file(p) for p in fit_paths], [read_body_file(p) for p in held_paths]
-    if tolerances is not None:
-        values = parse_yaml(read_text(tolerances, "the tolerances"), str(tolerances))
-        if not isinstance(values, dict):
-            raise InputError(f"{tolerances} holds {type(values).__name__}, must map names to numbers")
-        stated = BodyTolerances.from_mapping(values)
-        fit, held = ([replace(r, tolerances=stated) for r in group] for group in (fit, held))
+    stated = (BodyTolerances, tolerances)
+    fit, held = read_by_role(fit_paths, held_paths, SUFFIX, read_body_file, stated)
     if not held:
         fit, held, note = split_bodies(fit)
         return fit, held, [note]
     known = _poses(fit)
     for unseen in held:
         share = float(np.isin(_poses([unseen]), known).mean())
-        if share > _SAME:
-            raise InputError(
-                f"{100 * share:.0f} % of the held-out poses of {unseen.name} are also in the fitted ones,"
-                f" limit {100 * _SAME:.0f} %; hold out what was not fitted"
-            )
+        check_unseen(share, _SAME, unseen.name, "the fitted ones", "poses")
     return fit, held, []
 
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from samrl_core.cell.robots.urdf_text import MOST_KG
 from samrl_core.cell.types.arm_description import (
-    HALF_WIDTH,
     ArmController,
     ArmDescription,
     NominalTool,
@@ -23,6 +22,7 @@ from samrl_core.cell.types.arm_description import (
 from samrl_core.cell.types.controllers import KINDS, joint_names
 from samrl_core.cell.types.controllers.impedance import JointImpedance
 from samrl_core.cell.types.controllers.kind import not_negative, numbers, shown
+from samrl_core.cell.types.stated_tolerances import HALF_WIDTH
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,13 @@ from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTo
 from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import read_whole
-from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.common.text_files import parse_json
 from samrl_core.diagnosis.kinds.poses import split_poses
+from samrl_ros.recordings.arrays_by_role import check_unseen, read_by_role
 
 SUFFIX = ".poses.npz"
 VERSION = 1
+_SAME = 0.05  # share of poses that may be alike by chance
 _TRACK = ("time", "position", "quat_xyzw")
 _TRANSFORMS = ("camera_in_flange", "base_in_base", "target_in_flange")
 
@@ -93,18 +95,15 @@ def read_pose_file(path: Path) -> PoseRecording:
 
 
 def load_pose_files(
-    fit_paths: Sequence[Path], held_paths: Sequence[Path], tolerances: PoseTolerances | None
+    fit_paths: Sequence[Path], held_paths: Sequence[Path], tolerances: Path | None
 ) -> tuple[list[PoseRecording], list[PoseRecording], list[str]]:
-    """Recordings by role, held-out data unseen, with notes.
+    """Recordings by role, held-out data unseen, with notes; tolerances of a YAML file replace their own.
 
     Raises:
         InputError: as `read_pose_file`; files of another kind among them; held-out poses that are fitted.
     """
-    if others := [p.name for p in (*fit_paths, *held_paths) if not is_pose_file(p)]:
-        raise InputError(f"{', '.join(others)}: recordings of another kind; diagnose each kind for itself")
-    fit, held = [read_pose_file(p) for p in fit_paths], [read_pose_file(p) for p in held_paths]
-    if tolerances is not None:
-        fit, held = ([replace(r, tolerances=tolerances) for r in group] for group in (fit, held))
+    stated = (PoseTolerances, tolerances)
+    fit, held = read_by_role(fit_paths, held_paths, SUFFIX, read_pose_file, stated)
     notes: list[str] = []
     if not held:
         first, last = split_poses(fit[0])
@@ -115,24 +114,5 @@ def load_pose_files(
             same = np.isin(
                 unseen.seen.position.view([("", float)] * 3), known.seen.position.view([("", float)] * 3)
             )
-            if same.mean() > 0.05:
-                raise InputError(
-                    f"{100 * same.mean():.0f} % of the held-out poses of {unseen.name} are also in the fitted"
-                    f" {known.name}, limit 5 %; hold out what was not fitted"
-                )
+            check_unseen(float(same.mean()), _SAME, unseen.name, f"the fitted {known.name}", "poses")
     return fit, held, notes
-
-
-def read_pose_tolerances(path: Path) -> PoseTolerances:
-    """Tolerances from a YAML file.
-
-    Raises:
-        InputError: no mapping, an unknown name, or a value that is no number.
-    """
-    values = parse_yaml(read_text(path, "the tolerances"), str(path))
-    if not isinstance(values, dict):
-        raise InputError(f"{path} holds {type(values).__name__}, must be a mapping of names to numbers")
-    try:
-        return PoseTolerances.from_mapping(values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error

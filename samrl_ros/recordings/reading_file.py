@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,9 @@ from samrl_core.cell.types.reading_recording import ReadingRecording, ReadingTol
 from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import read_whole
-from samrl_core.common.text_files import parse_json, parse_yaml, read_text
+from samrl_core.common.text_files import parse_json
 from samrl_core.diagnosis.kinds.readings import split_readings
+from samrl_ros.recordings.arrays_by_role import check_unseen, read_by_role
 
 SUFFIX = ".readings.npz"
 VERSION = 1
@@ -66,15 +67,8 @@ def load_reading_files(
     Raises:
         InputError: as `read_reading_file`; files of another kind; held-out readings that were fitted.
     """
-    if others := [p.name for p in (*fit_paths, *held_paths) if not is_reading_file(p)]:
-        raise InputError(f"{', '.join(others)}: recordings of another kind; diagnose each kind for itself")
-    fit, held = [read_reading_file(p) for p in fit_paths], [read_reading_file(p) for p in held_paths]
-    if tolerances is not None:
-        values = parse_yaml(read_text(tolerances, "the tolerances"), str(tolerances))
-        if not isinstance(values, dict):
-            raise InputError(f"{tolerances} holds {type(values).__name__}, must map names to numbers")
-        stated = ReadingTolerances.from_mapping(values)
-        fit, held = ([replace(r, tolerances=stated) for r in group] for group in (fit, held))
+    stated = (ReadingTolerances, tolerances)
+    fit, held = read_by_role(fit_paths, held_paths, SUFFIX, read_reading_file, stated)
     if not held:
         first, last = split_readings(fit[0])
         return [first], [last], [f"{fit[0].name} is alone: a part of it is held out"]
@@ -82,9 +76,5 @@ def load_reading_files(
         for known in fit:
             seen, other = (np.stack([r.reading, r.reference], axis=1).view("f8,f8") for r in (known, unseen))
             share = float(np.isin(other, seen).mean())
-            if share > _SAME:
-                raise InputError(
-                    f"{100 * share:.0f} % of the held-out readings of {unseen.name} are also in the fitted"
-                    f" {known.name}, limit {100 * _SAME:.0f} %; hold out what was not fitted"
-                )
+            check_unseen(share, _SAME, unseen.name, f"the fitted {known.name}", "readings")
     return fit, held, []

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
 from samrl_core.cell.excitation.trajectory_file import TrajectoryFile
 from samrl_core.cell.robots.urdf import read_urdf
 from samrl_core.cell.robots.urdf_text import parse_urdf
+from samrl_core.common.array_file import unpacked
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_json, parse_yaml, read_text
 from samrl_ros.bags.metadata import load
@@ -23,6 +27,8 @@ from samrl_ros.cell.parameter_file import load_parameters
 from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.mapping import read_mapping
+from samrl_ros.log_import.specs import CsvOptions
+from samrl_ros.log_import.tables import read_table
 from samrl_ros.recordings.joint_messages import encode_text
 from samrl_ros.recordings.nominal_texts import parse_controller, parse_tool, read_tolerances
 
@@ -90,6 +96,27 @@ def test_yaml_that_breaks_its_reader(reader: str, text: str, tmp_path: Path) -> 
     file.write_text(text)
     with pytest.raises(InputError):
         READERS[reader](file)
+
+
+@pytest.mark.parametrize("name", ["x.npy", "x.npz"])
+def test_an_array_whose_header_is_no_python(name: str, tmp_path: Path) -> None:
+    """NumPy's own reader lets `tokenize.TokenError` out."""
+    with io.BytesIO() as buffer:
+        np.save(buffer, np.zeros(3))
+        array = buffer.getvalue()
+    array = array[:10] + b"{'descr': '<".ljust(118, b"a") + array[128:]  # neither string nor dict ends
+    content = array
+    if name.endswith("npz"):
+        with io.BytesIO() as buffer:
+            with zipfile.ZipFile(buffer, "w") as archive:
+                archive.writestr("t.npy", array)
+            content = buffer.getvalue()
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_table(tmp_path / name, CsvOptions(), "it")
+    if name.endswith("npz"):
+        with pytest.raises(InputError, match="cannot be read"):
+            unpacked(content, tmp_path / name)
 
 
 def test_json_nested_beyond_measure() -> None:

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from samrl_core.cell.types.drive_law import DriveLaw
-from samrl_core.common.errors import InputError
+from samrl_core.cell.types.stated_tolerances import StatedTolerances
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # in the arm's base frame [m/s2]
-HALF_WIDTH, STANDARD_DEVIATION = "half_width", "standard_deviation"
-_DEVIATION = {HALF_WIDTH: 1.0 / np.sqrt(3.0), STANDARD_DEVIATION: 1.0}  # per stated value
 
 
 @dataclass(frozen=True)
-class Tolerances:
+class Tolerances(StatedTolerances):
     """How far the real arm may be from its nominal model and still count as nominal.
 
-    Each is the half width of what is plausible, unless `stated_as` says that it is a standard deviation.
-    Per-joint values are one number for all joints, or one per joint. The diagnosis takes a half width as a
-    Gaussian with the standard deviation of a uniform draw within it.
+    Per-joint values are one number for all joints, or one per joint.
     """
 
     mass: float = 0.02  # of each link, as a fraction
@@ -36,22 +32,6 @@ class Tolerances:
     armature: float = 0.02  # fraction of the nominal value
     stamp: float = 0.0002  # of a channel against another, constant in a recording [s]
     motor_constant: float | tuple[float, ...] = 0.01  # of a motor: torque per volt or ampere, a fraction
-    stated_as: str = HALF_WIDTH  # or STANDARD_DEVIATION, of all of them
-
-    def __post_init__(self) -> None:
-        if self.stated_as not in _DEVIATION:
-            raise InputError(f"tolerances stated as {self.stated_as!r}; known are {', '.join(_DEVIATION)}")
-        for f in fields(self):
-            if f.name == "stated_as":
-                continue
-            value = np.asarray(getattr(self, f.name), dtype=float)
-            if not (np.isfinite(value).all() and (value >= 0).all()):
-                raise InputError(f"tolerance {f.name} is {getattr(self, f.name)}, must be finite and >= 0")
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation per stated value."""
-        return _DEVIATION[self.stated_as]
 
     def scaled(self, factor: float) -> Tolerances:
         """Every value times a factor."""
@@ -61,25 +41,6 @@ class Tolerances:
             if name != "stated_as"
         }
         return Tolerances(**values, stated_as=self.stated_as)
-
-    @classmethod
-    def from_mapping(cls, values: dict) -> Tolerances:
-        """From JSON or YAML; names as here, all optional.
-
-        Raises:
-            InputError: an unknown name (all known ones are listed) or a value that is no number.
-        """
-        known = {f.name for f in fields(cls)}
-        if unknown := sorted(str(name) for name in set(values) - known):
-            raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
-        try:
-            read: dict[str, Any] = {
-                k: str(v) if k == "stated_as" else tuple(map(float, v)) if isinstance(v, list) else float(v)
-                for k, v in values.items()
-            }
-            return cls(**read)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"tolerances must be numbers or lists of numbers: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)

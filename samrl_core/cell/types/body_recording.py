@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import HALF_WIDTH, STANDARD_DEVIATION
+from samrl_core.cell.types.stated_tolerances import StatedTolerances
 from samrl_core.common.errors import InputError
 
 PHASES = ("auto", "flight", "contact")
@@ -17,7 +15,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True)
-class BodyTolerances:
+class BodyTolerances(StatedTolerances):
     """How far the real thing may be from its description and still count as nominal.
 
     Half widths of what is plausible, unless `stated_as` says that they are standard deviations.
@@ -33,38 +31,6 @@ class BodyTolerances:
     inertia: float = 0.05  # as a fraction
     track_position: float = 0.0005  # errors of the tracker that last over a motion, per axis [m]
     track_rotation: float = 0.01  # likewise [rad]
-    stated_as: str = HALF_WIDTH
-
-    def __post_init__(self) -> None:
-        if self.stated_as not in (HALF_WIDTH, STANDARD_DEVIATION):
-            raise InputError(
-                f"tolerances stated as {self.stated_as!r}; known are {HALF_WIDTH}, {STANDARD_DEVIATION}"
-            )
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if f.name != "stated_as" and not (np.isfinite(value) and value >= 0):
-                raise InputError(f"tolerance {f.name} is {value}, must be finite and >= 0")
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation per stated value."""
-        return 1.0 if self.stated_as == STANDARD_DEVIATION else float(1.0 / np.sqrt(3.0))
-
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Any]) -> BodyTolerances:
-        """From YAML; names as here, all optional.
-
-        Raises:
-            InputError: an unknown name (all known ones are listed) or a value that is no number.
-        """
-        known = {f.name for f in fields(cls)}
-        if unknown := sorted(str(name) for name in set(values) - known):
-            raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
-        try:
-            read: dict[str, Any] = {k: str(v) if k == "stated_as" else float(v) for k, v in values.items()}
-            return cls(**read)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"tolerances must be numbers: {error}") from error
 
 
 @dataclass(frozen=True)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import HALF_WIDTH, STANDARD_DEVIATION
+from samrl_core.cell.types.stated_tolerances import StatedTolerances
 from samrl_core.common.errors import InputError
 
 UNITS = {"depth": "m", "stamp": "s"}  # quantity -> unit
 
 
 @dataclass(frozen=True)
-class ReadingTolerances:
+class ReadingTolerances(StatedTolerances):
     """How far a sensor may be off and still count as nominal: half widths, unless `stated_as` differs."""
 
     depth_scale: float = 0.0005  # as a fraction
@@ -23,38 +21,6 @@ class ReadingTolerances:
     depth_pattern: float = 0.0005  # errors that last over neighbouring readings, as a fraction of the depth
     stamp: float = 0.0005  # constant offset of the clocks [s]
     drift: float = 1e-6  # [s/s]
-    stated_as: str = HALF_WIDTH
-
-    def __post_init__(self) -> None:
-        if self.stated_as not in (HALF_WIDTH, STANDARD_DEVIATION):
-            raise InputError(
-                f"tolerances stated as {self.stated_as!r}; known are {HALF_WIDTH}, {STANDARD_DEVIATION}"
-            )
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if f.name != "stated_as" and not (np.isfinite(value) and value >= 0):
-                raise InputError(f"tolerance {f.name} is {value}, must be finite and >= 0")
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation per stated value."""
-        return 1.0 if self.stated_as == STANDARD_DEVIATION else float(1.0 / np.sqrt(3.0))
-
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Any]) -> ReadingTolerances:
-        """From YAML; names as here, all optional.
-
-        Raises:
-            InputError: an unknown name (all known ones are listed) or a value that is no number.
-        """
-        known = {f.name for f in fields(cls)}
-        if unknown := sorted(str(name) for name in set(values) - known):
-            raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
-        try:
-            read: dict[str, Any] = {k: str(v) if k == "stated_as" else float(v) for k, v in values.items()}
-            return cls(**read)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"tolerances must be numbers: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -250,13 +250,12 @@ def load(
     from samrl_ros.recordings import read_tolerances
     from samrl_ros.recordings.body_file import is_body_file, load_body_files
     from samrl_ros.recordings.described import described_by
-    from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files, read_pose_tolerances
+    from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files
     from samrl_ros.recordings.reading_file import is_reading_file, load_reading_files
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
     if any(is_pose_file(p) for p in (*fit_paths, *held_paths)):
-        own = read_pose_tolerances(options.tolerances) if options.tolerances else None
-        return load_pose_files(fit_paths, held_paths, own)
+        return load_pose_files(fit_paths, held_paths, options.tolerances)
     if any(is_reading_file(p) for p in (*fit_paths, *held_paths)):
         return load_reading_files(fit_paths, held_paths, options.tolerances)
     if any(is_body_file(p) for p in (*fit_paths, *held_paths)):

@@ -64,7 +64,8 @@ def watch_graph(
                 )
         node.report()
     except KeyboardInterrupt:
-        note(f"interrupted; {watch.judged} windows were diagnosed, see {out}")
+        counts = f"{watch.judged} windows were diagnosed, {watch.refused} not judged, {watch.skipped} skipped"
+        note(f"interrupted; {counts}, see {out}")
         return INTERRUPTED
     finally:
         watch.close()

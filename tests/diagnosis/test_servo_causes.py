@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.effects.drive.controller_gain import EFFECT as CONTROLLER_GAIN
 from samrl_core.diagnosis.effects.drive.controller_gain import sure_damper
 from samrl_core.diagnosis.effects.drive.torque_rate_limit import EFFECT as RATE_LIMIT
@@ -16,8 +19,12 @@ from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.control_law import spring_of_rounded
 from samrl_core.diagnosis.residuals.equations import integrated_terms
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.signal_noise import quantum
 from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.contenders import Contender, plain_first
+from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
+from samrl_core.diagnosis.selection.selection import held_out_gains
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
 from tests.diagnosis.controllers.kinds import POSITION_SERVO, VELOCITY_DRIVE
@@ -25,6 +32,9 @@ from tests.diagnosis.controllers.machines import Differs, Machine
 from tests.diagnosis.controllers.machines import worlds as machines
 from tests.diagnosis.test_diagnose import diagnosed
 from tests.diagnosis.worlds import LIFT, TURN
+
+if TYPE_CHECKING:
+    from samrl_core.diagnosis.selection.hypothesis import Fit
 
 SWING = Place("joint:swing", (0,))
 
@@ -151,3 +161,40 @@ def test_a_limit_that_held_out_motion_does_not_reach_is_named_where_it_explains_
     diagnosis = diagnosed(9, {"torque_saturation", "coulomb_friction", "payload"}, effort_limit={LIFT: 9.0})
     assert diagnosis.verdict == "effect", diagnosis.reasons
     assert [e.name for e in diagnosis.effects] == ["torque_saturation@joint:lift"]
+
+
+# -- choice and verdict -------------------------------------------------------------------------------------
+
+
+def test_a_drop_that_only_mends_the_shape_of_a_sign_is_no_stribeck_friction() -> None:
+    plain, falling = (
+        SimpleNamespace(place="joint:turn", effect=SimpleNamespace(family=family, contains=contains))
+        for family, contains in (("coulomb_friction", ()), ("stribeck_friction", ("coulomb_friction",)))
+    )
+
+    def contender(h: SimpleNamespace, left: float) -> Contender:
+        return Contender(cast("Fit", SimpleNamespace(hypotheses=[h])), left)
+
+    mended = [contender(falling, 0.053), contender(plain, 0.06)]
+    assert plain_first(mended) == mended[::-1]
+    for there in (
+        [contender(falling, 0.02), contender(plain, 0.1)],
+        [contender(falling, 0.0), contender(plain, 0.01)],
+    ):
+        assert plain_first(there) == there
+
+
+def test_held_out_recordings_tell_an_effect_from_a_fit_to_noise() -> None:
+    """What they win by a friction of the right size, of none, and of the wrong sign."""
+    a, c = worlds.world(3, "A", coulomb={TURN: 0.3}), worlds.world(4, "A", coulomb={TURN: 0.3})
+    likelihood, held_out = (Likelihood(worlds.trials(r)) for r in (a, c))
+    (effect,) = (e for e in EFFECTS if e.family == "coulomb_friction")
+    (place,) = (p for p in effect.places(likelihood.trials[0]) if p.name == "joint:turn")
+    form = effect.forms(likelihood.trials[0], place)[0]
+    h = hypothesis(likelihood, effect, form, form.shapes[1])
+    assert h is not None
+    fit = Evidence(likelihood).fit([h])
+    gain, expected = held_out_gains(held_out, fit, 2.0)
+    assert expected > 100.0 and gain == pytest.approx(expected, rel=0.3)
+    wrong = replace(fit, amplitudes=(-fit.amplitudes[0],))
+    assert held_out_gains(held_out, wrong, 2.0)[0] < -expected

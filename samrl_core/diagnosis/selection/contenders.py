@@ -25,6 +25,7 @@ MOST = 6  # candidates that are simulated
 OF_A_FAMILY = 2  # of them
 CLEARLY = 0.75  # times what the best by evidence leaves: from here on another one goes first
 SIMULATED_S = 40.0  # of recordings, at most, per comparison
+MENDED = 0.03  # of the equation, that a further term must take off what the plain formula leaves
 LEAST_LEFT = 0.005  # of the equation: less is noise, and no formula is so exact
 MOTION = ("position", "velocity")
 
@@ -62,11 +63,27 @@ def contend(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[F
     inside = [c for c in within if not c.on_bound]
     if not inside:
         return [c.fit for c in within]
-    first, *others = inside
+    first, *others = plain_first(inside)
     better = [c for c in others if c.left < CLEARLY * first.left]
     rest = [c for c in others if c not in better]
     ranked = [*sorted(better, key=lambda c: c.left), first, *sorted(rest, key=lambda c: c.left)]
     return [c.fit for c in [*ranked, *(c for c in within if c.on_bound)]]
+
+
+def plain_first(contenders: Sequence[Contender]) -> list[Contender]:
+    """The same with a family in front of the first one that contains it, where its further term only mends.
+
+    A Stribeck drop that takes a little off what Coulomb friction leaves is the shape of the sign.
+    """
+    first = contenders[0]
+    mine = first.fit.hypotheses[0]
+    for c in contenders[1:]:
+        h = c.fit.hypotheses[0]
+        if h.place != mine.place or h.effect.family not in mine.effect.contains:
+            continue
+        if c.equation_left < first.equation_left + MENDED and first.equation_left > 0.5 * c.equation_left:
+            return [c, *(o for o in contenders if o is not c)]
+    return list(contenders)
 
 
 def motion_left(trials: Sequence[Observed], fits: Sequence[Fit]) -> list[float | None]:

@@ -61,6 +61,8 @@ class Selection:
     held_out_excess: float
     held_out_remaining: float
     correlation_time: float
+    held_out_gain: float = 0.0  # log likelihood [nat] that held-out recordings win by what was fitted
+    held_out_expected: float = 0.0  # that they would win if it were exactly so
     contenders: tuple[Fit, ...] = ()  # further first effects, in the order in which they are tried
     again: Callable[[Fit], Selection] | None = None  # the set that grows from another first effect
 
@@ -180,7 +182,8 @@ def _grow(
         chosen = better
     remaining = likelihood.deficit(evidence.remainder(chosen), k)
     held_remaining = held_out.deficit(held_out_remainder(held_out, chosen), k)
-    return Selection(chosen, tuple(singles), tuple(rivals), 0.0, 0.0, remaining, 0.0, held_remaining, k)
+    won = held_out_gains(held_out, chosen, k)
+    return Selection(chosen, tuple(singles), tuple(rivals), 0.0, 0.0, remaining, 0.0, held_remaining, k, *won)
 
 
 def _greatest_first(evidence: Evidence, fit: Fit, keep_first: bool) -> Fit:
@@ -223,9 +226,12 @@ def with_chosen(
 ) -> Selection:
     """The selection with another set in front."""
     evidence, k = Evidence(likelihood, selection.correlation_time), selection.correlation_time
+    gain, expected = held_out_gains(held_out, chosen, k)
     return replace(
         selection,
         chosen=chosen,
+        held_out_gain=gain,
+        held_out_expected=expected,
         rivals=rivals,
         remaining=likelihood.deficit(evidence.remainder(chosen), k),
         held_out_remaining=held_out.deficit(held_out_remainder(held_out, chosen), k),
@@ -240,6 +246,19 @@ def held_out_remainder(held_out: Likelihood, fit: Fit) -> np.ndarray:
         if there is not None:
             y = held_out.minus(there.regressors, amplitudes, y)
     return y
+
+
+def held_out_gains(held_out: Likelihood, fit: Fit, correlation: float) -> tuple[float, float]:
+    """Log likelihood [nat] that held-out residuals win by a fit as it is, and that they would were it exact.
+
+    With p what the fit predicts: p' S^-1 y - p' S^-1 p / 2, and p' S^-1 p / 2.
+    """
+    if not held_out.blocks:
+        return 0.0, 0.0
+    p = held_out.y - held_out_remainder(held_out, fit)
+    weighed = (p - held_out.tolerated(p, correlation)) / correlation
+    expected = 0.5 * float(weighed @ p)
+    return float(weighed @ held_out.y) - expected, expected
 
 
 def _worth(

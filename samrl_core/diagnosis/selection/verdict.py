@@ -22,6 +22,7 @@ class VerdictSettings:
 
     unexplained: float = 0.4  # share of the excess that may remain on fitted recordings
     held_out_unexplained: float = 0.65  # likewise on held-out ones, where parameters were not fitted
+    shown: float = 8.0  # [nat] that a prediction must be worth on held-out recordings before they deny it
     visible: float = 25.0  # [nat] excess below which shares say nothing
     worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings
     tie: float = 0.6  # a probability below it is no name
@@ -102,6 +103,12 @@ def decide(
                 f"on held-out recordings {left:.0%} stay unexplained,"
                 f" more than {settings.held_out_unexplained:.0%}"
             )
+    elif not by_chance and denies(selection, settings):
+        refusals.append(
+            f"what was fitted should win {selection.held_out_expected:.0f} of log likelihood on held-out"
+            f" recordings, and loses {-selection.held_out_gain:.0f}"
+        )
+        contradicted = True
     elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
         refusals.append("with it, held-out recordings fit worse than without")
         contradicted = True
@@ -199,6 +206,11 @@ def explains_all(selection: Selection, settings: VerdictSettings) -> bool:
     clear = selection.chosen.log_evidence > settings.clearly * selection.threshold
     most = max(selection.unexplained, selection.held_out_unexplained)
     return clear and most < settings.all
+
+
+def denies(selection: Selection, settings: VerdictSettings) -> bool:
+    """Whether held-out recordings would show what was fitted, and show nothing of it: a fit to noise."""
+    return selection.held_out_expected > settings.shown and selection.held_out_gain < 0.0
 
 
 def _by_a_twin(selection: Selection, gap: HeldOutGap) -> bool:

@@ -95,6 +95,18 @@ class BodyModel:
             return (np.sum(squares) - squares) / 12.0
         return np.zeros(0)
 
+    def reach(self, along: np.ndarray) -> np.ndarray:
+        """How far (N,) [m] the body reaches from its frame's origin along its unit vectors (N, 3)."""
+        if self.shape == "sphere":
+            return np.full(len(along), self.sizes[0])
+        if self.shape == "cylinder":
+            radius, height = self.sizes
+            across = np.sqrt(np.maximum(1.0 - along[:, 2] ** 2, 0.0))
+            return radius * across + 0.5 * height * np.abs(along[:, 2])
+        if self.shape == "box":
+            return 0.5 * np.abs(along) @ np.asarray(self.sizes)
+        return np.zeros(len(along))
+
     @property
     def rolling(self) -> float:
         """Inertia over mass and squared radius of what rolls; 0 where it has no radius."""

@@ -14,6 +14,8 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 
 CLEARLY = 5.0  # [nat] by which a suspect must explain more than what was named
 BESIDE = 12.0  # [nat] that it needs where nothing was named
+PATTERN = 80.0  # [nat] beyond noise and tolerances, of which something is there whatever it is
+SLOW = 6.0  # samples that count as one there: whatever lasts as long as a motion is none of the noise
 SPREAD = 0.1  # of a suspect's size before any data, in the units of its column
 
 
@@ -49,6 +51,10 @@ def suspicions(evidence: Evidence, chosen: Fit | None, least: float) -> list[str
             made = hypothesis(evidence.likelihood, suspect, form, shape)
             if made is not None:
                 found.append((evidence.fit([made]).log_evidence, form.name))
+    if chosen is None:
+        excess = evidence.likelihood.deficit(evidence.likelihood.y, SLOW)
+        if excess > PATTERN:
+            found.append((excess, "something that is no effect"))
     gain, name = max(found, default=(-np.inf, ""))
     named = 0.0 if chosen is None else chosen.log_evidence
     if gain < (max(BESIDE, least) if chosen is None else named + CLEARLY):

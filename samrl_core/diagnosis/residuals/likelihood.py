@@ -160,8 +160,13 @@ class Likelihood:
             y = masked
         projected = self._basis.T @ y
         outside = (y - self._basis @ projected) ** 2
-        parts = self.blocks.values() if only is None else [self.blocks[block] for block in only]
-        noise = sum(max(0.0, float(np.sum(outside[b])) - (b.stop - b.start)) for b in parts)
+        parts = list(self.blocks.values()) if only is None else [self.blocks[block] for block in only]
+        sizes = [b.stop - b.start for b in parts]
+        noise = sum(max(0.0, float(np.sum(outside[b])) - n) for b, n in zip(parts, sizes, strict=True))
+        if self.trials and all(t.short for t in self.trials):
+            # The positive part of a chi-square's deviation from its n degrees has the mean sqrt(n / pi), and
+            # more by the root of how many samples count as one.
+            noise = max(0.0, noise - sum(np.sqrt(n * correlation / np.pi) for n in sizes))
         inside = projected**2 / (correlation + self._strength) - 1.0
         strong = self._strength > correlation  # the others say nothing about tolerances
         return 0.5 * noise / correlation + 0.5 * max(0.0, float(np.sum(inside[strong])))

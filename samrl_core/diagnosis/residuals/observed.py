@@ -23,6 +23,7 @@ class Observed(ABC):
     exact: ClassVar[bool] = (
         False  # effects are geometry, not formulas: who explains as much is not told apart
     )
+    short: ClassVar[bool] = False  # many blocks of few samples: what noise alone exceeds in them adds up
     channels: tuple[str, ...]
     cached: dict[tuple[str, str], Any]  # what a form works out once per recording
 

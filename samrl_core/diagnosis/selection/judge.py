@@ -79,7 +79,9 @@ def judge_sets(
     assert nearest is not None
     if nearest.selection.chosen is not None and nearest.outcome.verdict == "none_of_mine":
         quiet = rules.unconfirmed(nearest.outcome, nearest.selection, nearest.named[0], settings)
-        return nearest if quiet is None else replace(nearest, outcome=quiet)
+        evidence = Evidence(likelihood, nearest.selection.correlation_time)
+        if quiet is not None and not doubts(evidence, None, selection.threshold):
+            return replace(nearest, outcome=quiet)
     return nearest
 
 

@@ -41,12 +41,13 @@ class TiltByBodies(Effect[BodyTrial]):
             of=lambda t: columns.along(columns.gravity_tilt(t), axis),
             reported=lambda t, a: {n: float(a[0] * x) for n, x in zip(names, axis, strict=True)},
         )  # fmt: skip
+        few = (gravity, one) if columns.goes_one_way(trial) else (gravity,)
         if not trial.slides or not trial.sees_normal:
-            return (gravity, one)
+            return few
         support = OfMotion(
             name="support", place=place, amplitudes=names, of=columns.support_tilt, spreads=spreads
         )
-        return (gravity, one, support)
+        return (*few, support)
 
 
 EFFECT = TiltByBodies()

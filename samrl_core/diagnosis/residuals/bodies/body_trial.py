@@ -31,6 +31,7 @@ class BodyTrial(Observed):
 
     kind = "bodies"
     exact = True
+    short = True
 
     def __init__(
         self, recordings: Sequence[BodyRecording], motions: Motions, constants: Constants,

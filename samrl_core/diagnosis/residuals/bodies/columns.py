@@ -8,6 +8,8 @@ from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial
 from samrl_core.diagnosis.residuals.bodies.segment import Segment
 from samrl_core.diagnosis.residuals.equations import Columns
 
+ONE_WAY = 0.95  # of the way that is gone straight on
+
 
 def scale(trial: BodyTrial) -> Columns:
     """Per fraction by which accelerations seem smaller: a longer unit of length, or a faster clock."""
@@ -85,6 +87,16 @@ def across_the_way(trial: BodyTrial) -> np.ndarray:
     lean = np.array([np.cross(axis, gravity) @ way for axis in axes])
     size = float(np.linalg.norm(lean))
     return lean / size if size > 0 else np.array([1.0, 0.0])
+
+
+def goes_one_way(trial: BodyTrial) -> bool:
+    """Whether all motions across gravity have about the same direction."""
+    up = -np.asarray(trial.recording.gravity, dtype=float)
+    up = up / np.linalg.norm(up)
+    ways = [np.mean(s.velocity, axis=0) * len(s) for s in trial.segments]
+    ways = [way - up * (up @ way) for way in ways]
+    whole = float(np.sum([np.linalg.norm(way) for way in ways]))
+    return whole > 0 and float(np.linalg.norm(np.sum(ways, axis=0))) > ONE_WAY * whole
 
 
 def along(columns: Columns, weights: np.ndarray) -> Columns:

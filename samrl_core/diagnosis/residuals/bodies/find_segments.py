@@ -21,10 +21,14 @@ LEAST_SAMPLES = 7
 LEAST_S = {"flight": 0.06, "slide": 0.12}
 SLOWEST = 0.04  # [m/s] of a slide: below it friction has no direction
 SURELY = 5.0  # standard deviations of the speed, likewise
+LEAST_WAY_M, FAR = 0.005, 12.0  # [m], standard deviations that a slide leads at least
 WINDOW_S = 0.06  # to either side, over which a speed is told
-JUMP = 0.15  # [m/s] of velocity within a motion: something was hit
+JUMP = 0.3  # [m/s] of velocity within a motion: something was hit
 LEVEL = 0.02  # of gravity along the support, below which nothing speeds up by itself
 SEEN = 0.98  # of the normal that must lie within measured axes
+CLEAR_M = 0.006  # [m] by which the lowest point of a body in flight is off its support
+FLAT_RAD = 0.04  # by which a side that slides may lean
+TIPPING_S = 0.25  # [s] that no body tips for, where its lowest point is not known
 APART_S = 0.05  # between two flights, at most, for one impact
 
 
@@ -64,11 +68,16 @@ def find_segments(recording: BodyRecording, index: int) -> Found:
     center[:, ~seen] = 0.0
     phases = _phases(recording, center, seen)
     segments: list[Segment] = []
+    known = _clearance(recording, turned, seen)
+    off = known if len(known) else np.zeros(len(track))
     for phase in phases:
         if phase.kind == FLIGHT:
+            if not _is_free(recording, known[phase.begin : phase.end], time[phase.begin : phase.end]):
+                continue
             parts = [np.arange(phase.begin, phase.end)]
-        elif phase.kind == CONTACT and recording.support is not None:
-            parts = _slides(recording, time, center, np.arange(phase.begin, phase.end))
+        elif phase.kind == CONTACT and _may_slide(recording):
+            rows = np.arange(phase.begin, phase.end)
+            parts = _slides(recording, time, center, rows[_is_flat(recording, turned[rows], off[rows])])
         else:
             continue
         for part in parts:
@@ -109,9 +118,7 @@ def _phases(recording: BodyRecording, center: np.ndarray, seen: np.ndarray) -> l
     if recording.phase != "auto":
         return [Phase(recording.phase, 0, count)]
     gravity = np.asarray(recording.gravity)
-    up = -gravity / np.linalg.norm(gravity)
-    if recording.support is not None:
-        up = np.asarray(recording.support.normal)
+    up = _up(recording)
     if np.linalg.norm(up[seen]) < SEEN:
         return [Phase(CONTACT if recording.support is not None else FLIGHT, 0, count)]
     found = find_phases(recording.track.time, center @ up, abs(float(gravity @ up)))
@@ -119,6 +126,50 @@ def _phases(recording: BodyRecording, center: np.ndarray, seen: np.ndarray) -> l
     return [
         Phase(p.kind, p.begin + (p.begin > 0), p.end - (p.end < count)) for p in found if p.end - p.begin > 2
     ]
+
+
+def _may_slide(recording: BodyRecording) -> bool:
+    """Whether contact is sliding, or stated to be rolling: a ball that was not thrown to slide rolls."""
+    support = recording.support
+    if support is None:
+        return False
+    return recording.body.shape != "sphere" or support.rolls or recording.phase == "contact"
+
+
+def _clearance(recording: BodyRecording, turned: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Height (N,) [m] of the body's lowest point over the lowest that it ever had; empty if not known."""
+    body, up = recording.body, _up(recording)
+    round_or_turned = body.shape in ("point", "sphere") or recording.track.turns == "xyz"
+    if not round_or_turned or np.linalg.norm(up[seen]) < SEEN:
+        return np.zeros(0)
+    lowest = recording.track.position @ up - body.reach(np.swapaxes(turned, 1, 2) @ up)
+    return lowest - float(np.quantile(lowest, 0.05))  # a stray pose or a soft impact may be lower
+
+
+def _is_free(recording: BodyRecording, clearance: np.ndarray, time: np.ndarray) -> bool:
+    """Whether a flight is one: what tips over an edge falls likewise, but never leaves the table."""
+    if recording.phase != "auto" or recording.body.shape in ("point", "sphere"):
+        return True
+    if not len(clearance):
+        return float(time[-1] - time[0]) > TIPPING_S
+    return float(np.median(clearance)) > CLEAR_M + 5.0 * rough_noise(time, clearance)
+
+
+def _is_flat(recording: BodyRecording, turned: np.ndarray, clearance: np.ndarray) -> np.ndarray:
+    """Mask (n,) of contact in which a body keeps the side on which it ends; tumbling is no sliding."""
+    if recording.track.turns != "xyz" or recording.body.shape in ("point", "sphere") or not len(turned):
+        return np.ones(len(turned), dtype=bool)
+    below = np.swapaxes(turned, 1, 2) @ _up(recording)
+    side = np.median(below[len(below) // 2 :], axis=0)
+    leaning = np.arccos(np.clip(below @ side / max(float(np.linalg.norm(side)), 1e-9), -1.0, 1.0))
+    return (leaning < FLAT_RAD + 2.0 * float(np.median(leaning))) & (clearance < 2.0 * CLEAR_M)
+
+
+def _up(recording: BodyRecording) -> np.ndarray:
+    if recording.support is not None:
+        return np.asarray(recording.support.normal)
+    gravity = np.asarray(recording.gravity)
+    return -gravity / np.linalg.norm(gravity)
 
 
 def _segment(
@@ -152,21 +203,25 @@ def _slides(
     normal = np.asarray(recording.support.normal)
     gravity = np.asarray(recording.gravity)
     along = center[rows] - np.outer(center[rows] @ normal, normal)
-    speed, spread = _speeds(time[rows], along)
+    noise = rough_noise(time[rows], along)
+    speed, spread = _speeds(time[rows], along, noise)
     moving = speed > np.maximum(SLOWEST, SURELY * spread)
     level = np.linalg.norm(gravity - normal * (gravity @ normal)) < LEVEL * np.linalg.norm(gravity)
     out = []
-    for run in _runs(moving):
+    apart = np.flatnonzero(np.diff(rows) > 1) + 1  # what is not flat lies between
+    for run in (r for part in np.split(np.arange(len(rows)), apart) for r in _runs_within(moving, part)):
         if level and run[0] > 0:
             # It was set in motion by something: what follows the greatest speed is its own.
             run = run[int(np.argmax(speed[run])) :]
-        out.append(rows[run])
+        # A stray pose moves, too, but comes back.
+        ends = [np.median(along[part], axis=0) for part in (run[:3], run[-3:])]
+        if float(np.linalg.norm(ends[1] - ends[0])) > max(LEAST_WAY_M, FAR * noise):
+            out.append(rows[run])
     return out
 
 
-def _speeds(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _speeds(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Speed (n,) of positions (n, 3) by local parabolas, and its standard deviation."""
-    noise = max(rough_noise(column) for column in values.T)
     speed, spread = np.empty(len(time)), np.empty(len(time))
     for k in range(len(time)):
         near = _near(time, k, time[k] - WINDOW_S, time[k] + WINDOW_S, 5)
@@ -195,7 +250,7 @@ def _without_jumps(time: np.ndarray, center: np.ndarray, rows: np.ndarray) -> li
     if count < 2 * LEAST_SAMPLES:
         return [rows]
     t, values = time[rows], center[rows]
-    noise = max(rough_noise(column) for column in values.T)
+    noise = rough_noise(t, values)
     score = np.zeros(count)
     for k in range(5, count - 4):
         left = _near(t, k, t[k - 1] - 2 * WINDOW_S, t[k - 1] + 1e-9, 5)
@@ -205,7 +260,7 @@ def _without_jumps(time: np.ndarray, center: np.ndarray, rows: np.ndarray) -> li
         a, da = _slope(t[left] - middle, values[left])
         b, db = _slope(t[right] - middle, values[right])
         jump = float(np.linalg.norm(b - a))
-        score[k] = jump / (JUMP + 6.0 * noise * float(np.hypot(da, db)))
+        score[k] = jump / (JUMP + 9.0 * noise * float(np.hypot(da, db)))
     out, begin = [], 0
     while score.max() > 1.0:
         k = int(np.argmax(score))
@@ -217,6 +272,10 @@ def _without_jumps(time: np.ndarray, center: np.ndarray, rows: np.ndarray) -> li
         parts.append(rows[begin : k - (k < count)])
         begin = k + 1
     return parts
+
+
+def _runs_within(mask: np.ndarray, part: np.ndarray) -> list[np.ndarray]:
+    return [part[run] for run in _runs(mask[part])] if len(part) else []
 
 
 def _runs(mask: np.ndarray) -> list[np.ndarray]:

@@ -14,7 +14,8 @@ from samrl_core.diagnosis.residuals.bodies.free_rotation import FreeRotation, fr
 from samrl_core.diagnosis.residuals.bodies.segment import Segment, smoothed, smoothness
 
 APART = 6.0  # standard deviations beyond which a pose is none of the body
-ALIKE = (0.75, 1.33)  # noise of one trial over that of all, within which it is the same
+ALIKE = (0.6, 1.6)  # noise of one trial over that of all, within which it is the same
+ENOUGH = 60  # poses that tell their own noise
 LEAST = 1e-6  # [m], [rad]: rounding of a log
 TRIMMED, OF_TRIMMED = 3.0, 0.9866  # deviations that count, and what is left of a Gaussian's
 
@@ -74,7 +75,8 @@ def noise_levels(trials: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray]:
     common = _level(np.concatenate(every))
     out = []
     for rests in trials:
-        own = _level(np.concatenate(rests)) if rests else common
+        enough = sum(len(rest) for rest in rests) >= ENOUGH
+        own = _level(np.concatenate(rests)) if enough else common
         same = (own / common > ALIKE[0]) & (own / common < ALIKE[1])
         out.append(np.where(same, common, own))
     return out

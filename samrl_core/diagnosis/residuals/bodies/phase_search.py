@@ -19,6 +19,8 @@ APIECE = 12.0  # cost of a piece [squared standard deviations]
 STRANGE = 8.0  # more for a parabola of another kind
 PER_SAMPLE = 9.0  # cost of a sample that is neither
 LEAST = {FLIGHT: 5, CONTACT: 4}  # samples of a piece
+LOCAL_S = 0.06  # to either side, over which a cubic follows any motion
+MOST_LOCAL = 100  # places at which it is fitted
 LONGEST = 400  # samples of a piece before it is joined with its neighbours
 SLACK = 5e-4  # [m] by which a flight is no parabola and a table no plane
 JUMP = 0.25  # [m/s] between two parabolas, below which they are one flight
@@ -33,17 +35,30 @@ class Phase:
     end: int
 
 
-def rough_noise(values: np.ndarray) -> float:
-    """White noise of a signal (N,) by its third differences, which hold next to nothing of a motion."""
-    if len(values) < 8:
+def rough_noise(time: np.ndarray, values: np.ndarray) -> float:
+    """Largest noise of signals (N, K) or (N,) at times (N,) by what local cubics leave, coloured or not.
+
+    A tracker that filters leaves little in differences of neighbours, and all the more over some frames.
+    """
+    count = len(values)
+    if count < 8:
         return SLACK
-    third = np.diff(values, 3)
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
+    reach = int(np.clip(round(LOCAL_S / float(np.median(np.diff(time)))), 3, 40))
+    stride = max(1, count // MOST_LOCAL)
+    left = []
+    for k in range(0, count, stride):
+        first = min(max(0, k - reach), max(0, count - 2 * reach - 1))
+        rows = slice(first, min(count, first + 2 * reach + 1))
+        t = time[rows] - time[k]
+        basis = np.vander(t / max(float(np.ptp(t)), 1e-9), 4)
+        rest = values[rows] - basis @ np.linalg.lstsq(basis, values[rows], rcond=None)[0]
+        left.append(np.sum(rest**2, axis=0) / max(len(t) - 4, 1))
+    return float(np.sqrt(np.max(np.median(left, axis=0))))
 
 
 def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Phase]:
     """Pieces in order of heights (N,) [m] under a gravity [m/s^2] that pulls them down, `gravity` > 0."""
-    noise = float(np.hypot(rough_noise(height), SLACK))
+    noise = float(np.hypot(rough_noise(time, height), SLACK))
     pieces = _partition(time, height / noise, gravity / noise, CLIMB / noise)
     return _joined(time, height, pieces, noise)
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.residuals.bodies.phase_search import rough_noise
-
 FAR = 7.0  # standard deviations
 LEAST_M = 2e-3  # [m] by which a pose must be missed
 LONGEST = 3  # poses in a row
@@ -23,7 +21,10 @@ def stray_poses(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     stray = np.zeros(count, dtype=bool)
     if count < 12:
         return stray
-    noise = np.array([rough_noise(column) for column in position.T])
+    # Third differences hold noise as the cubics here do, and few of them hold a stray pose.
+    third = np.diff(position, 3, axis=0)
+    spread = 1.4826 * np.median(np.abs(third - np.median(third, axis=0)), axis=0)
+    noise = spread / np.sqrt(20.0)
     stuck: set[int] = set()
     for _ in range(int(MOST * count)):
         kept = np.flatnonzero(~stray)

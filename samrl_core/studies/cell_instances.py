@@ -29,8 +29,11 @@ BY_LEVEL = LEVELS[1:]  # what is run unless something else is asked for
 ROWS: dict[str, Condition] = {
     "_optimised": Condition("optimised", "best"),
     "_tip_offset": Condition("optimised", "best", tip_offset=True),
+    "_touch": Condition("optimised", "best", tip_offset=True, touch=True),
+    "_remembering": Condition("optimised", "best", tip_offset=True, touch=True, remembers=True),
     "_fixed_view": Condition("optimised", HELD),
     **{f"_{name}": Condition("optimised", HELD, straw_man=name) for name in STRAW_MEN},
+    "_script_touch": Condition("optimised", HELD, tip_offset=True, touch=True, straw_man="script"),
 }
 
 

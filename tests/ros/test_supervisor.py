@@ -130,3 +130,29 @@ def test_no_request_is_older_than_the_state_that_it_follows(estimate: Any) -> No
     supervisor.handle(TOOL_JOINTS, reading)
     supervisor.handle(TARGET, ViewTarget(episode=0, step=0, move=False))
     assert outbox.asked[-2:] == [("view", 5 * SECOND), ("act", 5 * SECOND)]
+
+
+@pytest.mark.parametrize("heed_touch", [False, True])
+def test_a_peg_that_is_felt_at_the_bottom_ends_the_episode_where_touch_is_heeded(
+    estimate: Any, heed_touch: bool
+) -> None:
+    from samrl_msgs.msg import EpisodeReady, ToolAction, ViewTarget
+
+    from samrl_core.policy.contact.insertion import BOTTOM
+    from samrl_ros.conversions import model_state, to_message
+    from samrl_ros.nodes.supervisor import EXECUTED, READY, STATE, TARGET, Supervisor, SupervisorSettings
+
+    outbox = Outbox()
+    supervisor = Supervisor(SupervisorSettings(heed_touch=heed_touch, view_period=10), outbox)
+    supervisor.start()
+    supervisor.handle(READY, EpisodeReady(header=to_message.header(SECOND), episode=0, task=TASK.name))
+    for step, name in enumerate(("inside", BOTTOM)):
+        now = replace(
+            estimate, stamp_ns=outbox.asked[-1][1] + SECOND, why_stopped="converged", loss_after=0.05
+        )
+        supervisor.handle(STATE, model_state.to_message(now, TASK, 0, step))
+        if outbox.asked[-1][0] == "view":
+            supervisor.handle(TARGET, ViewTarget(episode=0, step=step, move=False))
+        assert outbox.asked[-1][0] == "act" and not outbox.ends
+        supervisor.handle(EXECUTED, ToolAction(episode=0, step=step, sub_goal=name))
+    assert outbox.ends == ([(True, "done")] if heed_touch else [])

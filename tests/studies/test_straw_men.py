@@ -16,6 +16,7 @@ from samrl_core.cell.world.evaluation import true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.episode import unwatched
+from samrl_core.policy.agent.settings import AgentSettings
 from samrl_core.studies.episodes import straw_men
 from samrl_core.studies.episodes.locate import locate_parts
 from samrl_core.studies.episodes.straw_men import REST, STRAW_MEN, run_straw_man
@@ -47,6 +48,7 @@ class Rail:
 def agent_of(task: Task, values: np.ndarray | None = None) -> Any:
     return SimpleNamespace(
         model=SimpleNamespace(task=task),
+        settings=AgentSettings(policy="optimised"),
         begin_episode=lambda: None,
         update_model=lambda observation: SimpleNamespace(values=values),
     )

@@ -19,7 +19,7 @@ from samrl_core.policy.networks.weights import WeightsInfo, save_weights
 from samrl_core.studies.episodes import world_episodes
 from samrl_core.studies.episodes.stopwatch import GROUPS
 from samrl_core.studies.episodes.world_episodes import HELD, Condition, EpisodeJob, episode_cases
-from samrl_core.studies.experiment import Case, Options
+from samrl_core.studies.experiment import Case, CaseLog, Options
 from samrl_core.studies.paper import fig8d
 from samrl_core.studies.paper.table1 import table1_world
 from samrl_core.studies.paper.table1.held_views import HeldView
@@ -191,6 +191,35 @@ def test_a_model_that_is_not_updated_does_not_end_an_episode(
     monkeypatch.setattr(world_episodes, "run_episode", episode)
     condition = Condition("optimised", HELD, update=update)
     assert not episode_cases(EpisodeJob("k", TASK, "held", condition, 2))[0]["believed"]
+
+
+def test_episodes_of_a_cell_whose_agent_remembers_are_one_piece_of_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In their order, the first one anew. Cases come as the jobs were given."""
+    begun: list[tuple[str, bool]] = []
+
+    def episode(job: EpisodeJob, anew: bool = True) -> list[Case]:
+        begun.append((job.key, anew))
+        return [{"key": job.key}]
+
+    monkeypatch.setattr(world_episodes, "episode_cases", episode)
+    alone, shared = Condition("optimised"), Condition("optimised", remembers=True)
+    jobs = [
+        EpisodeJob(f"{name}{k}", TASK, name, how, k, instance=f"typical:{k // 2}")
+        for k in range(4)
+        for name, how in (("alone", alone), ("shared", shared))
+    ]
+    found = world_episodes.run_episodes(CaseLog(tmp_path), jobs, 1, lambda line: None)
+    assert [case["key"] for case in found] == [job.key for job in jobs]
+    assert [one for one in begun if one[0].startswith("shared")] == [
+        ("shared0", True),
+        ("shared1", False),
+        ("shared2", True),
+        ("shared3", False),
+    ]
+    assert begun.index(("shared1", False)) == begun.index(("shared0", True)) + 1
+    assert all(anew for key, anew in begun if key.startswith("alone"))
 
 
 def test_weights_that_are_missing_are_named(tmp_path: Path) -> None:

@@ -32,6 +32,8 @@ class TipOffsetSettings:
     growth: float = 0.0008  # of masks all around, standard deviation, half a pixel or less [m]
     per_metre: float = 0.004  # it grows by this times the camera's way, standard deviation [m/m]
     per_radian: float = 0.003  # and by this times its turn [m/rad]
+    # From one episode to the next: the arm stands elsewhere, the grip is the same, standard deviation [m].
+    per_episode: float = 0.0005
     # A mask's boundary errs to one side over many pixels: one image's outline is good to a pixel and a half.
     # Depth has a bias of millimetres, and the goal's pose hardly rests on it: it counts for little.
     noise: ImageNoise = field(default_factory=lambda: ImageNoise(edge=1.5, shared_by=15.0, depth=0.03))
@@ -66,10 +68,13 @@ class TipOffsetFit:
         """
         self._peg, self._settings = HeldPeg(tool, cell), settings or TipOffsetSettings()
 
-    def begin(self) -> TipOffset:
-        """The belief before any image."""
+    def begin(self, before: TipOffset | None = None) -> TipOffset:
+        """The belief before any image of an episode; `before` is that of the last one in the same cell."""
         s = self._settings
-        return TipOffset(np.zeros(4), np.diag(np.square([*s.prior, s.growth])))
+        if before is None:
+            return TipOffset(np.zeros(4), np.diag(np.square([*s.prior, s.growth])))
+        loose = self._loosened(before, s.per_episode**2)
+        return TipOffset(loose.mean, loose.covariance, before.camera)
 
     def update(self, belief: TipOffset, observation: Observation, tip: np.ndarray) -> TipOffset:
         """The likeliest values by belief and image, with its covariance (Gauss-Newton on the posterior).
@@ -104,9 +109,18 @@ class TipOffsetFit:
         if belief.camera is not None:
             way = float(np.linalg.norm(camera.position - belief.camera.position))
             spread = (s.per_metre * way) ** 2 + (s.per_radian * camera.angle_to(belief.camera)) ** 2
-        return TipOffset(
-            belief.mean, belief.covariance + spread * np.diag([1.0, 1.0, 1.0, 0.0]), camera, belief.images
-        )
+        loose = self._loosened(belief, spread)
+        return TipOffset(loose.mean, loose.covariance, camera, belief.images)
+
+    def _loosened(self, belief: TipOffset, spread: float) -> TipOffset:
+        """Wider by a variance [m2], never wider than before the first image, towards which it goes back.
+
+        A process that forgets (Uhlenbeck and Ornstein 1930): a belief that is the prior stays so.
+        """
+        prior = np.square([*self._settings.prior, self._settings.growth])
+        kept = np.sqrt(prior / (prior + np.array([spread, spread, spread, 0.0])))
+        covariance = belief.covariance * np.outer(kept, kept) + np.diag(prior * (1.0 - kept**2))
+        return TipOffset(belief.mean * kept, covariance)
 
     def _linearise(self, camera: Camera, peg: np.ndarray, shown: np.ndarray) -> ViewInformation:
         s = self._settings

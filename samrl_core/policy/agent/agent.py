@@ -17,6 +17,7 @@ from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estim
 from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
+from samrl_core.policy.contact.touch_insertion import TouchInsertion
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.networks import ResidualActor
 from samrl_core.policy.planning.expert import label_of
@@ -104,10 +105,18 @@ class Agent:
         self.settings, self.residual = settings, residual
         self._view_rng = np.random.default_rng(settings.seed)
         self.explore_from(0)
+        self._touch = TouchInsertion(self.model.task, self.model.cell) if settings.touch else None
+        self._kept_offset: TipOffset | None = None
         self._forget()
 
     def begin_episode(self) -> None:
-        """Forget the last episode: its estimate and its exploration noise."""
+        """Forget the last episode: its estimate and its exploration noise.
+
+        With touch, what it told of the cell stays: the tip's offset, and how far images are wrong.
+        """
+        if self._touch is not None:
+            self._touch.begin_episode()
+            self._kept_offset = self._tip_offset
         self._forget()
         self._exploration.begin()
 
@@ -122,9 +131,7 @@ class Agent:
 
         Eq. 8 predicts each way that the last action may have gone, eq. 7 corrects each of them.
         """
-        if self._tip_offset is not None:
-            encoders = self.model.tip_in_base(observation.tool_arm.position).position
-            self._tip_offset = self._tip_offset_fit.update(self._tip_offset, observation, encoders)
+        self._see_tip(observation)
         if self.settings.update:
             found = self._predictions(observation)
             several = len(found) > 1
@@ -136,14 +143,19 @@ class Agent:
 
     def tip(self, observation: Observation) -> np.ndarray:
         """The tool's tip (3,) in the tool arm's base frame [m]: by encoders, corrected by what was seen."""
-        tip = self.model.tip_in_base(observation.tool_arm.position).position
-        return tip if self._tip_offset is None else tip + self._tip_offset.offset
+        if self._touch is not None and self._tip_offset is not None:
+            tip = self.model.tip_in_base(observation.tool_arm.position).position
+            self._touch.see(self.estimate, observation)
+            return self._touch.tip(tip, self.estimate, self._tip_offset)
+        return self._tip_by_image(observation)
 
     def plan_view(self, estimate: Estimate, observation: Observation) -> ViewChoice:
         """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation."""
         tool, camera = observation.tool_arm.position, observation.camera_arm.position
         if self.settings.strategy == "q":
             return self._view_ascent.plan(estimate, tool, camera)
+        if self._touch is not None and not self._view_would_help(estimate):
+            return self._view_planner.plan(estimate, tool, camera, "fixed")
         return self._view_planner.plan(estimate, tool, camera, self.settings.strategy, self._view_rng)
 
     def act(self, estimate: Estimate, observation: Observation) -> ActionChoice:
@@ -152,6 +164,11 @@ class Agent:
         Raises:
             InputError: networks whose answer is not finite.
         """
+        self._see_tip(observation)
+        if self._touch is not None:
+            assert self._tip_offset is not None  # `AgentSettings` sees to it
+            move = self._touch.move(estimate, self._tip_offset, observation)
+            return ActionChoice(move.name, clip_norm(move.displacement, self.settings.longest), np.zeros(3))
         tip = self.tip(observation)
         if self.settings.policy == "learned":
             name, nominal = self._learned_action(estimate, tip, observation)
@@ -179,13 +196,38 @@ class Agent:
 
     def _forget(self) -> None:
         self.estimate: Estimate = initial_estimate(self.model)
-        self._tip_offset: TipOffset | None = (
-            self._tip_offset_fit.begin() if self.settings.tip_offset else None
-        )
+        self._tip_offset: TipOffset | None = None
+        if self.settings.tip_offset:
+            self._tip_offset = self._tip_offset_fit.begin(self._kept_offset)
+        self._tip_seen_ns = -1  # stamp of the image that the tip's offset was corrected by last [ns]
         self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
 
+    def _see_tip(self, observation: Observation) -> None:
+        """Correct the tip's offset by an image, once."""
+        if self._tip_offset is None or observation.stamp_ns == self._tip_seen_ns:
+            return
+        self._tip_seen_ns = observation.stamp_ns
+        if self._touch is not None and self._touch.in_contact:
+            return  # the block hides the peg's end, which the fit would take for a shorter peg
+        encoders = self.model.tip_in_base(observation.tool_arm.position).position
+        self._tip_offset = self._tip_offset_fit.update(self._tip_offset, observation, encoders)
+
+    def _view_would_help(self, estimate: Estimate) -> bool:
+        """Whether the hole, not the held tip, limits how well the one is known from the other.
+
+        A camera that moves must see the tip anew, which takes several images.
+        """
+        assert self._touch is not None and self._tip_offset is not None
+        hole = np.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2]).max())
+        tip = np.sqrt(np.linalg.eigvalsh(self._tip_offset.covariance[:2, :2]).max())
+        return not self._touch.in_contact and (hole > tip or not self._tip_offset.images)
+
+    def _tip_by_image(self, observation: Observation) -> np.ndarray:
+        tip = self.model.tip_in_base(observation.tool_arm.position).position
+        return tip if self._tip_offset is None else tip + self._tip_offset.offset
+
     def _predictions(self, observation: Observation) -> tuple[Estimate, ...]:
-        tip = self.tip(observation)
+        tip = self._tip_by_image(observation)
         before, self._tip = self._tip, tip
         if before is None:
             return (self.estimate,)

@@ -29,14 +29,17 @@ class AgentSettings:
     """What the agent does in each of its parts.
 
     Raises:
-        InputError: a policy, strategy or actor's image that there is not, a real one without an actor, or a
-            tip's offset without plans.
+        InputError: a policy, strategy or actor's image that there is not, a real one without an actor, a
+            tip's offset without plans, or touch without a tip's offset.
     """
 
     policy: str = DEFAULT_POLICY  # of `samrl_core.policy.agent.policies.POLICIES`
     strategy: str = STRATEGY_OF[DEFAULT_POLICY]  # of `samrl_core.policy.agent.policies.STRATEGIES`
     update: bool = True  # Real2Sim; off for ablations
     tip_offset: bool = False  # where the camera sees the held part corrects the encoders' tip, for plans
+    # A peg is led by what it touches, without the planned action or a residual, and a cell's errors are
+    # remembered from episode to episode.
+    touch: bool = False
     actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
     seed: int = 0  # of strategy "random" and of exploration
     exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]
@@ -63,6 +66,8 @@ class AgentSettings:
                 f"tip_offset corrects the tip that plans start from, policy {self.policy!r} makes none; take "
                 f"policy 'optimised'"
             )
+        if self.touch and not self.tip_offset:
+            raise InputError("touch starts from where the camera sees the held peg; set tip_offset as well")
         if self.actor_image == "real" and self.policy != "learned":
             raise InputError(
                 f"policy {self.policy!r} has no actor to read a real image; take policy 'learned'"

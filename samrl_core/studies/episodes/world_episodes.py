@@ -46,6 +46,8 @@ class Condition:
     residual: bool = False
     view_period: int = LoopSettings.view_period  # actions from one search for a view to the next
     tip_offset: bool = False  # see `AgentSettings`
+    touch: bool = False  # the same
+    remembers: bool = False  # one agent goes through the episodes of a cell, in their order
     straw_man: str = ""  # of `STRAW_MEN`, in place of Algorithm 1; empty for none
 
 
@@ -71,15 +73,42 @@ class EpisodeJob:
 def run_episodes(
     log: CaseLog, jobs: Sequence[EpisodeJob], workers: Workers, progress: Progress
 ) -> list[Case]:
-    """Cases of the jobs in their order, each run once and cached; see `run_cases`."""
-    return run_cases(log, episode_cases, [((job.key,), job) for job in jobs], workers, progress)
+    """Cases of the jobs in their order, each run once and cached; see `run_cases`.
+
+    Episodes of one cell whose agent remembers are one piece of work: a run that was stopped in their midst
+    begins the cell again, and what it had found of it stays.
+    """
+    pieces: dict[tuple[str, ...], list[EpisodeJob]] = {}
+    for job in jobs:
+        together = (job.task, job.name, job.instance) if job.condition.remembers else (job.key,)
+        pieces.setdefault(together, []).append(job)
+    work = [(tuple(job.key for job in piece), tuple(piece)) for piece in pieces.values()]
+    found = {case["key"]: case for case in run_cases(log, piece_cases, work, workers, progress)}
+    return [found[job.key] for job in jobs]
 
 
-def episode_cases(job: EpisodeJob) -> list[Case]:
+def piece_cases(jobs: tuple[EpisodeJob, ...]) -> list[Case]:
+    """Run episodes one after the other; the agent is a new one for the first.
+
+    Raises:
+        InputError: from `episode_cases`.
+    """
+    first, *others = jobs
+    cases = episode_cases(first)
+    for job in others:
+        cases += episode_cases(job, anew=False)
+    return cases
+
+
+def episode_cases(job: EpisodeJob, anew: bool = True) -> list[Case]:
     """Run one episode.
 
     Every episode has a world of its own, so that it is the same whichever process runs it. `success` and
     `final_error` are truth's, asked when the episode has ended; `believed` is the model's word.
+
+    Args:
+        job: what to run.
+        anew: whether the agent forgets all episodes before this one.
 
     Raises:
         InputError: weights that are missing or do not fit.
@@ -87,7 +116,8 @@ def episode_cases(job: EpisodeJob) -> list[Case]:
     residual = job.residual if job.condition.residual else None
     agent = _agent(job.task, job.cell, job.condition, job.weights, residual)
     task, cell = agent.model.task, agent.model.cell
-    agent.restart(replace(agent.settings, seed=job.seed), agent.residual)
+    if anew:
+        agent.restart(replace(agent.settings, seed=job.seed), agent.residual)
     if job.differs:
         world = differing_world(task, cell, job.offset)
     else:
@@ -150,6 +180,7 @@ def _agent(task: str, cell: str, condition: Condition, weights: Path | None, res
         strategy=strategy,
         update=condition.update,
         tip_offset=condition.tip_offset,
+        touch=condition.touch,
     )
     networks = trained_networks(task, model.cell, weights) if settings.needs_networks else None
     agent = Agent(model, settings, networks)

@@ -17,7 +17,7 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import InputError
 from samrl_core.model.real2sim.held_peg import HeldPeg, compared_pixels
 from samrl_core.model.real2sim.information import view_information
-from samrl_core.model.real2sim.tip_offset import TipOffsetFit, TipOffsetSettings
+from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit, TipOffsetSettings
 from samrl_core.policy.agent.settings import AgentSettings
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
@@ -102,9 +102,33 @@ def test_a_camera_that_moved_makes_it_uncertain_again() -> None:
     there = Pose.from_rpy(np.array([0.5, 0.0, 0.4]), (0.0, 0.0, 1.0))
     first = fit.carried(fit.begin(), here)
     np.testing.assert_array_equal(first.covariance, fit.begin().covariance)
-    grown = fit.carried(first, there).covariance - first.covariance
+    known = TipOffset(np.array([0.004, -0.003, 0.001, 0.0002]), 1e-8 * np.eye(4), here, 9)
+    moved = fit.carried(known, there)
     spread = (0.3 * SETTINGS.per_metre) ** 2 + SETTINGS.per_radian**2
-    np.testing.assert_allclose(np.diag(grown), [spread, spread, spread, 0.0])
+    prior = np.square([*SETTINGS.prior, SETTINGS.growth])
+    grown = np.diag(moved.covariance) - 1e-8
+    np.testing.assert_allclose(grown[:3], (prior - 1e-8)[:3] * spread / (prior[:3] + spread), rtol=1e-9)
+    assert grown[3] == 0.0 and moved.mean[3] == known.mean[3]
+    assert (np.abs(moved.mean[:3]) < np.abs(known.mean[:3])).all(), "it goes back towards the prior"
+    assert moved.images == known.images
+
+
+def test_it_never_knows_less_than_before_the_first_image() -> None:
+    """However often the camera moves: a height that strays by millimetres would end an insertion too high."""
+    fit = TipOffsetFit(TOOL, CELL)
+    belief = fit.begin()
+    for turn in range(20):
+        belief = fit.carried(belief, Pose.from_rpy(np.array([0.5, 0.0, 0.4]), (0.0, 0.0, float(turn % 2))))
+    np.testing.assert_allclose(belief.covariance, fit.begin().covariance)
+
+
+def test_the_next_episode_begins_where_the_last_one_ended() -> None:
+    fit, here = TipOffsetFit(TOOL, CELL), Pose.from_rpy(np.array([0.5, 0.3, 0.4]), (0.0, 0.0, 0.0))
+    last = TipOffset(np.array([0.002, -0.001, 0.0, 0.0002]), 9e-8 * np.eye(4), here, 20)
+    begun = fit.begin(last)
+    np.testing.assert_allclose(begun.mean[:2], last.mean[:2], rtol=0.02)
+    np.testing.assert_allclose(np.diag(begun.covariance)[:2], 9e-8 + SETTINGS.per_episode**2, rtol=0.03)
+    assert begun.images == 0 and begun.camera is here
 
 
 def test_an_image_without_the_peg_says_nothing(sights) -> None:

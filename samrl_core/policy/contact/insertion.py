@@ -1,0 +1,192 @@
+"""From above a hole to the bottom: touch down gently, search where the peg is stopped, follow the hole.
+
+A peg pressed within a millimetre or so of its hole slips in, because arm and grip give way. What fails is
+speed: 5 mm in 0.1 s hit the block with more than the fingers hold, 1 mm with a few newtons. So the tip comes
+down in small steps once it is near, and where it is stopped, torques tell, presses at the next likely place
+follow (Chhatpar and Branicky 2001, "Search strategies for peg-in-hole assemblies with position uncertainty":
+the likely region is covered with probes; here the region is the posterior, and every probe changes it).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from samrl_core.policy.contact.hole_grid import Forgiveness, HoleGrid
+from samrl_core.policy.contact.tip_sense import TipReading
+
+BOTTOM = "bottom"  # name of the move that follows once the peg is in
+Phase = Literal["above", "lowering", "search", "inside", "inserted"]
+
+
+@dataclass(frozen=True)
+class InsertionSettings:
+    """Steps and forces."""
+
+    near: float = 0.003  # above the mouth; from here on in slow steps [m]
+    aligned: float = 0.0015  # lateral distance from the likeliest place at which it goes down [m]
+    slow_step: float = 0.001  # down, until something is touched [m]
+    touch: float = 1.8  # vertical force that is a touch [N]
+    side_touch: float = 2.5  # sideways force that is one, and of which a held peg is relieved [N]
+    press: float = 2.0  # more force with each action that presses in what sinks, and with the first [N]
+    most_press: float = 12.0  # a press stays below, far from what the fingers hold [N]
+    slide: float = 3.0  # vertical force while the tip is moved over the face [N]
+    side_step: float = 0.0015  # over the face at most [m]
+    sinks: float = 0.0001  # a press that takes it lower by more is going in [m]
+    way_cost: float = 60.0  # of the way to the next place, in probability per metre [1/m]
+    entered: float = 0.0012  # so much below the touch the peg is in the hole [m]
+    unaided: float = 0.0035  # so much below the believed mouth it is inside though no touch was felt [m]
+    deep_step: float = 0.004  # inside the hole [m]
+    doubtful: float = 0.010  # so much below a mouth that was never felt it may still be the face [m]
+    stuck: float = 5.0  # vertical force that stops it near the mouth: then it is not in the hole [N]
+    jam: float = 14.0  # vertical force inside the hole above which it is let go once [N]
+    depth: float = 0.0215  # below the mouth where it ends [m]
+    spare_depth: float = 0.003  # deeper at most [m]
+    forgiveness: Forgiveness = field(default_factory=Forgiveness)
+
+
+@dataclass(frozen=True, eq=False)
+class Mouth:
+    """What is believed of the hole before it is touched."""
+
+    place: np.ndarray  # (2,) middle of the mouth by the tool arm's encoders [m]
+    covariance: np.ndarray  # (2, 2) [m2]
+    height: float  # by the encoders [m]
+    lean: np.ndarray  # (2,) way of the hole's axis in x and y for each metre upwards [-]
+
+
+@dataclass(frozen=True, eq=False)
+class Insertion:
+    """Where an insertion stands."""
+
+    phase: Phase
+    mouth: Mouth
+    free_force: np.ndarray  # (3,) reading while nothing is touched [N]
+    grid: HoleGrid  # belief of the mouth's place
+    touched: float = 0.0  # height of the first touch, and of the mouth once inside [m]
+    felt_face: bool = False  # whether that was the block's face
+    height: float = 0.0  # of the tip when the last move was chosen [m]
+    pressed: bool = False  # whether it has been pressed onto the block
+    let_go: bool = False  # whether the last action did
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """The next action, and the state after it was chosen."""
+
+    name: str  # the phase that asked for it; BOTTOM once the peg is in
+    displacement: np.ndarray  # (3,) of the commanded tip [m]
+    state: Insertion
+
+
+def begin(mouth: Mouth, force: np.ndarray) -> Insertion:
+    """Above the hole; `force` (3,) is what is read of a tip that touches nothing [N]."""
+    return Insertion("above", mouth, force, HoleGrid.of(mouth.place, mouth.covariance))
+
+
+def looked_again(state: Insertion, mouth: Mouth, force: np.ndarray) -> Insertion:
+    """After another image. In contact images count no more, and once the tip is low no reading is free."""
+    if state.phase not in ("above", "lowering"):
+        return state
+    free = state.free_force
+    if state.phase == "above":
+        free = free + 0.5 * (force - free)
+    return replace(state, mouth=mouth, free_force=free, grid=HoleGrid.of(mouth.place, mouth.covariance))
+
+
+def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings) -> Move:
+    """What the tip does next.
+
+    Args:
+        state: of the insertion, after the last move.
+        reading: of the tip at rest.
+        settings: steps and forces.
+    """
+    s, pushed = settings, state.free_force - reading.force
+    state = _noticed(state, reading, s)
+    if state.phase == "above":
+        move = _above(state, reading, s)
+    elif state.phase == "lowering":
+        way = _limited(state.mouth.place - reading.tip[:2], s.side_step)
+        move = Move("lowering", np.array([*way, -s.slow_step]), state)
+    elif state.phase == "search":
+        move = _search(state, reading, pushed, s)
+    else:
+        move = _follow(state, reading, pushed, s)
+    return replace(move, state=replace(move.state, height=float(reading.tip[2])))
+
+
+def _noticed(state: Insertion, reading: TipReading, s: InsertionSettings) -> Insertion:
+    """The state after what the reading shows: aligned, touched, in the hole, at its bottom."""
+    height, place, mouth = float(reading.tip[2]), reading.tip[:2], state.mouth
+    pushed = state.free_force - reading.force  # by the block
+    up, side = float(pushed[2]), float(np.linalg.norm(pushed[:2]))
+    if state.phase == "above":
+        low = height < mouth.height + s.near + 0.5 * s.slow_step
+        if low and float(np.linalg.norm(place - mouth.place)) < s.aligned:
+            state = replace(state, phase="lowering")
+    if state.phase in ("above", "lowering") and height < mouth.height + s.near:
+        if up > s.touch:
+            state = replace(state, phase="search", touched=height, felt_face=True)
+        elif side > s.side_touch:  # a rim, and how far below its top nobody knows
+            state = replace(state, phase="search", touched=max(height, mouth.height))
+    if state.phase == "lowering" and height < mouth.height - s.unaided:
+        state = replace(state, phase="inside", touched=mouth.height)
+    if state.phase == "search" and height < state.touched - s.entered:
+        state = replace(state, phase="inside")
+    elif state.phase == "inside" and up > s.stuck and state.height - height < s.slow_step:
+        if height > state.touched - (s.deep_step if state.felt_face else s.doubtful):  # it was not the hole
+            state = replace(state, phase="search", touched=height, pressed=False)
+    if state.phase == "inside" and height < state.touched - s.depth:
+        state = replace(state, phase="inserted")
+    return state
+
+
+def _above(state: Insertion, reading: TipReading, s: InsertionSettings) -> Move:
+    """Straight to a point `near` the mouth; the task's own step limits are applied by who asks."""
+    goal = np.array([*state.mouth.place, state.mouth.height + s.near])
+    return Move("above", goal - reading.tip, state)
+
+
+def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> Move:
+    here, grid = reading.tip[:2], state.grid
+    sinking = state.pressed and float(reading.tip[2]) < state.height - s.sinks
+    if state.pressed and not sinking:
+        grid = grid.stopped_at(here, s.forgiveness)
+    state = replace(state, grid=grid)
+    way = grid.next_place(here, s.forgiveness, s.way_cost) - here
+    if sinking or not state.pressed:
+        more = min(s.press, s.most_press - float(pushed[2]))
+        push = reading.compliance @ np.array([0.0, 0.0, -more])
+        if sinking:
+            push = push + _relief(reading, pushed, s)
+        return Move("search", push, replace(state, pressed=True))
+    push = reading.compliance @ np.array([0.0, 0.0, float(pushed[2]) - s.slide])
+    return Move("search", np.array([*_limited(way, s.side_step), 0.0]) + push, state)
+
+
+def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> Move:
+    """Down along the hole's axis, in steps; let go once where it jams."""
+    left = float(reading.tip[2]) - (state.touched - s.depth)
+    if state.phase == "inserted":  # who asks again reads another height: a little deeper, if it goes easily
+        easy = float(pushed[2]) < s.stuck and left > -s.spare_depth
+        down = -s.slow_step * np.array([*state.mouth.lean, 1.0])
+        return Move(BOTTOM, down if easy else np.zeros(3), state)
+    if pushed[2] > s.jam and not state.let_go:
+        return Move("inside", reading.compliance @ pushed, replace(state, let_go=True))
+    step = min(s.deep_step, left + 0.0005)
+    down = -step * np.array([*state.mouth.lean, 1.0])
+    return Move("inside", down + _relief(reading, pushed, s), replace(state, let_go=False))
+
+
+def _relief(reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> np.ndarray:
+    """Displacement (3,) [m] that takes away the part of a sideways push (3,) [N] beyond `side_touch`."""
+    side = np.array([pushed[0], pushed[1], 0.0])
+    size = max(float(np.linalg.norm(side)), 1e-9)
+    return reading.compliance @ (side * max(0.0, 1.0 - s.side_touch / size))
+
+
+def _limited(way: np.ndarray, longest: float) -> np.ndarray:
+    return way * min(1.0, longest / max(float(np.linalg.norm(way)), 1e-12))

@@ -44,6 +44,10 @@ class PolicySettings:
         choices=ACTOR_IMAGES,
         former="view_planner.actor_image",
     )
+    touch: bool = setting(
+        AgentSettings.touch,
+        "a held peg is led by what it touches, from where the camera sees it; for policy 'optimised'",
+    )
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of exploration", range=(0, 2**31 - 1))
     horizon: int = setting(
@@ -105,6 +109,8 @@ class PolicyNode(Behaviour):
         asked = AgentSettings(
             policy=settings.policy,
             actor_image=settings.actor_image,
+            tip_offset=settings.touch,
+            touch=settings.touch,
             seed=settings.seed,
             exploration=settings.exploration,
             exploration_memory=settings.exploration_memory,

@@ -16,6 +16,7 @@ from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings, LoopState, stage_after_update
+from samrl_core.policy.contact.insertion import BOTTOM
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.outcomes import TARGET_LOST
 from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
@@ -61,6 +62,9 @@ class SupervisorSettings:
         LoopSettings.stop_on_model_success,
         "end when the model reports success; set false where model_updater is not enabled",
         former="believe",
+    )
+    heed_touch: bool = setting(
+        False, "end when policy feels that the peg is in; set with policy's `touch`, whose tip is the better"
     )
     done_confirmations: int = setting(
         LoopSettings.done_confirmations,
@@ -146,7 +150,10 @@ class Supervisor(Behaviour):
             self._on_status(STATUS[topic], message)
         elif topic == EXECUTED and self._due("act", message):
             self._state = self._state.acted()
-            self._ask("update")
+            if self._settings.heed_touch and message.sub_goal == BOTTOM:
+                self._end(True, "done")
+            else:
+                self._ask("update")
 
     def status(self) -> dict[str, str]:
         """See `Behaviour`."""

@@ -15,6 +15,8 @@ from samrl_core.diagnosis.residuals.bodies.segment import Segment, smoothed, smo
 
 APART = 6.0  # standard deviations beyond which a pose is none of the body
 ALIKE = (0.6, 1.6)  # noise of one trial over that of all, within which it is the same
+MOST_AS_ONE = 4.0  # neighbours that coloured noise counts as one
+MOST_TAKEN = 0.6  # share of noise that a curve takes at most
 ENOUGH = 60  # poses that tell their own noise
 LEAST = 1e-6  # [m], [rad]: rounding of a log
 TRIMMED, OF_TRIMMED = 3.0, 0.9866  # deviations that count, and what is left of a Gaussian's
@@ -51,17 +53,34 @@ def motions_of(
     rotations = tuple(free_rotation(segments[k].time, segments[k].turned, gyration) for k in flying)
     return Motions(
         segments, tuple(i for f in found for i in f.impacts), paths, flying, rotations,
-        tuple(_rest(s.time, p) for s, p in zip(segments, paths, strict=True)),
-        tuple(_rest(segments[k].time, r.residual) for k, r in zip(flying, rotations, strict=True)),
+        _rests([s.time for s in segments], paths),
+        _rests([segments[k].time for k in flying], [r.residual for r in rotations]),
         sum(f.strays for f in found),
     )  # fmt: skip
 
 
-def _rest(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """What a smooth curve leaves (n, 3), scaled to its freedom."""
-    order = min(smoothness(time) + 1, len(time) - 3)
-    rest = values - smoothed(time, values, order)[0]
-    return rest * np.sqrt(len(time) / (len(time) - order - 1))
+def _rests(times: Sequence[np.ndarray], values: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
+    """What smooth curves leave of signals (n, 3), scaled to its freedom.
+
+    A curve takes more of coloured noise than of white: as much more as samples count as one.
+    """
+    raw, freedoms = [], []
+    for time, signal in zip(times, values, strict=True):
+        order = min(smoothness(time) + 1, len(time) - 3)
+        raw.append(signal - smoothed(time, signal, order)[0])
+        freedoms.append(order + 1)
+    if not raw:
+        return ()
+    clipped = [np.clip(r, -2.5 * m, 2.5 * m) for r, m in ((r, _level(r)) for r in raw)]
+    next_to = sum(np.sum(r[1:] * r[:-1], axis=0) for r in clipped)
+    rho = np.clip(next_to / np.maximum(sum(np.sum(r[:-1] ** 2, axis=0) for r in clipped), 1e-30), 0.0, 0.8)
+    as_one = np.minimum((1.0 + rho) / (1.0 - rho), MOST_AS_ONE)
+    out = []
+    for rest, freedom in zip(raw, freedoms, strict=True):
+        count = len(rest)
+        taken = np.minimum(as_one * freedom, max(freedom, MOST_TAKEN * count))
+        out.append(rest * np.sqrt(count / (count - taken)))
+    return tuple(out)
 
 
 def noise_levels(trials: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray]:

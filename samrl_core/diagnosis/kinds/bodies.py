@@ -57,7 +57,9 @@ class Bodies(Kind[BodyRecording]):
         known = [f for bundle in found[0] for f in bundle]
         constants, _ = solved(list(fit), known)
         channels = channels_of(list(fit), known)
-        every = body_trials([*groups[0], *groups[1]], [*found[0], *found[1]], constants, channels)
+        every = body_trials(
+            [*groups[0], *groups[1]], [*found[0], *found[1]], constants, channels, len(groups[0])
+        )
         made = [every[: len(groups[0])], every[len(groups[0]) :]]
         for trial, there in zip(made[0], found[0], strict=True):
             trial.notes = [note for f in there for note in f.notes]

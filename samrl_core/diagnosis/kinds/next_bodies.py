@@ -43,7 +43,7 @@ def next_bodies(
         found = [find_segments(r, k) for k, r in enumerate(recordings)]
         channels = channels_of(recordings, found)
         if channels:
-            (made,) = body_trials([recordings], [found], trial.constants, channels)
+            (made,) = body_trials([recordings], [found], trial.constants, channels, 1)
             scored.append((discrimination(made, list(rivals.values())), kind))
     best, kind = max(scored, default=(0.0, ""))
     if best < AS_MUCH:

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyTolerances, Support
+from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyTolerances, BodyTrack, Support
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.kinds.bodies import split_bodies, split_body
@@ -90,6 +90,41 @@ def test_a_centre_of_mass_that_is_elsewhere_is_named_by_turning_tosses() -> None
     for name, true in (("cx", 0.006), ("cy", 0.0), ("cz", -0.004)):
         value, low, high = only(d)[name]
         assert low < true < high and abs(value - true) < 0.0015
+
+
+def test_inertia_that_is_far_off_is_named_with_its_size() -> None:
+    d = told(several(toss, World(gyration=(1e-3, 1.5e-3, 1.8e-3)), COUNT, 4))
+    assert d.verdict == "effect" and d.effects[0].name == "object_mass@body:cube"
+    for name, true in (("ix", 1.0 / 1.8 - 1.0), ("iy", 1.5 / 1.8 - 1.0)):
+        value, low, high = only(d)[name]
+        assert low < true < high and abs(value - true) < 0.05
+
+
+def rolling(share: float, angle: float, seed: int) -> list[BodyRecording]:
+    """Exact parabolas of a ball that rolls down an incline, at `share` of what it would slide at."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 1.0, 1.0 / 60.0)
+    gravity = (G * np.sin(angle), 0.0, -G * np.cos(angle))
+    out = []
+    for k in range(4):
+        along = rng.uniform(-0.5, 0.2) * time + 0.5 * share * gravity[0] * time**2
+        position = np.stack([along, 0 * time, 0 * time], axis=1) + 5e-4 * rng.standard_normal((60, 3)) * [
+            1,
+            0,
+            0,
+        ]
+        ball, plane = BodyModel("ball", "sphere", (0.02,)), Support(friction=0.0, rolls=True)
+        track = BodyTrack(time, position, "x")
+        out.append(BodyRecording(f"run{k}", "made", f"{k:064x}", track, ball, plane, gravity))
+    return out
+
+
+def test_a_ball_that_rolls_is_solid_or_hollow() -> None:
+    assert told(rolling(5.0 / 7.0, 0.2, 1)).verdict == "no_gap"
+    d = told(rolling(3.0 / 5.0, 0.2, 1))  # a thin shell: 2/3 m r^2
+    names = {e.name for e in d.effects} | {name for group in d.ambiguity_set for name in group}
+    assert d.verdict in ("effect", "ambiguous") and "object_mass@body:ball" in names
+    sizes = {n: e for effect in (*d.effects, *d.runner_ups) for n, e in effect.parameters.items()}
+    assert abs(sizes["k"].value - 2.0 / 3.0) < 0.03
 
 
 def test_restitution_is_named_with_its_size() -> None:

@@ -74,7 +74,9 @@ def _rolls(trial: BodyTrial) -> bool:
 
 
 def _rolling(trial: BodyTrial, amplitudes: np.ndarray) -> dict[str, float]:
-    return {"k": trial.recording.body.rolling + float(amplitudes[0])}
+    # The acceleration falls with 1 + k; the amplitude is its slope at the stated k.
+    stated = 1.0 + trial.recording.body.rolling
+    return {"k": float(stated / max(1.0 - amplitudes[0] / stated, 1e-3) - 1.0)}
 
 
 EFFECT = ObjectMass()

@@ -11,6 +11,7 @@ import numpy as np
 from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.diagnosis.residuals.bodies.constants import Constants
 from samrl_core.diagnosis.residuals.bodies.find_segments import Found, Impact
+from samrl_core.diagnosis.residuals.bodies.fit_inertia import inertia_errors
 from samrl_core.diagnosis.residuals.bodies.free_rotation import FreeRotation
 from samrl_core.diagnosis.residuals.bodies.motions import Motions, motions_of, noise_levels, sigmas
 from samrl_core.diagnosis.residuals.bodies.segment import PATTERNS, Cleaner, Segment, polynomials
@@ -288,10 +289,14 @@ def body_trials(
     found: Sequence[Sequence[Found]],
     constants: Constants,
     channels: tuple[str, ...],
+    fitted: int,
 ) -> list[BodyTrial]:
-    """One trial for each bundle of recordings; their noise is estimated together."""
-    turns = TURNS[0] in channels
-    made = [motions_of(b, f, constants, turns) for b, f in zip(bundles, found, strict=True)]
+    """One trial for each bundle of recordings, the first `fitted` to fit; noise is estimated together."""
+    turns, errors = TURNS[0] in channels, np.zeros(2)
+    if turns:
+        flights = [s for group in found[:fitted] for f in group for s in f.segments if not s.slides]
+        errors = inertia_errors(flights, bundles[0][0].body.gyration)
+    made = [motions_of(b, f, constants, turns, errors) for b, f in zip(bundles, found, strict=True)]
     levels = zip(
         noise_levels([m.path_rests for m in made]), noise_levels([m.turn_rests for m in made]), strict=True
     )

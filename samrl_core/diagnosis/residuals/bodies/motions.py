@@ -10,6 +10,7 @@ import numpy as np
 from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.diagnosis.residuals.bodies.constants import Constants
 from samrl_core.diagnosis.residuals.bodies.find_segments import Found, Impact
+from samrl_core.diagnosis.residuals.bodies.fit_inertia import with_secant
 from samrl_core.diagnosis.residuals.bodies.free_rotation import FreeRotation, free_rotation
 from samrl_core.diagnosis.residuals.bodies.segment import Segment, smoothed, smoothness
 
@@ -43,14 +44,22 @@ class Motions:
 
 
 def motions_of(
-    recordings: Sequence[BodyRecording], found: Sequence[Found], constants: Constants, turns: bool
+    recordings: Sequence[BodyRecording],
+    found: Sequence[Found],
+    constants: Constants,
+    turns: bool,
+    errors: np.ndarray,
 ) -> Motions:
-    """Of one trial; `turns`: flights are compared with free rotations."""
+    """Of one trial; `turns`: flights are compared with free rotations, with columns exact at `errors` (2,) of
+    inertia."""
     segments = tuple(s for f in found for s in f.segments)
     paths = tuple(s.position - s.travelled(s.nominal(constants.friction)) for s in segments)
     flying = tuple(k for k, s in enumerate(segments) if turns and not s.slides)
     gyration = recordings[0].body.gyration
-    rotations = tuple(free_rotation(segments[k].time, segments[k].turned, gyration) for k in flying)
+    rotations = tuple(
+        with_secant(free_rotation(s.time, s.turned, gyration), s, gyration, errors)
+        for s in (segments[k] for k in flying)
+    )
     return Motions(
         segments, tuple(i for f in found for i in f.impacts), paths, flying, rotations,
         _rests([s.time for s in segments], paths),

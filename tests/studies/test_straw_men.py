@@ -12,9 +12,11 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.needle_threading.task import NEEDLE, NeedleThreading
 from samrl_core.cell.tasks.task import Task
-from samrl_core.cell.world.evaluation import true_values
+from samrl_core.cell.world.evaluation import ending_now, true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import InputError
+from samrl_core.model.model import Model
+from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.episode import unwatched
 from samrl_core.policy.agent.settings import AgentSettings
 from samrl_core.studies.episodes import straw_men
@@ -125,3 +127,19 @@ def test_the_script_finds_needle_and_loose_end() -> None:
 
 def test_every_kind_has_a_line_in_the_text() -> None:
     assert all(f"- {kind}:" in (straw_men.__doc__ or "") for kind in STRAW_MEN)
+
+
+@pytest.mark.slow
+def test_a_script_with_touch_inserts_from_one_image() -> None:
+    """In a nominal cell: the search knows when it has ended, and presses gently."""
+    task = task_named("peg_insertion_hard")
+    settings = AgentSettings(policy="optimised", strategy="fixed", tip_offset=True, touch=True)
+    agent = Agent(Model(task, CELL), settings)
+    world = PyBulletWorld(task, CELL)
+    plant = WorldPlant(world, task, CELL)
+    plant.begin(3)
+    passed = run_straw_man("script", agent, plant, task.max_actions, unwatched)
+    ending = ending_now(world.truth())
+    world.close()
+    assert passed and task.succeeded(ending)
+    assert ending.peak_contact_force < 25.0

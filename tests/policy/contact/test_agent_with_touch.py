@@ -1,0 +1,69 @@
+"""What touch changes in an agent: when the camera moves, and what one episode leaves for the next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.tasks import task_named
+from samrl_core.model.model import Model
+from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
+from samrl_core.model.real2sim.tip_offset import TipOffset
+from samrl_core.policy.agent.agent import Agent
+from samrl_core.policy.agent.settings import AgentSettings
+
+CELL, TASK = cell_named(), task_named("peg_insertion_hard")
+SETTINGS = AgentSettings(policy="optimised", strategy="best", tip_offset=True, touch=True)
+
+
+@pytest.fixture(scope="module")
+def agent() -> Agent:
+    return Agent(Model(TASK, CELL), SETTINGS)
+
+
+def known(agent: Agent, deviation: float) -> Estimate:
+    return replace(initial_estimate(agent.model), covariance=deviation**2 * np.eye(4))
+
+
+def seen(deviation: float, images: int) -> TipOffset:
+    return TipOffset(np.array([0.001, 0.0, 0.0, 0.0]), deviation**2 * np.eye(4), TASK.start_camera(), images)
+
+
+@pytest.mark.parametrize(
+    ("hole", "tip", "images", "strategy"),
+    [
+        (0.002, 0.001, 5, "best"),  # the hole is the less known
+        (0.0002, 0.001, 5, "fixed"),  # the tip is, and a camera that moves would have to see it anew
+        (0.0002, 0.005, 0, "best"),  # the tip was never seen
+    ],
+)
+def test_the_camera_moves_for_what_is_known_least(
+    agent: Agent, hole: float, tip: float, images: int, strategy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    planner = SimpleNamespace(plan=lambda *given: asked.append(given[3]))
+    monkeypatch.setitem(agent.__dict__, "_view_planner", planner)
+    agent.restart(SETTINGS)
+    agent._tip_offset = seen(tip, images)
+    joints: Any = SimpleNamespace(position=np.zeros(7))
+    observation: Any = SimpleNamespace(tool_arm=joints, camera_arm=joints)
+    agent.plan_view(known(agent, hole), observation)
+    assert asked == [strategy]
+
+
+def test_the_next_episode_keeps_what_the_cell_told_and_a_new_agent_does_not(agent: Agent) -> None:
+    agent.restart(SETTINGS)
+    assert agent._touch is not None
+    agent._tip_offset = seen(0.0003, 9)
+    agent._touch.memory = replace(agent._touch.memory, error=np.array([0.001, -0.0005]))
+    agent.begin_episode()
+    assert agent._tip_offset is not None and agent._touch is not None
+    np.testing.assert_allclose(agent._tip_offset.mean[0], 0.001, rtol=0.05)
+    assert agent._touch.memory.error[0] == 0.001 and not agent._touch.in_contact
+    agent.restart(SETTINGS)
+    assert not agent._tip_offset.mean.any() and not agent._touch.memory.error.any()

@@ -21,6 +21,7 @@ from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, rotations_of
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.recordings.body_file import SUFFIX, write_body_file
 
+FASTEST = 100.0  # [m/s] of what is called a body here
 MOST_FILES = 5000  # that one pattern may name
 
 
@@ -160,6 +161,13 @@ def _track(spec: BodyRecordingSpec, track: BodyTrackSpec, source: SourceData) ->
     whole[:, ["xyz".index(axis) for axis in axes]] = LENGTHS[track.unit] * position
     quats = np.zeros((count, 4)) if rotations is None else rotations.as_quat()
     time = source.time[kept] - source.time[kept[0]]
+    steps = np.diff(time)
+    moved = np.linalg.norm(np.diff(whole[kept], axis=0), axis=1)[steps > 0] / steps[steps > 0]
+    if len(moved) and float(np.median(moved)) > FASTEST:
+        raise InputError(
+            f"{where}: the body moves at {np.median(moved):.0f} m/s (median), at most {FASTEST:.0f} are read;"
+            f" look for the `unit` of positions ({track.unit}) and of the source's time"
+        )
     try:
         return BodyTrack(time, whole[kept], axes, quats[kept] if turns else np.zeros((0, 4)), turns)
     except InputError as error:

@@ -119,6 +119,7 @@ def test_a_planar_track_on_an_incline(tmp_path: Path) -> None:
         ({"track": {"position": ["x", "y"]}}, "2 numbers per sample for the axes 'xyz'"),
         ({"track": {"position": ["x", "y", "z"], "angle": "x"}}, "must be two"),
         ({"track": {"position": ["x", "y", "z"], "quaternion": ["x", "y", "z", "qw"]}}, "must be 1"),
+        ({"track": {"position": ["x", "y", "z"], "unit": "m"}}, "m/s .median.*look for the `unit`"),
         ({"body": {"sphere": 0.1, "box": [1, 1, 1]}}, "one shape"),
         ({"body": {"sphere": -0.1}}, "must be > 0"),
         ({"support": {"friction": -1}}, "must be 0 to 5"),

@@ -25,7 +25,7 @@ class BodyTolerances(StatedTolerances):
     frame_rate: float = 0.0005  # of the stamps, as a fraction
     tilt: float = 0.005  # of gravity's direction in the track's frame, and of the support, per axis [rad]
     friction: float = 0.05  # of the stated coefficient, as a fraction
-    restitution: float = 0.03  # of the stated coefficient
+    restitution: float = 0.02  # of the stated coefficient
     rebound: float = 0.02  # by which one impact differs from the next, as a fraction of its speed
     center: float = 0.001  # of the centre of mass in the tracked frame, per axis [m]
     inertia: float = 0.05  # as a fraction

@@ -18,13 +18,18 @@ from samrl_core.diagnosis.selection.next_experiment import FILE, NAT_PER_CERTAIN
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 
 WAYS = 4  # directions of slides and tosses
-SLIDE_SPEED, TOSS_SPEED, RISE_SPEED, SPIN = 1.0, 1.5, 2.5, 6.0  # [m/s], [m/s], [m/s], [rad/s]
+TOSS_SPEED, RISE_SPEED, SPIN = 1.5, 2.5, 6.0  # [m/s], [m/s], [rad/s]
+SLIDE_SPEEDS = {"slides": 1.0, "quick slides": 3.0}  # [m/s] up a slope the slow ones are over too soon
 FLIGHT_S = 0.5
-MOTIONS = {
+SURE = 0.99  # to split: the first motion of the list that is, is proposed
+MOTIONS = {  # gentle ones first
     "slides": "slides to rest at 1 m/s from the start, in four directions of the support",
+    "quick slides": "slides to rest at 3 m/s from the start, in four directions of the support",
     "tosses": "tosses of half a second in four directions, turning about two axes",
 }
+SCALES = frozenset({"clock_offset", "object_geometry"})
 OUTSIDE = "a clock that is filmed, or a length of known size beside the path, must"
+OTHERWISE = "measure one of them by another instrument, such as a level"
 
 
 def next_bodies(
@@ -48,7 +53,12 @@ def next_bodies(
     best, kind = max(scored, default=(0.0, ""))
     if best < AS_MUCH:
         tried = "; ".join(MOTIONS[k] for _, k in scored)
-        return None, f"no recording of this tracker splits {pair} (tried: {tried}); {OUTSIDE}"
+        scales = {name.partition("@")[0] for name in names} <= SCALES
+        remedy = OUTSIDE if scales else OTHERWISE
+        return None, f"no recording of this tracker splits {pair} (tried: {tried}); {remedy}"
+    enough = {name for score, name in scored if 1.0 - np.exp(-score / NAT_PER_CERTAINTY) > SURE}
+    if gentle := [name for name in MOTIONS if name in enough]:
+        best, kind = next(each for each in scored if each[1] == gentle[0])
     why = f"{pair} would differ by {best:.0f} of log evidence in {MOTIONS[kind]}"
     content = {"schema": 1, "kind": "bodies", "motion": kind, "record": MOTIONS[kind], "why": why}
     return NextExperiment(FILE, why, float(1.0 - np.exp(-best / NAT_PER_CERTAINTY)), content), ""
@@ -72,17 +82,18 @@ def _candidates(trial: BodyTrial, seed: int) -> dict[str, list[BodyRecording]]:
     if support is not None and friction > 0.0:
         normal = np.asarray(support.normal)
         pull = gravity - normal * (gravity @ normal)
-        out["slides"] = []
-        for way in _ways(normal):
-            path, time = _slide(way, pull, friction * -float(normal @ gravity), step)
-            turned = Rotation.from_rotvec(np.zeros((len(time), 3)))
-            out["slides"].append(_recorded(recording, time, path, turned, trial.level, rng, "contact"))
+        for kind, speed in SLIDE_SPEEDS.items():
+            out[kind] = []
+            for way in _ways(normal):
+                path, time = _slide(speed * way, pull, friction * -float(normal @ gravity), step)
+                turned = Rotation.from_rotvec(np.zeros((len(time), 3)))
+                out[kind].append(_recorded(recording, time, path, turned, trial.level, rng, "contact"))
     return out
 
 
-def _slide(way: np.ndarray, pull: np.ndarray, brake: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _slide(start: np.ndarray, pull: np.ndarray, brake: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) of a slide until it rests, two seconds at most, and times (n,)."""
-    position, velocity, path = np.zeros(3), SLIDE_SPEED * way, []
+    position, velocity, path = np.zeros(3), start, []
     while len(path) * step < 2.0:
         path.append(position.copy())
         speed = float(np.linalg.norm(velocity))

@@ -244,3 +244,20 @@ def test_a_track_without_any_motion_is_not_testable_and_says_what_it_looks_like(
     d = told(recordings)
     assert d.verdict == "not_testable"
     assert any("as one parabola it accelerates" in note for note in d.notes)
+
+
+def test_down_a_slope_slides_that_go_up_split_friction_from_a_lean() -> None:
+    """Along the slope alone, at 60 Hz: slow slides up it are over before they tell."""
+    time = np.arange(0.0, 0.8, 1 / 60)
+    slope, rng = np.deg2rad(25.0), np.random.default_rng(8)
+    gravity = (9.81 * np.sin(slope), 0.0, -9.81 * np.cos(slope))
+    downhill = gravity[0] + 0.22 * gravity[2]
+    runs = []
+    for k in range(5):
+        path = 0.5 * downhill * time**2 + rng.uniform(0.1, 0.4) * time + 0.0007 * rng.standard_normal(48)
+        track = BodyTrack(time, np.column_stack([path, 0 * path, 0 * path]), "x")
+        plane = Support(friction=0.3)
+        runs.append(BodyRecording(f"{k}", "made", f"{k:064x}", track, BodyModel("block"), plane, gravity))
+    d, _ = diagnose(runs[:3], runs[3:])
+    assert set(d.ambiguity_set[0]) == {"contact_friction@body:block", "base_tilt@cell"}
+    assert d.next_experiment is not None and d.next_experiment.programme["motion"] == "quick slides"

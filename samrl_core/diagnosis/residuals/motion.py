@@ -332,9 +332,9 @@ class RecordedMotion:
 
     @property
     def holds_every_torque(self) -> bool:
-        """Whether the log holds the torque of every period of the controller."""
+        """Whether the log is known to hold the torque of every period of the controller, as it was sent."""
         if self.computed or self.controller is None:
-            return not self.computed
+            return False
         return self.controller.period_s > SAME_PERIOD / self.rate
 
     def _law_gives_torque(self) -> bool:

@@ -118,13 +118,15 @@ def _within_reach(evidence: Evidence, singles: Sequence[Fit], excess: float) -> 
     out: list[Contender] = []
     families: dict[str, int] = {}
     least = LEAST_EVIDENCE * singles[0].log_evidence
+    whole = max(excess, singles[0].log_evidence, 1e-9)  # tolerances may swallow what an effect explains
     for fit in singles:
         family = fit.hypotheses[0].effect.family
         if fit.log_evidence < least or len(out) == MOST:
             break
         if families.get(family, 0) == OF_A_FAMILY:
             continue
-        left = likelihood.deficit(evidence.remainder(fit), k) / max(excess, 1e-9)
+        left = likelihood.deficit(evidence.remainder(fit), k)
+        left = max(left, singles[0].log_evidence - fit.log_evidence) / whole  # at least what the best adds
         if out and left > REACH * out[0].equation_left:
             continue
         families[family] = families.get(family, 0) + 1

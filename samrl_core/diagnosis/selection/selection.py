@@ -68,8 +68,13 @@ class Selection:
 
     @property
     def unexplained(self) -> float:
-        """Share of the excess that the chosen set leaves, 0..1."""
-        return float(np.clip(self.remaining / max(self.excess, 1e-9), 0.0, 1.0))
+        """Share of all there was that the chosen set leaves, 0..1.
+
+        A perfect explanation wins at least what this one does. Where tolerances could swallow most of an
+        effect, the excess beyond them is less than that.
+        """
+        won = 0.0 if self.chosen is None else self.chosen.log_evidence
+        return float(np.clip(self.remaining / max(self.excess, won, 1e-9), 0.0, 1.0))
 
     @property
     def held_out_unexplained(self) -> float:
@@ -77,7 +82,7 @@ class Selection:
 
         Where those hardly show the effect, what is left there is little beside what it explained elsewhere.
         """
-        whole = max(self.held_out_excess, SEEN_THERE * self.excess, 1e-9)
+        whole = max(self.held_out_excess, self.held_out_gain, SEEN_THERE * self.excess, 1e-9)
         return float(max(0.0, self.held_out_remaining / whole))
 
 
@@ -121,7 +126,7 @@ def select(
     chosen = firsts[0]
     singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
     progress("looking for an onset")
-    left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, 1e-9)
+    left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, chosen.log_evidence, 1e-9)
     if left > settings.onset_remainder and (switched := find_onset(evidence, singles)) is not None:
         if (
             switched.log_evidence

@@ -21,7 +21,7 @@ from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CLEAR = 10.0  # [nat] that a delay which changes must win, above the compared band, against a constant one
 ALWAYS = 0.8  # share of samples that must be late: fresh packets with some late ones are jitter
-GRID = (0.001, 0.002, 0.004, 0.008, 0.016, 0.03)  # [s]
+GRID = (0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06)  # [s]
 LIMITS = (5e-4, 0.1)  # [s]
 TRACKED_GRID = (0.01, 0.02, 0.04, 0.08, 0.16)  # [s] of servos that only log where they are
 

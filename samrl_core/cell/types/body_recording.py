@@ -29,6 +29,7 @@ class BodyTolerances(StatedTolerances):
     rebound: float = 0.02  # by which one impact differs from the next, as a fraction of its speed
     center: float = 0.001  # of the centre of mass in the tracked frame, per axis [m]
     inertia: float = 0.05  # as a fraction
+    air: float = 0.01  # drag of the air over mass: of a dense body, deceleration per squared speed [1/m]
     track_position: float = 0.0005  # errors of the tracker that last over a motion, per axis [m]
     track_rotation: float = 0.01  # likewise [rad]
 

@@ -24,8 +24,8 @@ class TiltByBodies(Effect[BodyTrial]):
     excitation = "slides or tosses in two directions"
     confounded_with = ("contact_friction",)
     parameters = (
-        Parameter("ax", "rad", -0.1, 0.1, "about the first axis across it: x where it is along z"),
-        Parameter("ay", "rad", -0.1, 0.1, "about the second: y where it is along z"),
+        Parameter("ax", "rad", -0.1, 0.1, "about the track's x, laid across it"),
+        Parameter("ay", "rad", -0.1, 0.1, "about the axis left of that: y where it is along z"),
     )
     simulated = False
 

@@ -22,6 +22,7 @@ from samrl_core.diagnosis.residuals.phases import phases_of_speed
 POSITIONS = tuple(f"position_{axis}" for axis in "xyz")
 TURNS = tuple(f"rotation_{axis}" for axis in "xyz")
 REBOUND = "rebound"
+DRAG = "drag of the air"
 UNITS = {**dict.fromkeys(POSITIONS, "m"), **dict.fromkeys(TURNS, "rad"), REBOUND: "m/s"}
 
 Field = Callable[[Segment], np.ndarray]
@@ -198,7 +199,7 @@ class BodyTrial(Observed):
 
         out = {}
         if self.flies:
-            out["drag of the air"] = self.accelerated(drag)
+            out[DRAG] = self.accelerated(drag)
             out["a force against the velocity"] = self.accelerated(damping)
             out["a force across the velocity (spin in air)"] = self.accelerated(lift)
         if self.slides:

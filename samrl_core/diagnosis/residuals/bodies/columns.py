@@ -105,13 +105,13 @@ def along(columns: Columns, weights: np.ndarray) -> Columns:
 
 
 def across(trial: BodyTrial) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit axes across gravity, along the track's axes where they are."""
+    """Two unit axes across gravity: the track's x (or y, if it is x) laid across it, and left of that."""
     return _across(-np.asarray(trial.recording.gravity, dtype=float))
 
 
 def _across(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     up = up / np.linalg.norm(up)
-    along = np.eye(3)[int(np.argmin(np.abs(up)))]
+    along = np.eye(3)[0 if abs(up[0]) < 0.9 else 1]
     first = along - up * (along @ up)
     first = first / np.linalg.norm(first)
     return first, np.cross(up, first)

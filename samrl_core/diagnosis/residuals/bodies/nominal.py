@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.residuals.bodies import columns as of
-from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial
+from samrl_core.diagnosis.residuals.bodies.body_trial import DRAG, BodyTrial
 from samrl_core.diagnosis.residuals.equations import Columns
 
 UNKNOWN = {"friction": 0.3, "restitution": 0.3}  # around what was solved, of what nobody stated
@@ -36,6 +36,7 @@ def _opened(trial: BodyTrial, widened: float) -> list[tuple[Columns, float, bool
 
     add(of.scale(trial), by * float(np.hypot(stated.length_scale, 2.0 * stated.frame_rate)))
     add(of.gravity_tilt(trial), by * stated.tilt)
+    add(trial.suspects.get(DRAG, {}), by * stated.air)
     if trial.recording.support is not None:
         add(of.support_tilt(trial), by * stated.tilt)
         unknown = "friction" in constants.free

@@ -100,6 +100,10 @@ def test_inertia_that_is_far_off_is_named_with_its_size() -> None:
         assert low < true < high and abs(value - true) < 0.05
 
 
+def test_the_air_slows_a_dense_body_within_tolerance() -> None:
+    assert told(several(toss, World(drag=0.012), COUNT, 5, turns=False)).verdict == "no_gap"
+
+
 def rolling(share: float, angle: float, seed: int) -> list[BodyRecording]:
     """Exact parabolas of a ball that rolls down an incline, at `share` of what it would slide at."""
     rng, time = np.random.default_rng(seed), np.arange(0.0, 1.0, 1.0 / 60.0)

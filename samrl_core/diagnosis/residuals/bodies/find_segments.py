@@ -77,7 +77,9 @@ def find_segments(recording: BodyRecording, index: int) -> Found:
             parts = [np.arange(phase.begin, phase.end)]
         elif phase.kind == CONTACT and _may_slide(recording):
             rows = np.arange(phase.begin, phase.end)
-            parts = _slides(recording, time, center, rows[_is_flat(recording, turned[rows], off[rows])])
+            parts = _slides(
+                recording, time, center, rows[_is_flat(recording, time[rows], turned[rows], off[rows])]
+            )
         else:
             continue
         for part in parts:
@@ -155,14 +157,16 @@ def _is_free(recording: BodyRecording, clearance: np.ndarray, time: np.ndarray) 
     return float(np.median(clearance)) > CLEAR_M + 5.0 * rough_noise(time, clearance)
 
 
-def _is_flat(recording: BodyRecording, turned: np.ndarray, clearance: np.ndarray) -> np.ndarray:
+def _is_flat(
+    recording: BodyRecording, time: np.ndarray, turned: np.ndarray, clearance: np.ndarray
+) -> np.ndarray:
     """Mask (n,) of contact in which a body keeps the side on which it ends; tumbling is no sliding."""
     if recording.track.turns != "xyz" or recording.body.shape in ("point", "sphere") or not len(turned):
         return np.ones(len(turned), dtype=bool)
     below = np.swapaxes(turned, 1, 2) @ _up(recording)
-    side = np.median(below[len(below) // 2 :], axis=0)
+    side = np.median(below[-max(1, len(below) // 5) :], axis=0)
     leaning = np.arccos(np.clip(below @ side / max(float(np.linalg.norm(side)), 1e-9), -1.0, 1.0))
-    return (leaning < FLAT_RAD + 2.0 * float(np.median(leaning))) & (clearance < 2.0 * CLEAR_M)
+    return (leaning < FLAT_RAD + 3.0 * rough_noise(time, below)) & (clearance < 2.0 * CLEAR_M)
 
 
 def _up(recording: BodyRecording) -> np.ndarray:

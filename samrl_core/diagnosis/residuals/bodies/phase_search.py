@@ -7,7 +7,7 @@ hand, a tumble); dynamic programming finds the sequence of least cost (optimal p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ LEAST = {FLIGHT: 5, CONTACT: 4}  # samples of a piece
 LOCAL_S = 0.06  # to either side, over which a cubic follows any motion
 MOST_LOCAL = 100  # places at which it is fitted
 LONGEST = 400  # samples of a piece before it is joined with its neighbours
+RISES = 5.0  # standard deviations by which a flight rises over its ends, at least
 SLACK = 5e-4  # [m] by which a flight is no parabola and a table no plane
 JUMP = 0.25  # [m/s] between two parabolas, below which they are one flight
 
@@ -60,7 +61,16 @@ def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Ph
     """Pieces in order of heights (N,) [m] under a gravity [m/s^2] that pulls them down, `gravity` > 0."""
     noise = float(np.hypot(rough_noise(time, height), SLACK))
     pieces = _partition(time, height / noise, gravity / noise, CLIMB / noise)
-    return _joined(time, height, pieces, noise)
+    joined = _joined(time, height, pieces, noise, gravity)
+    # What rests in noise may look like short flights.
+    return [
+        p if p.kind != FLIGHT or _rises(time, p, gravity, noise) else replace(p, kind=NEITHER) for p in joined
+    ]
+
+
+def _rises(time: np.ndarray, flight: Phase, gravity: float, noise: float) -> bool:
+    """Whether a flight lasts long enough to rise out of the noise."""
+    return gravity * float(time[flight.end - 1] - time[flight.begin]) ** 2 / 8.0 > RISES * noise
 
 
 def _partition(time: np.ndarray, y: np.ndarray, gravity: float, climb: float) -> list[Phase]:
@@ -147,14 +157,16 @@ class _Sums:
         )
 
 
-def _joined(time: np.ndarray, height: np.ndarray, pieces: list[Phase], noise: float) -> list[Phase]:
+def _joined(
+    time: np.ndarray, height: np.ndarray, pieces: list[Phase], noise: float, gravity: float
+) -> list[Phase]:
     """Neighbours that are one: contact with contact, and flights between which nothing jumps."""
     out: list[Phase] = []
     for piece in pieces:
         if (
             out
             and out[-1].kind == piece.kind
-            and (piece.kind != FLIGHT or not _jumps(time, height, out[-1], piece, noise))
+            and (piece.kind != FLIGHT or not _jumps(time, height, out[-1], piece, noise, gravity))
         ):
             out[-1] = Phase(piece.kind, out[-1].begin, piece.end)
         else:
@@ -162,9 +174,13 @@ def _joined(time: np.ndarray, height: np.ndarray, pieces: list[Phase], noise: fl
     return out
 
 
-def _jumps(time: np.ndarray, height: np.ndarray, a: Phase, b: Phase, noise: float) -> bool:
-    """Whether the velocity jumps between two flights, beyond what their parabolas leave open."""
+def _jumps(time: np.ndarray, height: np.ndarray, a: Phase, b: Phase, noise: float, gravity: float) -> bool:
+    """Whether the velocity jumps between two flights, or both together are no flight."""
     border = 0.5 * (time[a.end - 1] + time[b.begin])
+    rows = slice(a.begin, b.end)
+    curve = -2.0 * float(np.polyfit(time[rows] - border, height[rows], 2)[0])
+    if not CURVED[0] * gravity <= curve <= CURVED[1] * gravity:
+        return True
     slopes, spreads = [], []
     for phase in (a, b):
         t, y = time[phase.begin : phase.end] - border, height[phase.begin : phase.end]

@@ -25,6 +25,8 @@ from samrl_ros.log_import.foreign import is_foreign, read_foreign
 from samrl_ros.log_import.formats.control_msgs import RELEASES
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping, read_mapping
+from samrl_ros.log_import.specs import CsvOptions
+from samrl_ros.log_import.tables import read_table
 
 RATE = 100.0
 COUNT = 600
@@ -368,3 +370,13 @@ def test_a_log_without_positions_is_refused(tmp_path: Path) -> None:
     path = _csv(tmp_path / "a.csv", {"t": MOTION.time, "temperature": MOTION.time, "fan": MOTION.time**2})
     with pytest.raises(InputError, match=r"no measured position was found among .*temperature"):
         _made(path, False)
+
+
+def test_a_ros1_bag_with_a_damaged_message_is_refused(tmp_path: Path) -> None:
+    """Its reader opens: the index is whole, and only the messages tell."""
+    path = ros1_bag(tmp_path)
+    data = path.read_bytes()
+    at = data.rindex(b"\x04\x00\x00\x00op=\x02")  # of a message in its chunk: the length of a header's field
+    path.write_bytes(data[:at] + b"\xff\xff\x00\x00" + data[at + 4 :])
+    with pytest.raises(InputError, match="does not fit its type|cannot be read"):
+        read_table(path, CsvOptions(), "it", "/joint_states")

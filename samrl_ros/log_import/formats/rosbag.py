@@ -158,10 +158,15 @@ def _opened(path: Path, where: str, release: dict[str, str] = RELEASES[-1]) -> I
 def _broken() -> tuple[type[Exception], ...]:
     """What rosbags raises on bytes that are not what they should be."""
     import apsw  # what rosbags reads sqlite3 with
+    from rosbags import rosbag1, rosbag2
     from rosbags.highlevel import AnyReaderError
+    from rosbags.serde import SerdeError
+    from rosbags.typesys import TypesysError
 
-    builtin = (ValueError, IndexError, KeyError, AssertionError, TypeError, AttributeError, struct.error)
-    return (AnyReaderError, apsw.Error, *builtin)
+    own = (AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, SerdeError, TypesysError, apsw.Error)
+    of_python = (ValueError, IndexError, KeyError, AssertionError, TypeError, AttributeError, struct.error)
+    of_decompression = (EOFError, RuntimeError, OverflowError, MemoryError)
+    return (*own, *of_python, *of_decompression)
 
 
 def _definitions(release: dict[str, str]) -> Any:

@@ -58,7 +58,7 @@ def quantum(position: np.ndarray) -> np.ndarray:
             step = float(np.sum(few) / np.sum(np.round(few / step)))
         counts = some / step
         # A float's smallest difference is no grid: most steps would be thousands of it.
-        if np.median(counts) < 100.0 and np.all(np.abs(counts - np.round(counts)) < 0.02):
+        if np.median(counts) < 1000.0 and np.all(np.abs(counts - np.round(counts)) < 0.02):
             out[j] = step
     return out
 

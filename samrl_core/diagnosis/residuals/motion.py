@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy import interpolate, signal
+from scipy import signal
 
 from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
@@ -22,6 +22,7 @@ from samrl_core.diagnosis.residuals.control_law import (
     position_error,
     spring_of_rounded,
 )
+from samrl_core.diagnosis.residuals.signal_band import SignalBand, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
     highest_sure_frequency,
@@ -34,15 +35,13 @@ from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 BAND_HZ = 25.0  # what is compared; above it sensor noise in accelerations outweighs what arms do
 DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
-SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 MAX_RATE_HZ = 1000.0
 SLOW_PERIOD_S = 0.003  # of a controller, from which on it matters when within it a torque acts
 SAME_PERIOD = 0.75  # of a log's: a controller that is faster sends torques that are not logged
 LEAST_SURE_HZ = 1.0  # up to which a motion counts as one
-TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
 
 
-class RecordedMotion:
+class RecordedMotion(SignalBand):
     """Signals of one recording: `full` rate (F, J) and, with a bar in the formulas, band-limited (N, J).
 
     Attributes that the recording cannot give are None. Times are seconds since its start.
@@ -56,22 +55,14 @@ class RecordedMotion:
         period = float(np.median(np.diff(ticks)))
         stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
         rate = 1.0 / (period * stride)
-        self.rate = rate
-        self.joints = len(recording.arm.joints)
-        self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
         # Accelerations that are twice differenced from positions are noise from a lower frequency on.
         differenced = states.velocity is None
-        self.band = min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0)
-        self.dynamic = rate > TRACKING_RATE_HZ
-        self.step = max(1, round(rate / (4.0 * self.band))) if self.dynamic else 1
-        self._band_filter = signal.butter(3, self.band, fs=rate, output="sos") if self.dynamic else None
-        smooth = min(SMOOTH_HZ, rate / 3.0)
-        self._smooth_filter = signal.butter(3, smooth, fs=rate, output="sos")
-        self.edge = int(np.ceil(1.0 * rate / self.band)) if self.dynamic else 1  # samples lost to the filter
-
-        self.raw_position = self._onto(states.time, states.position, self.time)
-        self.raw_velocity = self._onto(states.time, states.velocity, self.time)
-        self.raw_effort = self._onto(states.time, states.effort, self.time)
+        super().__init__(rate, min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0))
+        self.joints = len(recording.arm.joints)
+        self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
+        self.raw_position = onto_grid(states.time, states.position, self.time)
+        self.raw_velocity = onto_grid(states.time, states.velocity, self.time)
+        self.raw_effort = onto_grid(states.time, states.effort, self.time)
         position = self.raw_position
         if position is None:
             raise ValueError(f"{recording.name} has no positions")
@@ -104,76 +95,18 @@ class RecordedMotion:
         return len(self.t)
 
     @cached_property
-    def dt(self) -> float:
-        """Spacing of the band-limited samples [s]."""
-        return self.step / self.rate
-
-    def smooth(self, x: np.ndarray) -> np.ndarray:
-        """Full-rate signal without the noise above the smoothing band; (F, ...) to (F, ...)."""
-        return np.asarray(signal.sosfiltfilt(self._smooth_filter, x, axis=0)) if self.dynamic else x
-
-    def reduce(self, x: np.ndarray) -> np.ndarray:
-        """Band-limit and decimate a full-rate signal, (F, ...) to (N, ...)."""
-        return self._pick(self._filtered(x))
-
-    def _filtered(self, x: np.ndarray) -> np.ndarray:
-        if self._band_filter is None:
-            return np.asarray(x, dtype=float)
-        return np.asarray(signal.sosfiltfilt(self._band_filter, x, axis=0))
-
-    def _derivative(self, x: np.ndarray, order: int) -> np.ndarray:
-        """Time derivative (F, J) of a band-limited full-rate signal.
-
-        Differences of neighbours lose a hundredth of it at 4 Hz in a log of 125 Hz, twice that in a second
-        derivative, and a quarter at the edge of the band: the torque that is missing then looks like a cause.
-        """
-        if not self.dynamic:
-            for _ in range(order):
-                x = np.gradient(x, 1.0 / self.rate, axis=0)
-            return x
-        ticks = np.arange(len(x))
-        return np.asarray(interpolate.make_interp_spline(ticks, x, k=7)(ticks, nu=order)) * self.rate**order
-
-    def _pick(self, x: np.ndarray) -> np.ndarray:
-        return x[self.edge : len(x) - self.edge : self.step]
-
-    def derivative(self, x: np.ndarray) -> np.ndarray:
-        """Time derivative of a band-limited signal (N, ...)."""
-        return np.gradient(x, self.dt, axis=0)
-
-    def second_derivative(self, x: np.ndarray) -> np.ndarray:
-        """Second time derivative of a band-limited signal (N,), good to 2 % up to the edge of the band.
-
-        Differences of four samples a period would lose six tenths of it there, and with it all that tells a
-        link that swings from one that does not. What is not finite (a shape that ran away) stays so.
-        """
-        if not np.isfinite(x).all():
-            return np.full(len(x), np.nan)
-        spline = interpolate.make_interp_spline(np.arange(len(x)), x, k=7)
-        return np.asarray(spline(np.arange(len(x)), nu=2)) / self.dt**2
-
-    def delayed(self, x: np.ndarray, delay: float) -> np.ndarray:
-        """A full-rate signal later by a fraction of samples (linear); the start is held."""
-        source = np.arange(len(x)) - delay * self.rate
-        low = np.clip(np.floor(source).astype(int), 0, len(x) - 1)
-        high = np.minimum(low + 1, len(x) - 1)
-        part = np.clip(source - low, 0.0, 1.0)
-        part = part.reshape((-1,) + (1,) * (x.ndim - 1))
-        return x[low] * (1.0 - part) + x[high] * part
-
-    @cached_property
     def command(self) -> JointSignal | None:
         """What the controller tracked, on the full-rate grid; None where no command was recorded."""
         command = self.recording.command
         if command is None or len(command) < 2:
             return None
-        position = self._onto(command.time, command.position, self.time)
+        position = onto_grid(command.time, command.position, self.time)
         if position is None:
             if command.velocity is None or self.controller is None or np.any(self.controller.stiffness > 0):
                 return None
             position = np.zeros_like(self.raw_position)  # a speed loop is told no position
-        velocity = self._onto(command.time, command.velocity, self.time)
-        effort = self._onto(command.time, command.effort, self.time)
+        velocity = onto_grid(command.time, command.velocity, self.time)
+        effort = onto_grid(command.time, command.effort, self.time)
         zero = np.zeros_like(self.raw_position)
         return JointSignal(
             self.time,
@@ -434,26 +367,7 @@ class RecordedMotion:
             power = self.noise.position**2 * (2.0 / self.rate) * (2 * np.pi) ** 4 * (high**5 - low**5) / 5.0
         return np.asarray(power)
 
-    @property
-    def band_share(self) -> float:
-        """Part of a white noise's variance that passes the band."""
-        return 2.0 * self.band / self.rate if self.dynamic else 1.0
-
     def _commanded(self, commanded: JointSignal | None) -> np.ndarray | None:
         if commanded is None or commanded.effort is None:
             return None
-        return self._onto(commanded.time, commanded.effort, self.time)
-
-    @staticmethod
-    def _onto(time: np.ndarray, values: np.ndarray | None, grid: np.ndarray) -> np.ndarray | None:
-        """Samples on the grid: those of the same ticks as they are, slower ones interpolated."""
-        if values is None:
-            return None
-        ticks = regular(time)
-        period, step = float(np.median(np.diff(ticks))), float(grid[1] - grid[0])
-        if period < 1.5 * step:
-            # Nearest, not interpolated: the controller computed from this very sample, noise included.
-            index = np.clip(np.searchsorted(ticks, grid), 1, len(ticks) - 1)
-            index -= (grid - ticks[index - 1]) < (ticks[index] - grid)
-            return values[index]
-        return np.stack([np.interp(grid, ticks, column) for column in values.T], axis=1)
+        return onto_grid(commanded.time, commanded.effort, self.time)

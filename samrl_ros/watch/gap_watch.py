@@ -10,7 +10,7 @@ from pathlib import Path
 from samrl_core.common.files import append_line
 from samrl_ros.bags.qos_metadata import QoS
 from samrl_ros.watch.judgement import NO_GAP, REFUSED, Judgement, Running
-from samrl_ros.watch.windows import Window, Windows
+from samrl_ros.watch.windows import LoggedWindow, Windows
 
 NOT_TESTABLE = "not_testable"
 WINDOWS, REPORTS, LOG = "windows", "reports", "watch.jsonl"
@@ -104,7 +104,7 @@ class GapWatch:
                 values["onset"] = f"{self.since.onset_s:.2f} s"
         return not self.latest.is_gap, self.latest.says, values
 
-    def _begin(self, window: Window) -> None:
+    def _begin(self, window: LoggedWindow) -> None:
         if not window.messages:
             self._windows.drop(window.number)
         elif self._running is not None:

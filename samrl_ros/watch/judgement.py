@@ -15,7 +15,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import room_for
 from samrl_core.diagnosis.report.json_report import read_report
 from samrl_ros.contract.exit_codes import GAP_FOUND, INPUT_REFUSED, OK
-from samrl_ros.watch.windows import Window
+from samrl_ros.watch.windows import LoggedWindow
 
 NO_GAP, REFUSED = "no_gap", "refused"
 GAPS = ("effect", "ambiguous", "none_of_mine")
@@ -43,7 +43,7 @@ class Judgement:
 class Running:
     """One `samrl diagnose` on a window's bag."""
 
-    def __init__(self, window: Window, out: Path, options: Sequence[str]) -> None:
+    def __init__(self, window: LoggedWindow, out: Path, options: Sequence[str]) -> None:
         """Start it.
 
         Args:
@@ -106,7 +106,7 @@ class Running:
                 self._process.wait()
 
 
-def judgement_of(window: Window, report: dict[str, Any], folder: Path) -> Judgement:
+def judgement_of(window: LoggedWindow, report: dict[str, Any], folder: Path) -> Judgement:
     """The few values of a report."""
     effects = tuple(e["name"] for e in report["effects"])
     where = report["where"]

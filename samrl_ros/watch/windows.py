@@ -36,7 +36,7 @@ def is_diagnosed(topic: str, type_name: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Window:
+class LoggedWindow:
     """A finished bag."""
 
     number: int  # from 1
@@ -77,7 +77,7 @@ class Windows:
         """Keep a latched message for the head of windows to come."""
         self._latched[topic] = (type_name, qos, data)
 
-    def take(self, topic: str, type_name: str, qos: QoS, data: bytes, now_ns: int) -> Window | None:
+    def take(self, topic: str, type_name: str, qos: QoS, data: bytes, now_ns: int) -> LoggedWindow | None:
         """Take a message; the window that it ends, if it is the first one past its length.
 
         A clock that went back ends the window, too: stamps of one bag increase.
@@ -99,13 +99,13 @@ class Windows:
         self._record(topic, type_name, qos, data, now_ns)
         return ended
 
-    def end(self) -> Window | None:
+    def end(self) -> LoggedWindow | None:
         """Close the window that is being written; None if there is none."""
         recorder, self._recorder = self._recorder, None
         if recorder is None:
             return None
         recorder.close()
-        return Window(self._number, self._path(self._number), self._begin_ns, self._motions)
+        return LoggedWindow(self._number, self._path(self._number), self._begin_ns, self._motions)
 
     def drop(self, number: int) -> None:
         """Remove a window's bag."""

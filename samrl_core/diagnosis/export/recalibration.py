@@ -38,7 +38,7 @@ class CorrectedTransform:
 
 
 @dataclass(frozen=True)
-class Statement:
+class Advice:
     """A correction that no transform of the chain holds."""
 
     effect: str
@@ -51,7 +51,7 @@ class Recalibration:
 
     camera: str
     transforms: tuple[CorrectedTransform, ...]
-    statements: tuple[Statement, ...]
+    statements: tuple[Advice, ...]
     sources: tuple[tuple[str, str], ...]  # (file, sha256) of the recordings that were fitted
 
 

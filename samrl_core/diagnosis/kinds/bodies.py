@@ -27,7 +27,7 @@ LEAST_POSES = 24  # of a recording that is cut
 SEVERAL = 3  # recordings from which on whole ones are held out
 
 
-class Bodies(Kind[BodyRecording]):
+class BodyTracks(Kind[BodyRecording]):
     """Poses of one body over time, against free flight, sliding and rebounds."""
 
     effects = BODY_EFFECTS

@@ -11,7 +11,7 @@ from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.arms import Arms
-from samrl_core.diagnosis.kinds.bodies import Bodies
+from samrl_core.diagnosis.kinds.bodies import BodyTracks
 from samrl_core.diagnosis.kinds.kind import Kind, Recording
 from samrl_core.diagnosis.kinds.poses import Poses
 from samrl_core.diagnosis.kinds.readings import Readings
@@ -20,7 +20,7 @@ KINDS: dict[type, Kind[Any]] = {
     ArmRecording: Arms(),
     PoseRecording: Poses(),
     ReadingRecording: Readings(),
-    BodyRecording: Bodies(),
+    BodyRecording: BodyTracks(),
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.diagnosis.effects.pose_forms import SIX
-from samrl_core.diagnosis.export.recalibration import CorrectedTransform, Recalibration, Statement
+from samrl_core.diagnosis.export.recalibration import Advice, CorrectedTransform, Recalibration
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
@@ -21,7 +21,7 @@ def recalibration(chosen: Fit, trials: Sequence[PoseTrial]) -> Recalibration:
     """Turn the named effects into corrections."""
     first = trials[0]
     transforms: list[CorrectedTransform] = []
-    statements: list[Statement] = []
+    statements: list[Advice] = []
     start = 0
     for h, amplitudes in zip(chosen.hypotheses, chosen.amplitudes, strict=True):
         block = slice(start, start + len(amplitudes))
@@ -31,7 +31,7 @@ def recalibration(chosen: Fit, trials: Sequence[PoseTrial]) -> Recalibration:
             covariance = chosen.covariance[block, block]
             transforms.append(_transform(h, link, amplitudes, covariance, first))
         else:
-            statements.append(Statement(h.name, _statement(h, amplitudes, first)))
+            statements.append(Advice(h.name, _statement(h, amplitudes, first)))
     sources = tuple((t.recording.source, t.recording.sha256) for t in trials)
     return Recalibration(first.recording.camera, tuple(transforms), tuple(statements), sources)
 

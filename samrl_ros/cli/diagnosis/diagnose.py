@@ -202,8 +202,7 @@ def _many(options: DiagnoseOptions) -> int:
     assert options.many is not None
     shared = _for_children(options)
     shared += ["--randomise"] if options.randomise else []
-    out = options.out
-    return diagnose_many(options.many, out, shared, options.workers, options.ray, options.fail_on_gap)
+    return diagnose_many(options.many, options.out, shared, options.workers, options.ray, options.fail_on_gap)
 
 
 def _watch(options: DiagnoseOptions) -> int:

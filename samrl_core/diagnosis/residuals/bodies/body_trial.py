@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.cell.types.body_recording import BodyRecording
-from samrl_core.diagnosis.residuals.bodies.constants import Constants
+from samrl_core.diagnosis.residuals.bodies.constants import BodyConstants
 from samrl_core.diagnosis.residuals.bodies.find_segments import Found, Impact
 from samrl_core.diagnosis.residuals.bodies.fit_inertia import inertia_errors
 from samrl_core.diagnosis.residuals.bodies.free_rotation import FreeRotation
@@ -36,7 +36,7 @@ class BodyTrial(Observed):
     short = True
 
     def __init__(
-        self, recordings: Sequence[BodyRecording], motions: Motions, constants: Constants,
+        self, recordings: Sequence[BodyRecording], motions: Motions, constants: BodyConstants,
         channels: tuple[str, ...], levels: tuple[np.ndarray, np.ndarray],
     ) -> None:  # fmt: skip
         """Form residuals; `channels` are those of all trials together, `levels` the noise of positions (3,)
@@ -288,7 +288,7 @@ def channels_of(recordings: Sequence[BodyRecording], found: Sequence[Found]) -> 
 def body_trials(
     bundles: Sequence[Sequence[BodyRecording]],
     found: Sequence[Sequence[Found]],
-    constants: Constants,
+    constants: BodyConstants,
     channels: tuple[str, ...],
     fitted: int,
 ) -> list[BodyTrial]:

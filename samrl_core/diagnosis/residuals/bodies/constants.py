@@ -13,7 +13,7 @@ from samrl_core.diagnosis.residuals.bodies.segment import polynomials
 
 
 @dataclass(frozen=True)
-class Constants:
+class BodyConstants:
     """Coefficients of the nominal model; `free` names those that were solved for."""
 
     friction: float
@@ -21,7 +21,7 @@ class Constants:
     free: frozenset[str]
 
 
-def solved(recordings: Sequence[BodyRecording], found: Sequence[Found]) -> tuple[Constants, list[str]]:
+def solved(recordings: Sequence[BodyRecording], found: Sequence[Found]) -> tuple[BodyConstants, list[str]]:
     """The stated coefficients, or those that fit the recordings best, with notes about the latter."""
     support, notes, free = recordings[0].support, [], set()
     friction = 0.0 if support is None else support.friction
@@ -36,7 +36,7 @@ def solved(recordings: Sequence[BodyRecording], found: Sequence[Found]) -> tuple
         free = free | {"restitution"}
         if impacts:
             notes.append(f"restitution of the support is not stated; solved for: {restitution:.4g}")
-    return Constants(float(friction), restitution, frozenset(free)), notes
+    return BodyConstants(float(friction), restitution, frozenset(free)), notes
 
 
 def _friction(found: Sequence[Found]) -> float:

@@ -10,7 +10,7 @@ from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.diagnosis.residuals.bodies.phase_search import (
     CONTACT,
     FLIGHT,
-    Phase,
+    MotionPhase,
     find_phases,
     rough_noise,
 )
@@ -115,18 +115,20 @@ def _why_nothing(recording: BodyRecording, center: np.ndarray, seen: np.ndarray)
     )
 
 
-def _phases(recording: BodyRecording, center: np.ndarray, seen: np.ndarray) -> list[Phase]:
+def _phases(recording: BodyRecording, center: np.ndarray, seen: np.ndarray) -> list[MotionPhase]:
     count = len(center)
     if recording.phase != "auto":
-        return [Phase(recording.phase, 0, count)]
+        return [MotionPhase(recording.phase, 0, count)]
     gravity = np.asarray(recording.gravity)
     up = _up(recording)
     if np.linalg.norm(up[seen]) < SEEN:
-        return [Phase(CONTACT if recording.support is not None else FLIGHT, 0, count)]
+        return [MotionPhase(CONTACT if recording.support is not None else FLIGHT, 0, count)]
     found = find_phases(recording.track.time, center @ up, abs(float(gravity @ up)))
     # What touches a piece of another kind may have been hit within the sample.
     return [
-        Phase(p.kind, p.begin + (p.begin > 0), p.end - (p.end < count)) for p in found if p.end - p.begin > 2
+        MotionPhase(p.kind, p.begin + (p.begin > 0), p.end - (p.end < count))
+        for p in found
+        if p.end - p.begin > 2
     ]
 
 
@@ -288,7 +290,7 @@ def _runs(mask: np.ndarray) -> list[np.ndarray]:
 
 
 def _impacts(
-    recording: BodyRecording, index: int, center: np.ndarray, seen: np.ndarray, phases: list[Phase]
+    recording: BodyRecording, index: int, center: np.ndarray, seen: np.ndarray, phases: list[MotionPhase]
 ) -> tuple[Impact, ...]:
     """Rebounds of what is round or a point: of a box it depends on which corner hits."""
     support = recording.support

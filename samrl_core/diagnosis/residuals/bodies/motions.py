@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.cell.types.body_recording import BodyRecording
-from samrl_core.diagnosis.residuals.bodies.constants import Constants
+from samrl_core.diagnosis.residuals.bodies.constants import BodyConstants
 from samrl_core.diagnosis.residuals.bodies.find_segments import Found, Impact
 from samrl_core.diagnosis.residuals.bodies.fit_inertia import with_secant
 from samrl_core.diagnosis.residuals.bodies.free_rotation import FreeRotation, free_rotation
@@ -46,7 +46,7 @@ class Motions:
 def motions_of(
     recordings: Sequence[BodyRecording],
     found: Sequence[Found],
-    constants: Constants,
+    constants: BodyConstants,
     turns: bool,
     errors: np.ndarray,
 ) -> Motions:

@@ -28,7 +28,7 @@ JUMP = 0.25  # [m/s] between two parabolas, below which they are one flight
 
 
 @dataclass(frozen=True)
-class Phase:
+class MotionPhase:
     """Samples begin to end (excluded) of one kind."""
 
     kind: str
@@ -57,7 +57,7 @@ def rough_noise(time: np.ndarray, values: np.ndarray) -> float:
     return float(np.sqrt(np.max(np.median(left, axis=0))))
 
 
-def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Phase]:
+def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[MotionPhase]:
     """Pieces in order of heights (N,) [m] under a gravity [m/s^2] that pulls them down, `gravity` > 0."""
     noise = float(np.hypot(rough_noise(time, height), SLACK))
     pieces = _partition(time, height / noise, gravity / noise, CLIMB / noise)
@@ -68,12 +68,12 @@ def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Ph
     ]
 
 
-def _rises(time: np.ndarray, flight: Phase, gravity: float, noise: float) -> bool:
+def _rises(time: np.ndarray, flight: MotionPhase, gravity: float, noise: float) -> bool:
     """Whether a flight lasts long enough to rise out of the noise."""
     return gravity * float(time[flight.end - 1] - time[flight.begin]) ** 2 / 8.0 > RISES * noise
 
 
-def _partition(time: np.ndarray, y: np.ndarray, gravity: float, climb: float) -> list[Phase]:
+def _partition(time: np.ndarray, y: np.ndarray, gravity: float, climb: float) -> list[MotionPhase]:
     """The cheapest sequence of pieces of y (N,) in units of its noise."""
     count = len(y)
     best = np.full(count + 1, np.inf)
@@ -97,14 +97,14 @@ def _partition(time: np.ndarray, y: np.ndarray, gravity: float, climb: float) ->
         alone = best[end - 1] + PER_SAMPLE + (0.0 if last == NEITHER else APIECE / 4.0)
         if alone < best[end]:
             best[end], came[end] = float(alone), (end - 1, NEITHER)
-    out: list[Phase] = []
+    out: list[MotionPhase] = []
     end = count
     while end > 0:
         begin_of, kind = came[end]
         if out and kind == NEITHER and out[-1].kind == NEITHER:
-            out[-1] = Phase(NEITHER, begin_of, out[-1].end)
+            out[-1] = MotionPhase(NEITHER, begin_of, out[-1].end)
         else:
-            out.append(Phase(kind, begin_of, end))
+            out.append(MotionPhase(kind, begin_of, end))
         end = begin_of
     return out[::-1]
 
@@ -158,23 +158,25 @@ class _Sums:
 
 
 def _joined(
-    time: np.ndarray, height: np.ndarray, pieces: list[Phase], noise: float, gravity: float
-) -> list[Phase]:
+    time: np.ndarray, height: np.ndarray, pieces: list[MotionPhase], noise: float, gravity: float
+) -> list[MotionPhase]:
     """Neighbours that are one: contact with contact, and flights between which nothing jumps."""
-    out: list[Phase] = []
+    out: list[MotionPhase] = []
     for piece in pieces:
         if (
             out
             and out[-1].kind == piece.kind
             and (piece.kind != FLIGHT or not _jumps(time, height, out[-1], piece, noise, gravity))
         ):
-            out[-1] = Phase(piece.kind, out[-1].begin, piece.end)
+            out[-1] = MotionPhase(piece.kind, out[-1].begin, piece.end)
         else:
             out.append(piece)
     return out
 
 
-def _jumps(time: np.ndarray, height: np.ndarray, a: Phase, b: Phase, noise: float, gravity: float) -> bool:
+def _jumps(
+    time: np.ndarray, height: np.ndarray, a: MotionPhase, b: MotionPhase, noise: float, gravity: float
+) -> bool:
     """Whether the velocity jumps between two flights, or both together are no flight."""
     border = 0.5 * (time[a.end - 1] + time[b.begin])
     rows = slice(a.begin, b.end)

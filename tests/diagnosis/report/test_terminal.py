@@ -8,7 +8,14 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.effects import EFFECTS, FAMILIES, find_family
+from samrl_core.diagnosis.effects import (
+    BODY_EFFECTS,
+    EFFECTS,
+    FAMILIES,
+    POSE_EFFECTS,
+    READING_EFFECTS,
+    find_family,
+)
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.terminal import LINES, WIDTH, summary
 from samrl_core.diagnosis.result import VERDICTS, ParameterEstimate
@@ -84,6 +91,8 @@ def test_every_family_of_the_catalogue_is_explained() -> None:
     assert sorted(f.number for f in FAMILIES.values()) == list(range(1, len(FAMILIES) + 1))
     readme = (Path(words.__file__).parents[3] / "README.md").read_text()
     assert f"{len(EFFECTS)} of {len(FAMILIES)} known families of effects" in readme
+    elsewhere = {e.family for e in (*POSE_EFFECTS, *BODY_EFFECTS, *READING_EFFECTS)}
+    assert "ten more" in readme and len(elsewhere - {e.family for e in EFFECTS}) == 10
     for name, f in FAMILIES.items():
         assert f.family == name and f.title[0].isupper()
         assert f.meaning.endswith(".") and f.remedy.endswith(".") and len(f.meaning) < 120

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, PrivateAttr, model_validator
+from pydantic import Field, model_validator
 
 from samrl_core.cell.types.body_recording import GRAVITY, BodyModel, Support
 from samrl_core.common.errors import InputError
 from samrl_core.common.validation import Checked, fault
 from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, Formula, FormulaList
-from samrl_ros.log_import.specs import Files, Name, Pair, Part, SourceSpec, file_name
+from samrl_ros.log_import.specs import LoggedSpec, Pair
 
 TURNS = ("quaternion", "rotation_vector", "rpy", "matrix", "angle")
 Length = Literal["m", "cm", "mm"]
@@ -139,46 +139,17 @@ class BodiesSpec(Checked):
         return size * float(np.sin(angle)), 0.0, -size * float(np.cos(angle))
 
 
-class BodyRecordingSpec(Checked):
+class BodyRecordingSpec(LoggedSpec):
     """Everything about one recording of a body, general keys and its own merged."""
 
-    name: Annotated[str, AfterValidator(file_name)]
     role: Literal["fit", "held_out"] | None = None  # None: the diagnosis holds some out
-    constants: dict[Name, Any] = Field({})
-    sources: Annotated[dict[str, SourceSpec], Field(min_length=1)]
-    files: dict[str, Files] = Field({})
-    parts: dict[str, Part] = Field({})
     bodies: BodiesSpec
-    tolerances: dict[str, Any] | None = None
-    rows: Pair | None = None
     time_range: Pair | None = None
-    _path: str = PrivateAttr("")
-
-    @classmethod
-    def read(cls, value: Any, where: str) -> BodyRecordingSpec:
-        """As `Checked.read`; `where` is stored for later messages."""
-        spec = super().read(value, where)
-        spec._path = where
-        return spec
-
-    @property
-    def path(self) -> str:
-        """Of its keys, for messages."""
-        return self._path
 
     @property
     def channels(self) -> dict[str, BodyTrackSpec]:
         """What reads a source, by its key."""
         return {"track": self.bodies.track}
-
-    def files_of(self, source: str) -> list[str]:
-        """Paths of a source, with the recording's name in them."""
-        files = self.files.get(source) or self.sources[source].file or []
-        return [file.replace("{name}", self.name) for file in files]
-
-    def part_of(self, source: str) -> str:
-        """Part of a source's files that is read."""
-        return (self.parts.get(source) or self.sources[source].part).replace("{name}", self.name)
 
     def source_of(self, channel: str) -> str:
         """The source that the formulas read."""

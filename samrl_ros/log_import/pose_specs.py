@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, PrivateAttr, model_validator
+from pydantic import model_validator
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.common.validation import Checked, fault
-from samrl_ros.log_import.specs import Files, Name, Pair, Part, SourceSpec, file_name
+from samrl_ros.log_import.specs import LoggedSpec, Pair
 
 Formula = Any  # text or number; `evaluate` refuses the rest with the key path
 ROTATIONS = ("quaternion", "rotation_vector", "rpy", "matrix")
@@ -149,32 +149,12 @@ class PosesSpec(Checked):
         return self
 
 
-class PoseRecordingSpec(Checked):
+class PoseRecordingSpec(LoggedSpec):
     """Everything about one recording of poses, general keys and its own merged."""
 
-    name: Annotated[str, AfterValidator(file_name)]
     role: Literal["fit", "held_out"] = "fit"
-    constants: dict[Name, Any] = Field({})
-    sources: Annotated[dict[str, SourceSpec], Field(min_length=1)]
-    files: dict[str, Files] = Field({})
-    parts: dict[str, Part] = Field({})
     poses: PosesSpec
-    tolerances: dict[str, Any] | None = None
-    rows: Pair | None = None
     time_range: Pair | None = None
-    _path: str = PrivateAttr("")
-
-    @classmethod
-    def read(cls, value: Any, where: str) -> PoseRecordingSpec:
-        """As `Checked.read`; `where` is stored for later messages."""
-        spec = super().read(value, where)
-        spec._path = where
-        return spec
-
-    @property
-    def path(self) -> str:
-        """Of its keys, for messages."""
-        return self._path
 
     @property
     def channels(self) -> dict[str, TrackSpec | JointsSpec]:
@@ -187,15 +167,6 @@ class PoseRecordingSpec(Checked):
             if arm is not None and arm.joints is not None:
                 found[f"{role}.joints"] = arm.joints
         return found
-
-    def files_of(self, source: str) -> list[str]:
-        """Paths of a source, with the recording's name in them."""
-        files = self.files.get(source) or self.sources[source].file or []
-        return [file.replace("{name}", self.name) for file in files]
-
-    def part_of(self, source: str) -> str:
-        """Part of a source's files that is read."""
-        return (self.parts.get(source) or self.sources[source].part).replace("{name}", self.name)
 
     def source_of(self, channel: str) -> str:
         """The source that a channel's formulas read."""

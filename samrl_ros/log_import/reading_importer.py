@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, PrivateAttr, model_validator
+from pydantic import model_validator
 
 from samrl_core.cell.types.reading_recording import UNITS, ReadingRecording, ReadingTolerances
 from samrl_core.common.errors import InputError
@@ -17,7 +17,7 @@ from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.imported_files import check_names, mapping_entries, write_imported
 from samrl_ros.log_import.pose_specs import LENGTHS, Formula, FormulaList
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
-from samrl_ros.log_import.specs import Files, Name, Pair, Part, SourceSpec, file_name
+from samrl_ros.log_import.specs import LoggedSpec
 from samrl_ros.log_import.units import UNITS as UNITS_OF_LOGS
 from samrl_ros.recordings.reading_file import SUFFIX, write_reading_file
 
@@ -47,45 +47,16 @@ class ReadingsSpec(Checked):
         return self
 
 
-class ReadingRecordingSpec(Checked):
+class ReadingRecordingSpec(LoggedSpec):
     """Everything about one recording of readings, general keys and its own merged."""
 
-    name: Annotated[str, AfterValidator(file_name)]
     role: Literal["fit", "held_out"] = "fit"
-    constants: dict[Name, Any] = Field({})
-    sources: Annotated[dict[str, SourceSpec], Field(min_length=1)]
-    files: dict[str, Files] = Field({})
-    parts: dict[str, Part] = Field({})
     readings: ReadingsSpec
-    tolerances: dict[str, Any] | None = None
-    rows: Pair | None = None
-    _path: str = PrivateAttr("")
-
-    @classmethod
-    def read(cls, value: Any, where: str) -> ReadingRecordingSpec:
-        """As `Checked.read`; `where` is stored for later messages."""
-        spec = super().read(value, where)
-        spec._path = where
-        return spec
-
-    @property
-    def path(self) -> str:
-        """Of its keys, for messages."""
-        return self._path
 
     @property
     def channels(self) -> dict[str, ReadingsSpec]:
         """What reads a source, by its key."""
         return {"readings": self.readings}
-
-    def files_of(self, source: str) -> list[str]:
-        """Paths of a source, with the recording's name in them."""
-        files = self.files.get(source) or self.sources[source].file or []
-        return [file.replace("{name}", self.name) for file in files]
-
-    def part_of(self, source: str) -> str:
-        """Part of a source's files that is read."""
-        return (self.parts.get(source) or self.sources[source].part).replace("{name}", self.name)
 
     def source_of(self, channel: str) -> str:
         """The source that the formulas read."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, PrivateAttr, model_validator
 
@@ -187,31 +187,20 @@ class ChannelSpec(Checked):
         return {name: quantity for name, quantity in found if quantity is not None}
 
 
-class RecordingSpec(Checked):
-    """Everything about one recording, general keys and its own merged."""
+class LoggedSpec(Checked):
+    """What a recording of any kind states of its logs, general keys and its own merged."""
 
     name: Annotated[str, AfterValidator(file_name)]
-    role: Literal["fit", "held_out"] = "fit"
-    arm: Literal["tool_arm", "camera_arm"] = "tool_arm"
-    joints: Annotated[list[str], AfterValidator(_joints)]
-    urdf: str | None = None  # path of a URDF, xacro or MJCF, or the URDF's text
-    xacro_args: dict[str, str] = Field({})
-    strip: list[str] = Field(["visual", "collision"])
-    controller: dict[str, Any] | None = None
-    tool: dict[str, Any] | None = None
     tolerances: dict[str, Any] | None = None
     constants: dict[Name, Any] = Field({})
     sources: Annotated[dict[str, SourceSpec], Field(min_length=1)]
     files: dict[str, Files] = Field({})  # of a source, instead of its own
     parts: dict[str, Part] = Field({})  # of a source, instead of its own
-    channels: dict[str, ChannelSpec]
-    resample: Resample = Resample()  # of channels without their own
     rows: Pair | None = None
-    time_range: Pair | None = None
     _path: str = PrivateAttr("")
 
     @classmethod
-    def read(cls, value: Any, where: str) -> RecordingSpec:
+    def read(cls, value: Any, where: str) -> Self:
         """As `Checked.read`; `where` is stored for later messages."""
         spec = super().read(value, where)
         spec._path = where
@@ -230,6 +219,22 @@ class RecordingSpec(Checked):
     def part_of(self, source: str) -> str:
         """Part of a source's files that is read, with the recording's name in it; empty for all."""
         return (self.parts.get(source) or self.sources[source].part).replace("{name}", self.name)
+
+
+class RecordingSpec(LoggedSpec):
+    """Everything about one recording, general keys and its own merged."""
+
+    role: Literal["fit", "held_out"] = "fit"
+    arm: Literal["tool_arm", "camera_arm"] = "tool_arm"
+    joints: Annotated[list[str], AfterValidator(_joints)]
+    urdf: str | None = None  # path of a URDF, xacro or MJCF, or the URDF's text
+    xacro_args: dict[str, str] = Field({})
+    strip: list[str] = Field(["visual", "collision"])
+    controller: dict[str, Any] | None = None
+    tool: dict[str, Any] | None = None
+    channels: dict[str, ChannelSpec]
+    resample: Resample = Resample()  # of channels without their own
+    time_range: Pair | None = None
 
     def source_of(self, channel: str) -> str:
         """The source that a channel's formulas read."""

@@ -1,17 +1,43 @@
-"""Recordings of poses, readings and bodies by role: read, with tolerances of the user's own."""
+"""What files of poses, readings and bodies share: arrays beside one JSON text, and how a role's are read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from samrl_core.cell.types.stated_tolerances import StatedTolerances
+from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
 from samrl_core.common.errors import InputError
-from samrl_core.common.text_files import parse_yaml, read_text
+from samrl_core.common.files import read_whole
+from samrl_core.common.text_files import parse_json, parse_yaml, read_text
 
 R = TypeVar("R", bound=Any)  # a dataclass with `tolerances`
+ABOUT = "about"  # name of the JSON text among the arrays
+
+
+def write_described(path: Path, about: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays and a JSON text about them; an existing file is replaced."""
+    text = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    write_arrays(path, {**arrays, ABOUT: text})
+
+
+def read_described(path: Path, version: int) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Arrays and the text about them.
+
+    Raises:
+        InputError: the file is damaged, or of another version.
+        KeyError, TypeError, ValueError: it has no such text, or one of something else.
+    """
+    arrays = unpacked(read_whole(path, MAX_BYTES), path)
+    about = parse_json(bytes(arrays[ABOUT]).decode(), str(path))
+    if about["version"] != version:
+        raise InputError(f"{path} has version {about['version']}, this samrl reads {version}; import again")
+    return arrays, about
 
 
 def read_by_role(

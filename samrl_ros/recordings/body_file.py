@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyTolerances, BodyTrack, Support
-from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import read_whole
-from samrl_core.common.text_files import parse_json
 from samrl_core.diagnosis.kinds.bodies import split_bodies
-from samrl_ros.recordings.arrays_by_role import check_unseen, read_by_role
+from samrl_ros.recordings.arrays_by_role import (
+    check_unseen,
+    read_by_role,
+    read_described,
+    write_described,
+)
 
 SUFFIX = ".body.npz"
 VERSION = 1
@@ -37,8 +38,7 @@ def write_body_file(recording: BodyRecording, path: Path) -> None:
     about |= {"axes": recording.track.axes, "turns": recording.track.turns, "gravity": recording.gravity}
     about["support"] = None if recording.support is None else asdict(recording.support)
     arrays = {key: np.asarray(getattr(recording.track, key)) for key in _ARRAYS}
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-    write_arrays(path, arrays)
+    write_described(path, about, arrays)
 
 
 def read_body_file(path: Path) -> BodyRecording:
@@ -47,13 +47,8 @@ def read_body_file(path: Path) -> BodyRecording:
     Raises:
         InputError: the file is damaged, of another version or none of a body.
     """
-    arrays = unpacked(read_whole(path, MAX_BYTES), path)
     try:
-        about = parse_json(bytes(arrays["about"]).decode(), str(path))
-        if about["version"] != VERSION:
-            raise InputError(
-                f"{path} has version {about['version']}, this samrl reads {VERSION}; import again"
-            )
+        arrays, about = read_described(path, VERSION)
         name, source, sha256, camera, phase = (str(about[key]) for key in _TEXTS)
         time, position, quats = (arrays[key] for key in _ARRAYS)
         track = BodyTrack(time, position, str(about["axes"]), quats, str(about["turns"]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,12 +11,14 @@ import numpy as np
 
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
-from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import read_whole
-from samrl_core.common.text_files import parse_json
 from samrl_core.diagnosis.kinds.poses import split_poses
-from samrl_ros.recordings.arrays_by_role import check_unseen, read_by_role
+from samrl_ros.recordings.arrays_by_role import (
+    check_unseen,
+    read_by_role,
+    read_described,
+    write_described,
+)
 
 SUFFIX = ".poses.npz"
 VERSION = 1
@@ -50,8 +51,7 @@ def write_pose_file(recording: PoseRecording, path: Path) -> None:
         if arm.flange is not None:
             arrays |= {f"{role}_{key}": getattr(arm.flange, key) for key in _TRACK}
         arrays[f"{role}_joint_time"], arrays[f"{role}_joint_position"] = arm.joint_time, arm.joint_position
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-    write_arrays(path, arrays)
+    write_described(path, about, arrays)
 
 
 def read_pose_file(path: Path) -> PoseRecording:
@@ -60,13 +60,8 @@ def read_pose_file(path: Path) -> PoseRecording:
     Raises:
         InputError: the file is damaged, of another version or none of poses.
     """
-    arrays = unpacked(read_whole(path, MAX_BYTES), path)
     try:
-        about = parse_json(bytes(arrays["about"]).decode(), str(path))
-        if about["version"] != VERSION:
-            raise InputError(
-                f"{path} has version {about['version']}, this samrl reads {VERSION}; import again"
-            )
+        arrays, about = read_described(path, VERSION)
 
         def track(prefix: str) -> PoseTrack:
             return PoseTrack(*(arrays[f"{prefix}_{key}"] for key in _TRACK))

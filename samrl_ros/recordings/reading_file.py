@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -10,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.cell.types.reading_recording import ReadingRecording, ReadingTolerances
-from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import read_whole
-from samrl_core.common.text_files import parse_json
 from samrl_core.diagnosis.kinds.readings import split_readings
-from samrl_ros.recordings.arrays_by_role import check_unseen, read_by_role
+from samrl_ros.recordings.arrays_by_role import (
+    check_unseen,
+    read_by_role,
+    read_described,
+    write_described,
+)
 
 SUFFIX = ".readings.npz"
 VERSION = 1
@@ -34,8 +35,7 @@ def write_reading_file(recording: ReadingRecording, path: Path) -> None:
     about = {"version": VERSION, "tolerances": asdict(recording.tolerances)}
     about |= {key: getattr(recording, key) for key in _TEXTS}
     arrays = {key: np.asarray(getattr(recording, key)) for key in _ARRAYS}
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-    write_arrays(path, arrays)
+    write_described(path, about, arrays)
 
 
 def read_reading_file(path: Path) -> ReadingRecording:
@@ -44,13 +44,8 @@ def read_reading_file(path: Path) -> ReadingRecording:
     Raises:
         InputError: the file is damaged, of another version or none of readings.
     """
-    arrays = unpacked(read_whole(path, MAX_BYTES), path)
     try:
-        about = parse_json(bytes(arrays["about"]).decode(), str(path))
-        if about["version"] != VERSION:
-            raise InputError(
-                f"{path} has version {about['version']}, this samrl reads {VERSION}; import again"
-            )
+        arrays, about = read_described(path, VERSION)
         name, source, sha256, quantity, sensor = (str(about[key]) for key in _TEXTS)
         time, reading, reference = (arrays[key] for key in _ARRAYS)
         tolerances = ReadingTolerances.from_mapping(about["tolerances"])

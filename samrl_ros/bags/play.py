@@ -72,6 +72,7 @@ def publish_from(
     topics: Iterable[str] | None = None,
     stop: threading.Event | None = None,
     discovery_s: float = 1.0,
+    ready: Callable[[], bool] = lambda: True,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> PlayReport:
     """Publish a bag's messages from a given rclpy node, paced by log time.
@@ -87,6 +88,7 @@ def publish_from(
         topics: which; all by default.
         stop: set it to end early, for example from a signal handler.
         discovery_s: wall time [s] to let subscribers find the publishers.
+        ready: asked from then on until it holds; the clock starts after it.
         on_progress: receives messages published and in all.
 
     Raises:
@@ -102,9 +104,12 @@ def publish_from(
         for name, topic in chosen.items()
         if name != CLOCK and topic.count > 0 and not is_service_event(topic)
     }
-    publishers = {t.name: _publisher(node, t.name, t.type, _offered(t.qos)) for t in chosen.values()}
+    # The clock is offered first, so that whoever finds the other topics knows that their time is simulated.
     clock = _publisher(node, CLOCK, _CLOCK_TYPE, QoS(reliability="best_effort", depth=1))
+    publishers = {t.name: _publisher(node, t.name, t.type, _offered(t.qos)) for t in chosen.values()}
     stop.wait(discovery_s)
+    while not (ready() or stop.is_set()):
+        stop.wait(_WAIT_S)
     run = _Run(
         publishers, clock, stop, rate, bag.start_ns, sum(t.count for t in chosen.values()), on_progress
     )

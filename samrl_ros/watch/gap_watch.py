@@ -13,6 +13,7 @@ from samrl_ros.watch.judgement import NO_GAP, REFUSED, Judgement, Running
 from samrl_ros.watch.windows import LoggedWindow, Windows
 
 NOT_TESTABLE = "not_testable"
+LOST_SHARE = 1e-3  # of a window's messages; holes that this machine made look like jitter of the robot
 WINDOWS, REPORTS, LOG = "windows", "reports", "watch.jsonl"
 
 
@@ -42,7 +43,7 @@ class GapWatch:
         self.latest: Judgement | None = None  # that says something of simulation and machine
         self.refusal: Judgement | None = None  # newest window, if it says nothing
         self.since: Judgement | None = None  # first of the gaps in a row that lasts until now
-        self.judged = self.refused = self.skipped = 0
+        self.judged = self.refused = self.skipped = self.lost = 0
 
     def take(self, topic: str, type_name: str, qos: QoS, data: bytes, now_ns: int) -> None:
         """Take one message at the graph's clock."""
@@ -53,6 +54,11 @@ class GapWatch:
     def describe(self, topic: str, type_name: str, qos: QoS, data: bytes) -> None:
         """Take a latched message before the graph's clock begins."""
         self._windows.describe(topic, type_name, qos, data)
+
+    def lose(self, messages: int) -> None:
+        """Count messages that the middleware dropped on the way here."""
+        self.lost += messages
+        self._windows.lose(messages)
 
     def poll(self) -> None:
         """Hear the running diagnosis; call often."""
@@ -84,6 +90,7 @@ class GapWatch:
             "judged": str(self.judged),
             "not judged": str(self.refused),
             "skipped": str(self.skipped),  # a diagnosis took longer than a window
+            "messages lost": str(self.lost),
         }
         if self.refusal is not None:
             values["last not judged"] = f"window {self.refusal.window}: {self.refusal.says}"
@@ -107,6 +114,12 @@ class GapWatch:
     def _begin(self, window: LoggedWindow) -> None:
         if not window.messages:
             self._windows.drop(window.number)
+        elif window.lost > LOST_SHARE * window.messages:
+            says = (
+                f"{window.lost} messages were lost on the way beside {window.messages} that arrived, over "
+                f"{LOST_SHARE:.1%}: give this machine less to do, or publishers a deeper queue (QoS depth)"
+            )
+            self._record_judgement(Judgement(window.number, REFUSED, says))
         elif self._running is not None:
             self.skipped += 1
             self._forget(window.number)

@@ -8,9 +8,10 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 
 from samrl_core.common.errors import InputError
 from samrl_ros.bags.qos_metadata import QoS
@@ -22,7 +23,7 @@ from samrl_ros.watch.gap_watch import GapWatch
 from samrl_ros.watch.windows import is_diagnosed
 
 NAME = "gap_watch"
-QUEUE = 2000  # messages per topic: two seconds at a kilohertz
+QUEUE = 10_000  # messages per topic: ten seconds at a kilohertz
 JOIN_S, REPORT_S = 1.0, 1.0  # between two looks at the graph; REP-107
 CLOCK = ("/clock", "rosgraph_msgs/msg/Clock")
 
@@ -41,13 +42,17 @@ class WatchNode:
         )
         self._joined: set[str] = set()
         self._clock_ns: int | None = None
+        # From the start, not when a clock appears: what is told before its first stamp is heard has no time.
+        self._node.create_subscription(
+            message_class(CLOCK[1]), CLOCK[0], self._on_clock, qos_profile_sensor_data, raw=True
+        )
         self._next_join = self._next_report = 0.0
         self.failure: Exception | None = None  # of a callback: raised where `spin` was called
 
     @property
     def topics(self) -> int:
         """How many were joined, without the clock."""
-        return len(self._joined - {CLOCK[0]})
+        return len(self._joined)
 
     def spin(self, timeout_s: float = 0.02) -> None:
         """Take what has arrived. Raises what a callback raised."""
@@ -85,13 +90,7 @@ class WatchNode:
 
     def _join(self) -> None:
         for topic, types in self._node.get_topic_names_and_types():
-            if topic in self._joined or len(types) != 1:
-                continue
-            if (topic, types[0]) == CLOCK:
-                callback: Any = self._on_clock
-            elif is_diagnosed(topic, types[0]):
-                callback = None
-            else:
+            if topic in self._joined or len(types) != 1 or not is_diagnosed(topic, types[0]):
                 continue
             offers = [i.qos_profile for i in self._node.get_publishers_info_by_topic(topic)]
             if not offers:
@@ -103,17 +102,20 @@ class WatchNode:
                 self._note(f"{topic} is left out: {error}")
                 continue
             profile, qos = _matching(offers)
-            if callback is None:
-                callback = partial(self._take, topic, types[0], qos)
-                self._note(f"watching {topic}")
-            self._node.create_subscription(message, topic, callback, profile, raw=True)
+            callback = partial(self._take, topic, types[0], qos)
+            self._note(f"watching {topic}")
+            lost = SubscriptionEventCallbacks(message_lost=self._on_lost)
+            self._node.create_subscription(message, topic, callback, profile, raw=True, event_callbacks=lost)
+
+    def _on_lost(self, info: Any) -> None:
+        self._watch.lose(info.total_count_change)
 
     def _on_clock(self, data: bytes) -> None:
         self._clock_ns = clock_ns(data) or self._clock_ns
 
     def _take(self, topic: str, type_name: str, qos: QoS, data: bytes) -> None:
         now = self._clock_ns
-        if now is None and CLOCK[0] in self._joined:  # a simulation that has not begun
+        if now is None and self._node.count_publishers(CLOCK[0]):  # a simulation that has not begun
             if qos.latched:
                 self._watch.describe(topic, type_name, qos, data)
             return

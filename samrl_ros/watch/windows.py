@@ -43,6 +43,7 @@ class LoggedWindow:
     folder: Path
     begin_ns: int  # clock of the graph
     messages: int
+    lost: int  # messages that the middleware dropped on the way here
 
 
 class Windows:
@@ -61,7 +62,7 @@ class Windows:
         self._folder, self._length_ns = folder, int(length_s * _NS)
         self._latched: dict[str, tuple[str, QoS, bytes]] = {}
         self._recorder: Recorder | None = None
-        self._number, self._begin_ns, self._newest_ns, self._motions = 0, 0, 0, 0
+        self._number = self._begin_ns = self._newest_ns = self._motions = self._lost = 0
 
     @property
     def elapsed_s(self) -> float:
@@ -99,13 +100,17 @@ class Windows:
         self._record(topic, type_name, qos, data, now_ns)
         return ended
 
+    def lose(self, messages: int) -> None:
+        """Count messages that never arrived against the window that is being written."""
+        self._lost += messages
+
     def end(self) -> LoggedWindow | None:
         """Close the window that is being written; None if there is none."""
         recorder, self._recorder = self._recorder, None
         if recorder is None:
             return None
         recorder.close()
-        return LoggedWindow(self._number, self._path(self._number), self._begin_ns, self._motions)
+        return LoggedWindow(self._number, self._path(self._number), self._begin_ns, self._motions, self._lost)
 
     def drop(self, number: int) -> None:
         """Remove a window's bag."""
@@ -114,7 +119,7 @@ class Windows:
     def _open(self, now_ns: int) -> None:
         self._number += 1
         self._begin_ns = self._newest_ns = now_ns
-        self._motions = 0
+        self._motions = self._lost = 0
         self._recorder = Recorder(BagWriter(self._path(self._number)))
         for topic, (type_name, qos, data) in self._latched.items():
             self._record(topic, type_name, qos, data, now_ns)

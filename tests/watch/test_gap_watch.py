@@ -154,6 +154,21 @@ def test_a_window_that_ends_while_another_is_diagnosed_is_counted(changed: Strea
     watch.close()
 
 
+def test_a_window_with_holes_of_our_own_is_not_judged(changed: Stream, tmp_path: Path) -> None:
+    heard: list[Judgement] = []
+    watch = GapWatch(WatchSettings(tmp_path, 5.0), heard.append)
+    for number, (topic, type_name, qos, data, now) in enumerate(changed):
+        watch.take(topic, type_name, qos, data, now)
+        if number == 2000:
+            watch.lose(500)
+        if heard:
+            break
+    assert [j.verdict for j in heard] == ["refused"] and "500 messages were lost" in heard[0].says
+    well, says, values = watch.status()
+    assert not well and "deeper queue" in says and values["messages lost"] == "500"
+    watch.close()
+
+
 @pytest.mark.parametrize(
     ("topic", "type_name", "taken"),
     [

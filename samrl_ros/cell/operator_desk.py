@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import select
 import sys
 from collections.abc import Callable
@@ -12,9 +11,11 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
+from samrl_core.common.errors import InputError
 from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.topics import NAMESPACE, TOPICS, cell_topic
+from samrl_ros.conversions.from_message import operator_question
 
 REQUEST, JUDGEMENT = cell_topic("operator/request"), cell_topic("operator/judgement")
 TYPED = {"scene": "or press Enter here", "judgement": "or type y or n and Enter here"}
@@ -56,12 +57,16 @@ class OperatorDesk:
         self._executor.shutdown()
 
     def _on_request(self, message: Any) -> None:
-        request = json.loads(message.data)
-        self.asks = request["asks"]
-        if self.waits and (self.asks, request["episode"]) != self._shown:
-            self._shown = (self.asks, request["episode"])
+        try:
+            question = operator_question(message.data)
+        except InputError as error:  # another node's: what was asked before stays asked
+            self._tell(f"operator: left out: {error}")
+            return
+        self.asks = question.asks
+        if self.waits and (self.asks, question.episode) != self._shown:
+            self._shown = (self.asks, question.episode)
             typed = f" ({TYPED[self.asks]})" if self._keyboard else ""
-            self._tell(f"operator: {request['text']}{typed}")
+            self._tell(f"operator: {question.text}{typed}")
 
     def _on_judgement(self, message: Any) -> None:
         self.judged += 1

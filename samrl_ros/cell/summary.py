@@ -9,6 +9,7 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -28,7 +29,7 @@ from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.cell.incidents import Incident
 from samrl_ros.contract.outcomes import is_given_up
 from samrl_ros.contract.topics import arm_topic, cell_topic
-from samrl_ros.conversions.from_message import stamp_ns
+from samrl_ros.conversions.from_message import operator_judgement, stamp_ns
 
 STATE, TARGET = cell_topic("model_updater/state"), cell_topic("view_planner/target")
 OUTCOME, READY = cell_topic("supervisor/outcome"), cell_topic("sim_bridge/ready")
@@ -128,10 +129,11 @@ def _take_judgements(bag_path: Path, episodes: list[dict[str, Any]]) -> str | No
     """Enter what the operator of a real cell said of each episode; "operator" if there was a word."""
     said = {}
     for _, message in open_bag(bag_path).decoded((JUDGEMENT,)):
-        judgement = json.loads(message.data)
-        said[int(judgement["episode"])] = bool(judgement["success"])
-    for episode in episodes:
-        episode["success"] = said.get(episode["episode"])
+        with suppress(InputError):  # a message of another node, which judges nothing
+            episode, success = operator_judgement(message.data)
+            said[episode] = success
+    for one in episodes:
+        one["success"] = said.get(one["episode"])
     return "operator" if said else None
 
 

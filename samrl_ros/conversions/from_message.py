@@ -237,5 +237,51 @@ def announced_weights(text: str) -> AnnouncedWeights:
     return found
 
 
+@dataclass(frozen=True)
+class OperatorQuestion:
+    """What `operator/request` asks of a person."""
+
+    asks: str  # scene, judgement or nothing
+    episode: int
+    text: str
+
+
+def operator_question(text: str) -> OperatorQuestion:
+    """`/cell/operator/request` as data.
+
+    Raises:
+        InputError: not JSON, a key missing or of another type, or a question that nobody knows.
+    """
+    data = parse_json(text, "the operator's request")
+    try:
+        found = OperatorQuestion(data["asks"], data["episode"], data["text"])
+    except (KeyError, TypeError) as error:
+        raise InputError(
+            f"cannot read the operator's request ({error!r}); see msgs_docs/reference/topics.md"
+        ) from error
+    right = found.asks in ("scene", "judgement", "nothing") and isinstance(found.text, str)
+    if not right or type(found.episode) is not int:
+        raise InputError(f"the operator is asked {data}; see msgs_docs/reference/topics.md")
+    return found
+
+
+def operator_judgement(text: str) -> tuple[int, bool]:
+    """`/cell/operator/judgement`: an episode, and whether it succeeded.
+
+    Raises:
+        InputError: not JSON, a key missing or of another type.
+    """
+    data = parse_json(text, "the operator's judgement")
+    try:
+        episode, success = data["episode"], data["success"]
+    except (KeyError, TypeError) as error:
+        raise InputError(
+            f"cannot read the operator's judgement ({error!r}); see msgs_docs/reference/topics.md"
+        ) from error
+    if type(episode) is not int or not isinstance(success, bool):
+        raise InputError(f"the operator judges {data}; see msgs_docs/reference/topics.md")
+    return episode, success
+
+
 def _pose(data: dict[str, list[float]]) -> Pose:
     return Pose(np.array(data["position"]), np.array(data["quat_xyzw"]))

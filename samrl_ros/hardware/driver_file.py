@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, Self
 
-import yaml
-
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import read_whole
+from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_core.common.validation import Checked
 
 FOLDER = Path(__file__).resolve().parents[1] / "config" / "drivers"
@@ -52,9 +50,9 @@ class DriverFile(Checked):
     def from_file(cls, path: Path) -> Self:
         """Read one. Raises InputError for what cannot be read or does not fit."""
         try:
-            data = yaml.safe_load(read_whole(path, MAX_BYTES).decode())
-        except (yaml.YAMLError, ValueError, RecursionError) as error:
-            raise InputError(f"{path} is no YAML in UTF-8 ({error}); see samrl_ros/config/drivers") from error
+            data = parse_yaml(read_text(path, "the driver", MAX_BYTES), str(path))
+        except InputError as error:
+            raise InputError(f"{error}; see samrl_ros/config/drivers") from error
         found = cls.read(data, f"{path}:")
         wanted = STREAMS[found.kind]
         if set(found.streams) != wanted:

@@ -29,7 +29,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 
 from samrl_core.common.errors import SamrlError
 from tests.fuzz.mutations import damaged
-from tests.fuzz.readers import READERS, Reader
+from tests.fuzz.reader import Reader
+from tests.fuzz.readers import READERS
 
 TOTAL = 100_000  # inputs over all readers
 LONGEST_S = 20.0  # of the process's own time for one input: a busy machine takes no part in it

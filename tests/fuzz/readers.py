@@ -7,7 +7,6 @@ import io
 import json
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -42,6 +41,7 @@ from samrl_ros.nodes.registry import all_settings
 from samrl_ros.recordings import load_recordings
 from samrl_ros.recordings.joint_messages import JOINT_STATE, decode_topic, encode_text, encode_topic
 from samrl_ros.recordings.nominal_texts import TOLERANCE_FILE, parse_controller, parse_tool, read_tolerances
+from tests.fuzz.files_of_cells import FILES_OF_CELLS
 from tests.fuzz.log_files import (
     columns,
     put_metadata_beside,
@@ -52,6 +52,8 @@ from tests.fuzz.log_files import (
     write_parquet,
     write_ros_bag,
 )
+from tests.fuzz.other_kinds import OTHER_KINDS
+from tests.fuzz.reader import Reader, text_reader
 from tests.learning.data.test_damaged_files import KINDS
 
 URDF = (
@@ -60,31 +62,6 @@ URDF = (
     '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 1" rpy="0 0 0"/>'
     '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="9" velocity="3"/></joint></robot>'
 )
-
-
-@dataclass(frozen=True)
-class Reader:
-    """What reads bytes: from a file of a name in an empty folder."""
-
-    name: str
-    file: str
-    sound: Callable[[], list[bytes]]  # inputs to start from
-    read: Callable[[Path], Any]
-    share: float = 1.0  # of the inputs that a reader gets, for one that takes long
-    prepare: Callable[[Path], Any] = lambda path: None  # puts beside the file what belongs to it
-
-
-def _text(function: Callable[[str], Any]) -> Callable[[Path], Any]:
-    """For readers that get text from a message: what is no UTF-8 never reaches them."""
-
-    def read(path: Path) -> Any:
-        try:
-            text = path.read_bytes().decode()
-        except UnicodeDecodeError:
-            return None
-        return function(text)
-
-    return read
 
 
 def _table(path: Path) -> None:
@@ -312,7 +289,7 @@ READERS: tuple[Reader, ...] = (
         "QoS of a channel",
         "qos",
         lambda: [b"- {history: 1, depth: 5, reliability: 1, durability: 2}"],
-        _text(load_profiles),
+        text_reader(load_profiles),
     ),
     Reader("joint messages", "message", _messages, _decode),
     Reader("messages", "fields.json", _fields, _from_fields),
@@ -340,16 +317,21 @@ READERS: tuple[Reader, ...] = (
         share=0.1,
     ),
     Reader(
-        "formula", "f", lambda: [FORMULA, b"solve(m, x)[1] + apply(m, x)[0] + signed(q, 3)"], _text(_formula)
+        "formula",
+        "f",
+        lambda: [FORMULA, b"solve(m, x)[1] + apply(m, x)[0] + signed(q, 3)"],
+        text_reader(_formula),
     ),
     Reader("URDF", "a.urdf", lambda: [URDF.encode()], _urdf),
     Reader("URDF of the Panda", "a.urdf", lambda: [PANDA.urdf.read_bytes()], read_urdf),
-    Reader("controller", "c", lambda: [_controller().encode()], _text(lambda t: parse_controller(t, "it"))),
+    Reader(
+        "controller", "c", lambda: [_controller().encode()], text_reader(lambda t: parse_controller(t, "it"))
+    ),
     Reader(
         "tool",
         "t",
         lambda: [b'{"mass": 1, "center_of_mass": [0, 0, 0.1], "inertia": [1, 0, 0, 1, 0, 1]}'],
-        _text(lambda t: parse_tool(t, "it")),
+        text_reader(lambda t: parse_tool(t, "it")),
     ),
     Reader("tolerances", "t.yaml", lambda: [TOLERANCE_FILE.encode()], read_tolerances),
     Reader(
@@ -358,9 +340,12 @@ READERS: tuple[Reader, ...] = (
     Reader("trajectory", "next.yaml", lambda: [TRAJECTORY], TrajectoryFile.read),
     Reader("library", "l.yaml", lambda: [b"families: [payload, backlash]\n", b"[payload]"], read_library),
     Reader("recordings.json", "recordings.json", lambda: [b'{"fit": ["a.mcap"], "held_out": []}'], _roles),
-    Reader("calibration", "c", lambda: [_calibration().encode()], _text(from_message.calibration)),
+    Reader("calibration", "c", lambda: [_calibration().encode()], text_reader(from_message.calibration)),
     Reader(
-        "weights announced", "w", lambda: [_announcement().encode()], _text(from_message.announced_weights)
+        "weights announced",
+        "w",
+        lambda: [_announcement().encode()],
+        text_reader(from_message.announced_weights),
     ),
     Reader(
         "report.json",
@@ -369,4 +354,6 @@ READERS: tuple[Reader, ...] = (
         read_report,
     ),
     *_damageable(),
+    *OTHER_KINDS,
+    *FILES_OF_CELLS,
 )

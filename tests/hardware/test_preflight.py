@@ -145,6 +145,16 @@ def test_every_shipped_driver_has_sources_and_can_be_read() -> None:
     assert len(list(FOLDER.glob("*.yaml"))) == 4
 
 
+@pytest.mark.parametrize(
+    "content", [b"kind: !!bool x", b"kind: !!timestamp x", b"\xff\xfe", b"[" * 3000, b"3"]
+)
+def test_a_file_that_is_no_driver_is_refused(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"mine\.yaml"):
+        driver_named(str(file))
+
+
 def test_the_middle_of_a_wide_image_will_do_and_labels_may_come_late() -> None:
     wide = {n: changed(s, width=640) for n, s in image_samples().items()}
     k = wide["info"][0].k

@@ -17,6 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.control_msgs import RELEASES
+from samrl_ros.log_import.formats.parquet import episodes
 from samrl_ros.log_import.formats.rosbag import list_topics, read_text_topic
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
@@ -175,10 +176,20 @@ def test_episodes_of_a_lerobot_dataset(tmp_path: Path, version: str) -> None:
     assert table.numbers("action", "it").shape == (COUNT, 2)
     assert table.numbers("action.shoulder", "it")[0] == 101.0
     assert table.time is not None and table.time[1] == pytest.approx(0.02)
-    with pytest.raises(InputError, match="has no episode 7; it has 0, 1"):
+    with pytest.raises(InputError, match="has no episode 7; it has 0 to 1"):
         read_table(path, CsvOptions(), "it", "7")
     with pytest.raises(InputError, match="must be an episode's number"):
         read_table(path, CsvOptions(), "it", "")
+
+
+@pytest.mark.parametrize("total", [10**18, -1, "many", 2.5])
+def test_a_dataset_that_claims_too_many_episodes_is_refused(tmp_path: Path, total: object) -> None:
+    """As many names as it claims would fill the memory."""
+    path = _lerobot(tmp_path / "set", "v3.0")
+    info = path / "meta" / "info.json"
+    info.write_text(json.dumps({**json.loads(info.read_text()), "total_episodes": total}))
+    with pytest.raises(InputError, match=r"info\.json: total_episodes is .*, must be a whole number up to"):
+        episodes(path)
 
 
 def test_groups_of_hdf5(tmp_path: Path) -> None:

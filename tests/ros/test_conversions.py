@@ -165,3 +165,21 @@ def test_a_broken_calibration_is_refused() -> None:
     for text in ("{", "{}", '{"camera_in_flange": 1}'):
         with pytest.raises(InputError, match="calibration"):
             from_message.calibration(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "3", "[]", "{}", '{"asks": "money", "episode": 1, "text": ""}', '{"asks": "scene", "episode": "1"}'],
+)
+def test_requests_of_another_node_to_the_operator_are_refused(text: str) -> None:
+    asked = from_message.operator_question('{"asks": "scene", "episode": 2, "text": "lay it", "start": {}}')
+    assert (asked.asks, asked.episode, asked.text) == ("scene", 2, "lay it")
+    with pytest.raises(InputError, match="operator"):
+        from_message.operator_question(text)
+
+
+@pytest.mark.parametrize("text", ["", "3", "{}", '{"episode": true, "success": true}', '{"episode": 1}'])
+def test_judgements_of_another_node_are_refused(text: str) -> None:
+    assert from_message.operator_judgement('{"episode": 2, "success": false}') == (2, False)
+    with pytest.raises(InputError, match="operator"):
+        from_message.operator_judgement(text)

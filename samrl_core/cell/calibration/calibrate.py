@@ -108,7 +108,10 @@ def _calibration(
 def read_hand_eye(path: Path) -> HandEyePose:
     """Result of a hand-eye calibration by `write_calibration`. Raises InputError."""
     data = read_result(path, "hand_eye")
-    covariance = np.array(data.get("covariance"), dtype=np.float64)
+    try:
+        covariance = np.array(data.get("covariance"), dtype=np.float64)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise InputError(f"{path} has no covariance of 6x6 numbers ({error}); calibrate anew") from error
     if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
         raise InputError(f"{path} has no covariance of 6x6 finite numbers; calibrate anew")
     return HandEyePose(pose_of(data, FOUND["hand_eye"], path), covariance)

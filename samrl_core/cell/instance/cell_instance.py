@@ -24,6 +24,7 @@ from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
 from samrl_core.common.streams import DEVELOPMENT, PURPOSES
+from samrl_core.common.text_files import parse_json, read_text
 
 GROUPS: dict[str, type[Any]] = {
     "calibration": Calibration,
@@ -170,9 +171,11 @@ def read_instance_file(path: Path) -> dict[str, Any]:
     """What `seal_instance` wrote: `name`, and `differences` by group and field.
 
     Raises:
-        InputError: the file is missing.
+        InputError: the file is missing or damaged.
     """
     if not path.is_file():
         raise InputError(f"no cell instance at {path}; the simulated world's bridge alone writes one")
-    found: dict[str, Any] = json.loads(path.read_text())
+    found = parse_json(read_text(path, "the cell instance"), str(path))
+    if not isinstance(found, dict) or not {"name", "differences"} <= set(found):
+        raise InputError(f"{path} holds no cell instance; the simulated world's bridge alone writes one")
     return found

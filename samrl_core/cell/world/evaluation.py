@@ -18,6 +18,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.world.world import SimulatedWorld, Truth
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import append_line
+from samrl_core.common.text_files import parse_json, read_text
 
 
 class TruthLog:
@@ -52,15 +53,18 @@ def read_truth(path: Path) -> dict[int, dict[str, dict[str, Any]]]:
     """Truth per episode and event.
 
     Raises:
-        InputError: the file is missing.
+        InputError: the file is missing or damaged.
     """
     if not path.is_file():
         raise InputError(f"no evaluation file at {path}; it is written by the simulated world's bridge alone")
     episodes: dict[int, dict[str, dict[str, Any]]] = {}
-    for line in path.read_text().splitlines():
+    for number, line in enumerate(read_text(path, "the truth").splitlines(), 1):
         if line.strip():
-            entry = json.loads(line)
-            episodes.setdefault(entry["episode"], {})[entry["event"]] = entry
+            entry = parse_json(line, f"{path}, line {number}")
+            try:
+                episodes.setdefault(entry["episode"], {})[entry["event"]] = entry
+            except (KeyError, TypeError) as error:
+                raise InputError(f"{path}, line {number} is no event of an episode: {error!r}") from error
     return episodes
 
 

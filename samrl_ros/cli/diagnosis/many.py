@@ -111,7 +111,7 @@ def find_sets(root: Path, out: Path, options: Sequence[str]) -> list[RecordingSe
     robots = folders or [root]
     sets = []
     for folder in robots:
-        robot, own = folder.resolve().name, (*options, *_robot_options(folder))
+        robot, own = folder.resolve().name, (*options, *robot_options(folder))
         for path in _children(folder):
             if _is_set(path):
                 name = path.name
@@ -220,7 +220,7 @@ def _is_set(path: Path) -> bool:
     return any(is_there(path / sign) for sign in signs) or any(path.glob("*.mcap"))
 
 
-def _robot_options(folder: Path) -> tuple[str, ...]:
+def robot_options(folder: Path) -> tuple[str, ...]:
     """Arguments of `samrl diagnose` by a robot's own file."""
     file = folder / ROBOT_FILE
     if not is_there(file):

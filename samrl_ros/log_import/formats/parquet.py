@@ -13,6 +13,7 @@ from samrl_core.common.text_files import parse_json, read_text
 from samrl_ros.log_import.table import WIDEST, Table, rows_as_column
 
 _INFO = Path("meta/info.json")
+MOST_EPISODES = 2_000_000  # of a dataset; the largest public ones have about one
 
 
 def is_lerobot(path: Path) -> bool:
@@ -49,15 +50,19 @@ def read_lerobot_table(path: Path, part: str, where: str) -> Table:
             time = made.columns.get("timestamp")
             made.time = time if isinstance(time, np.ndarray) else None
             return made
-    raise InputError(
-        f"{where}: {path.name} has no episode {part}; it has {', '.join(episodes(path)) or 'none'}"
-    )
+    known = episodes(path)
+    has = f"{known[0]} to {known[-1]}" if known else "none"
+    raise InputError(f"{where}: {path.name} has no episode {part}; it has {has}")
 
 
 def episodes(path: Path) -> list[str]:
     """Numbers of a dataset's episodes, as `meta/info.json` counts them."""
     total = _info(path).get("total_episodes", 0)
-    return [str(k) for k in range(total)] if isinstance(total, int) else []
+    if not isinstance(total, int) or total < 0 or total > MOST_EPISODES:
+        raise InputError(
+            f"{path / _INFO}: total_episodes is {total!r:.50}, must be a whole number up to {MOST_EPISODES}"
+        )
+    return [str(k) for k in range(total)]
 
 
 def _info(path: Path) -> dict[str, Any]:

@@ -104,7 +104,16 @@ def without_hand_eye_error(bases: Path, hand_eye: Path) -> np.ndarray:
     return np.sqrt(np.diag(calibrate(bases, hand_eye).covariance)[:3])
 
 
-@pytest.mark.parametrize("spoil", [{"kind": "base_to_base"}, {"covariance": [1]}, {"camera_in_flange": 3}])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        {"kind": "base_to_base"},
+        {"covariance": [1]},
+        {"covariance": "a lot"},
+        {"covariance": {}},
+        {"camera_in_flange": 3},
+    ],
+)
 def test_something_else_is_no_hand_eye_calibration(spoil: dict[str, Any], tmp_path: Path) -> None:
     good = {"kind": "hand_eye", "camera_in_flange": entry(CAMERA), "covariance": np.zeros((6, 6)).tolist()}
     file = Path(written(tmp_path / "hand_eye.json", good))

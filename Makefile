@@ -1,5 +1,7 @@
 # One command each; every target sets up .venv first when it is missing or its inputs changed.
-#   make cell    one recorded episode of the cell      make test   fast tests, then check
+#   make cell    one recorded episode of the hard peg in a cell that differs from its model (INSTANCE);
+#                INSTANCE=nominal TASK=peg_insertion is the cell that is its model
+#   make test    fast tests, then check
 #   make check   ruff, pyright                         make slow   the slow tests
 #   make thorough  tests of some seconds each that make test leaves out; CI runs both
 #   make fuzz    100,000 damaged inputs over all readers (FUZZ: their number, SEED; JOBS: readers at once)
@@ -9,10 +11,12 @@
 #   make soak    episodes of all tasks in turn (HOURS) in SOAK; again, an interrupted soak goes on
 #   make bench-model   the model beside its peers, which it installs (Mitsuba needs Debian's libllvm19)
 #   make clean   remove .venv and caches (recordings in out/ stay)
-# Variables: PYTHON (3.11, or 3.12 with a self-built pybullet), TASK, SEED, EPISODES, WORKERS (of the tests).
+# Variables: PYTHON (3.11, or 3.12 with a self-built pybullet), TASK, INSTANCE, SEED, EPISODES, WORKERS (of
+# the tests).
 
 PYTHON   ?= $(shell command -v python3.11 || command -v python3)
-TASK     ?= peg_insertion
+TASK     ?= peg_insertion_hard
+INSTANCE ?= typical:0
 SEED     ?= 0
 EPISODES ?= 1
 FUZZ     ?= 100000
@@ -57,8 +61,8 @@ $(BUILT): $(STAMP) $(INTERFACES)
 # The first of out/cell-1, out/cell-2, ... that does not exist yet: a recording is never overwritten.
 cell: $(BUILT)
 	@n=1; while [ -e out/cell-$$n ]; do n=$$((n + 1)); done; mkdir -p out; \
-	echo "samrl cell --task $(TASK) --episodes $(EPISODES) --seed $(SEED) --out out/cell-$$n"; \
-	exec $(BIN)/samrl cell --task $(TASK) --episodes $(EPISODES) --seed $(SEED) --out out/cell-$$n
+	set -- samrl cell --task $(TASK) --instance $(INSTANCE) --episodes $(EPISODES) --seed $(SEED) \
+	  --out out/cell-$$n; echo "$$@"; exec $(BIN)/"$$@"
 
 test: $(BUILT)
 	$(BIN)/python -m pytest -q -m "not slow and not thorough and not live" -n $(WORKERS) --dist worksteal

@@ -14,12 +14,13 @@ import yaml
 from samrl_core.cell.calibration.calibrate import calibrated_cell
 from samrl_core.cell.instance.cell_instance import NOMINAL, InstanceName
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
-from samrl_core.cell.tasks import DEFAULT_TASK, task_named
+from samrl_core.cell.tasks import DEFAULT_TASK, EVERY_TASK, task_named
 from samrl_core.cell.world import DEFAULT_WORLD, WORLDS
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
 from samrl_core.policy.agent.loop import LoopSettings
-from samrl_core.policy.agent.policies import DEFAULT_POLICY, POLICIES, STRATEGIES, STRATEGY_OF
+from samrl_core.policy.agent.policies import DEFAULT_POLICY, RUN_POLICIES, STRATEGIES, STRATEGY_OF, TOUCH
+from samrl_core.policy.contact.touch_insertion import require_peg
 from samrl_ros.cell.parameter_file import load_parameters
 from samrl_ros.contract.settings import IMAGES_KEPT, JUDGES, OUTLASTS_STOPS, REAL_TIME_FACTOR
 from samrl_ros.hardware.driver_file import PARTS, DriverFile, drivers_by_part
@@ -46,8 +47,11 @@ class CellOptions:
     update: Annotated[bool, typer.Option(help="Real2Sim update of the model; off for ablations.")] = True
     policy: Annotated[
         str,
-        typer.Option(help="Nominal actions: learned (the trained actor) or optimised (through the model)."),
-    ] = DEFAULT_POLICY
+        typer.Option(
+            help="Nominal actions: learned (the trained actor), optimised (through the model), or touch "
+            "(optimised, and a peg led by what it touches); without it, the task's usual one."
+        ),
+    ] = ""
     strategy: Annotated[
         str,
         typer.Option(help="Views: q, best, fixed or random; without it, q if learned, best if optimised."),
@@ -106,7 +110,9 @@ class CellOptions:
     node_args: tuple[str, ...] = ()  # further --ros-args
 
     def __post_init__(self) -> None:
-        if not self.strategy and self.policy in POLICIES:
+        if not self.policy and self.task in EVERY_TASK:
+            object.__setattr__(self, "policy", EVERY_TASK[self.task].usual_policy or DEFAULT_POLICY)
+        if not self.strategy and self.policy in RUN_POLICIES:
             object.__setattr__(self, "strategy", STRATEGY_OF[self.policy])
 
     def as_dict(self) -> dict[str, Any]:
@@ -138,8 +144,10 @@ def prepare(options: CellOptions) -> Path:
         raise InputError("--view needs the extra `viz`: pip install -e '.[viz]'")
     if options.episodes < 1:
         raise InputError(f"--episodes is {options.episodes}, must be at least 1")
-    if options.policy not in POLICIES:
-        raise InputError(f"--policy is {options.policy!r}, must be one of {', '.join(POLICIES)}")
+    if options.policy not in RUN_POLICIES:
+        raise InputError(f"--policy is {options.policy!r}, must be one of {', '.join(RUN_POLICIES)}")
+    if options.policy == TOUCH:
+        require_peg(task_named(options.task))
     if options.strategy not in STRATEGIES:
         raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")
     if options.world not in WORLDS:
@@ -248,7 +256,7 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         },
         "policy": {
             "task": ("--task", options.task),
-            "policy": ("--policy", options.policy),
+            "policy": ("--policy", "optimised" if options.policy == TOUCH else options.policy),
             "weights": ("--weights", weights),
             "seed": ("--seed", options.seed),
         },
@@ -263,6 +271,9 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
         },
     }
     del ours[BRIDGES[0] if options.hardware else BRIDGES[1]]
+    if options.policy == TOUCH:
+        for node, name in (("policy", "touch"), ("view_planner", "touch"), ("supervisor", "heed_touch")):
+            ours[node][name] = ("--policy", True)
     if options.residual is not None:
         ours["residual_trainer"]["residual"] = ("--residual", str(options.residual.resolve()))
         trained = overlay.get("residual_trainer", {})

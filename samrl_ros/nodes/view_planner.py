@@ -25,6 +25,7 @@ from samrl_ros.nodes.assembly import MAX_BAD_FRAMES
 from samrl_ros.nodes.step_inputs import StepInput, StepInputs
 
 TARGET, CANDIDATES = cell_topic("view_planner/target"), cell_topic("view_planner/candidates")
+ACTION = cell_topic("policy/nominal_action")
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,11 @@ class ViewPlannerSettings:
         AgentSettings.strategy,
         "how the view is chosen: ascent of the trained Q, expected information, stay, or at random",
         choices=STRATEGIES,
+    )
+    touch: bool = setting(
+        AgentSettings.touch,
+        "the camera moves only while the hole is known worse than the held peg, and never in contact; set "
+        "with policy's `touch`",
     )
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of the random strategy", range=(0, 2**31 - 1))
@@ -52,7 +58,7 @@ class ViewPlannerNode(Behaviour):
     """Answers "view" requests from the model state and the image that it was updated with."""
 
     name = "view_planner"
-    inputs = step_inputs.INPUTS
+    inputs = (*step_inputs.INPUTS, ACTION)
     outputs = (TARGET, CANDIDATES)
     queues = step_inputs.QUEUES
 
@@ -63,7 +69,11 @@ class ViewPlannerNode(Behaviour):
         learned = settings.strategy == "q"
         folder = Path(settings.weights) if settings.weights else None
         networks = trained_networks(task.name, cell, folder) if learned else None
-        agent = AgentSettings(strategy=settings.strategy, seed=settings.seed)
+        touch = settings.touch
+        policy = "optimised" if touch else AgentSettings.policy  # which touch belongs to; nothing acts here
+        agent = AgentSettings(
+            policy=policy, strategy=settings.strategy, tip_offset=touch, touch=touch, seed=settings.seed
+        )
         self._agent = Agent(Model(task, cell), agent, networks, verbs=("plan_view",))
         names = tuple(spec.name for spec in task.parameters())
         self._inputs = StepInputs(
@@ -78,6 +88,11 @@ class ViewPlannerNode(Behaviour):
 
     def handle(self, topic: str, message: Any) -> None:
         """See `Behaviour`."""
+        if topic == ACTION:
+            self._agent.note_action(message.sub_goal)
+            return
+        if topic == step_inputs.READY:
+            self._agent.begin_episode()
         found = self._inputs.take(topic, message)
         if found is not None:
             self._plan_view(found)

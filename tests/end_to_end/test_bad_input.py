@@ -34,7 +34,7 @@ def refused(capfd: pytest.CaptureFixture[str], arguments: list[str], code: int =
     [
         (["--task", "nope"], 3, ("'nope'", "peg_insertion")),
         (["--strategy", "nope"], 3, ("'nope'", "best, fixed, random")),
-        (["--policy", "nope"], 3, ("'nope'", "learned, optimised")),
+        (["--policy", "nope"], 3, ("'nope'", "learned, optimised, touch")),
         (["--policy", "learned", "--weights", "/no/such"], 3, ("sim_actor", "--strategy best, which need")),
         (["--strategy", "q", "--weights", "/no/such"], 3, ("/no/such", "--policy optimised")),
         (["--residual", "/no/such"], 3, ("--residual", "/no/such")),
@@ -137,6 +137,32 @@ def test_a_policy_brings_its_strategy(tmp_path: Path) -> None:
     planner, policy = (written[f"/cell/{node}"]["ros__parameters"] for node in ("view_planner", "policy"))
     assert (policy["policy"], planner["strategy"]) == ("optimised", "fixed")
     assert planner["weights"] == policy["weights"] == ""
+
+
+def test_a_hard_peg_is_led_by_touch_unless_asked_otherwise(tmp_path: Path) -> None:
+    from samrl_ros.cell.options import CellOptions, prepare
+
+    hard = CellOptions(task="peg_insertion_hard", out=tmp_path / "hard")
+    assert (hard.policy, hard.strategy) == ("touch", "best")
+    written = yaml.safe_load(prepare(hard).read_text())
+    node = {name: written[f"/cell/{name}"]["ros__parameters"] for name in ("policy", "view_planner")}
+    assert node["policy"]["policy"] == "optimised" and node["policy"]["touch"]
+    assert node["view_planner"]["touch"] and written["/cell/supervisor"]["ros__parameters"]["heed_touch"]
+    plain = CellOptions(task="peg_insertion_hard", out=tmp_path / "plain", policy="optimised")
+    assert "touch" not in yaml.safe_load(prepare(plain).read_text())["/cell/policy"]["ros__parameters"]
+    assert CellOptions().policy == "learned"
+    with pytest.raises(InputError, match="leave touch off"):
+        prepare(CellOptions(task="needle_threading", out=tmp_path / "none", policy="touch"))
+    assert not (tmp_path / "none").exists()
+
+
+def test_make_cell_asks_for_what_there_is(tmp_path: Path) -> None:
+    from samrl_ros.cell.options import CellOptions, prepare
+    from tests.end_to_end.test_first_command import makefile_defaults
+
+    asked = makefile_defaults()
+    options = CellOptions(task=asked["TASK"], instance=asked["INSTANCE"], out=tmp_path / "out")
+    assert f"instance: {asked['INSTANCE']}" in prepare(options).read_text()
 
 
 def test_a_parameter_under_its_former_name_goes_to_its_node(tmp_path: Path) -> None:

@@ -1,9 +1,12 @@
-"""What a newcomer runs first: the closed loop with the package's networks, on a CPU and without a network."""
+"""What a newcomer runs first, on a CPU and without a network: the closed loop with the package's networks in
+the model's own cell, and what `make cell` runs, a peg led by touch in a cell that differs.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -36,6 +39,25 @@ def _host(address):
 socket.getaddrinfo = _guarded(socket.getaddrinfo, lambda a: a[0])
 socket.socket.connect = _guarded(socket.socket.connect, lambda a: _host(a[1]))
 """
+
+
+def makefile_defaults() -> dict[str, str]:
+    """Variables of the Makefile by name, as `make cell` has them unless it is given others."""
+    text = (Path(__file__).parents[2] / "Makefile").read_text()
+    return dict(re.findall(r"^([A-Z]+) +\?= (\S+)$", text, flags=re.MULTILINE))
+
+
+@pytest.mark.slow
+def test_make_cell_succeeds_in_a_cell_that_differs(tmp_path: Path) -> None:
+    asked, out = makefile_defaults(), tmp_path / "out"
+    assert asked["INSTANCE"].startswith("typical:")
+    options = ["--task", asked["TASK"], "--instance", asked["INSTANCE"], "--seed", asked["SEED"]]
+    command = [sys.executable, "-m", "samrl_ros.cli.main", "cell", *options, "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["settings"]["policy"] == "touch" and summary["successes"] == 1
+    assert summary["detector"]["true_positive"] == 1  # it noticed
 
 
 def test_the_cell_succeeds_at_once(tmp_path: Path) -> None:

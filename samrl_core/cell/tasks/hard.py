@@ -40,6 +40,7 @@ def _peg() -> Task:
         turn=math.radians(15.0),
         force_limit=SLIP_FORCE,
         max_actions=45,
+        usual_policy="touch",
     )
     return replace(task, name=task.name + HARD, variant_of=task.name)
 

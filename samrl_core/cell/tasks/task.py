@@ -80,6 +80,7 @@ class Task(ABC):
     name: str
     max_actions: int
     variant_of: str = ""  # name of the task whose trained networks serve this one too; empty for none
+    usual_policy: str = ""  # that a run has unless asked for another one; empty for the learned one
 
     @property
     @abstractmethod

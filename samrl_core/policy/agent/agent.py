@@ -17,6 +17,7 @@ from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estim
 from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
+from samrl_core.policy.contact.insertion import FREE_MOVES
 from samrl_core.policy.contact.touch_insertion import TouchInsertion
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.networks import ResidualActor
@@ -126,6 +127,10 @@ class Agent:
         rng = np.random.default_rng([s.seed, steps])
         self._exploration = Exploration(s.exploration, s.exploration_memory, rng)
 
+    def note_action(self, sub_goal: str) -> None:
+        """Hear of an action that another agent of the cell has chosen: on the block the camera rests."""
+        self._noted_contact = self._touch is not None and sub_goal not in FREE_MOVES
+
     def update_model(self, observation: Observation) -> Estimate:
         """Lines 3 and 8: the estimate after an image.
 
@@ -151,6 +156,7 @@ class Agent:
 
     def plan_view(self, estimate: Estimate, observation: Observation) -> ViewChoice:
         """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation."""
+        self._see_tip(observation)
         tool, camera = observation.tool_arm.position, observation.camera_arm.position
         if self.settings.strategy == "q":
             return self._view_ascent.plan(estimate, tool, camera)
@@ -201,13 +207,18 @@ class Agent:
             self._tip_offset = self._tip_offset_fit.begin(self._kept_offset)
         self._tip_seen_ns = -1  # stamp of the image that the tip's offset was corrected by last [ns]
         self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
+        self._noted_contact = False
+
+    @property
+    def _in_contact(self) -> bool:
+        return self._noted_contact or (self._touch is not None and self._touch.in_contact)
 
     def _see_tip(self, observation: Observation) -> None:
         """Correct the tip's offset by an image, once."""
         if self._tip_offset is None or observation.stamp_ns == self._tip_seen_ns:
             return
         self._tip_seen_ns = observation.stamp_ns
-        if self._touch is not None and self._touch.in_contact:
+        if self._in_contact:
             return  # the block hides the peg's end, which the fit would take for a shorter peg
         encoders = self.model.tip_in_base(observation.tool_arm.position).position
         self._tip_offset = self._tip_offset_fit.update(self._tip_offset, observation, encoders)
@@ -220,7 +231,7 @@ class Agent:
         assert self._touch is not None and self._tip_offset is not None
         hole = np.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2]).max())
         tip = np.sqrt(np.linalg.eigvalsh(self._tip_offset.covariance[:2, :2]).max())
-        return not self._touch.in_contact and (hole > tip or not self._tip_offset.images)
+        return not self._in_contact and (hole > tip or not self._tip_offset.images)
 
     def _tip_by_image(self, observation: Observation) -> np.ndarray:
         tip = self.model.tip_in_base(observation.tool_arm.position).position

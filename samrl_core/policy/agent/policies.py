@@ -11,6 +11,10 @@ STRATEGIES = (
 ACTOR_IMAGES = ("rendered", "real")  # what the actor reads: the updated model's image, or the camera's own
 
 # The strategy that goes with a policy unless another one is asked for.
-STRATEGY_OF = {"learned": "q", "optimised": "best"}
+STRATEGY_OF = {"learned": "q", "optimised": "best", "touch": "best"}
 
 DEFAULT_POLICY = "learned"  # with the networks of the package
+
+# What a run may be asked for: policy "optimised" led by touch (`AgentSettings.touch`) has a name of its own.
+TOUCH = "touch"
+RUN_POLICIES = (*POLICIES, TOUCH)

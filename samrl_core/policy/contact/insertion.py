@@ -18,6 +18,7 @@ from samrl_core.policy.contact.hole_grid import Forgiveness, HoleGrid
 from samrl_core.policy.contact.tip_sense import TipReading
 
 BOTTOM = "bottom"  # name of the move that follows once the peg is in
+FREE_MOVES = ("above", "lowering", "look")  # names of the moves with nothing touched
 Phase = Literal["above", "lowering", "search", "inside", "inserted"]
 
 

@@ -48,6 +48,17 @@ class TouchSettings:
     most_waits: int = 4  # actions in which it stays above for more images
 
 
+def require_peg(task: Task) -> PegInsertion:
+    """The task, if it is one that touch can lead.
+
+    Raises:
+        InputError: the task is not a peg's.
+    """
+    if not isinstance(task, PegInsertion):
+        raise InputError(f"task {task.name} has no peg and hole to insert by touch; leave touch off")
+    return task
+
+
 @dataclass(frozen=True, eq=False)
 class _Seen:
     """The hole by one image and those before it, from one view."""
@@ -71,9 +82,7 @@ class TouchInsertion:
     """
 
     def __init__(self, task: Task, cell: CellSpec, settings: TouchSettings | None = None) -> None:
-        if not isinstance(task, PegInsertion):
-            raise InputError(f"task {task.name} has no peg and hole to insert by touch; leave touch off")
-        self._task, self._settings = task, settings or TouchSettings()
+        self._task, self._settings = require_peg(task), settings or TouchSettings()
         self._sense = TipSense(cell, task.scene(cell).tool)
         self.memory = no_memory(self._settings.memory)
         self._forget()

@@ -51,7 +51,7 @@ def test_the_camera_moves_for_what_is_known_least(
     agent.restart(SETTINGS)
     agent._tip_offset = seen(tip, images)
     joints: Any = SimpleNamespace(position=np.zeros(7))
-    observation: Any = SimpleNamespace(tool_arm=joints, camera_arm=joints)
+    observation: Any = SimpleNamespace(tool_arm=joints, camera_arm=joints, stamp_ns=agent._tip_seen_ns)
     agent.plan_view(known(agent, hole), observation)
     assert asked == [strategy]
 
@@ -67,3 +67,13 @@ def test_the_next_episode_keeps_what_the_cell_told_and_a_new_agent_does_not(agen
     assert agent._touch.memory.error[0] == 0.001 and not agent._touch.in_contact
     agent.restart(SETTINGS)
     assert not agent._tip_offset.mean.any() and not agent._touch.memory.error.any()
+
+
+def test_an_agent_that_only_looks_rests_its_camera_once_another_one_touches() -> None:
+    looks = Agent(Model(TASK, CELL), SETTINGS, verbs=("plan_view",))
+    looks.note_action("above")
+    assert looks._view_would_help(known(looks, 0.002))
+    looks.note_action("search")
+    assert not looks._view_would_help(known(looks, 0.002))
+    looks.begin_episode()
+    assert looks._view_would_help(known(looks, 0.002))

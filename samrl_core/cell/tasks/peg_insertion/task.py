@@ -33,6 +33,7 @@ class PegInsertion(Task):
 
     name: str = "peg_insertion"
     variant_of: str = ""
+    usual_policy: str = ""
     max_actions: int = 100
     peg_radius: float = 0.010  # [m]
     peg_length: float = 0.060  # below the fingertip centre [m]

@@ -26,6 +26,7 @@ _COARSE = 2  # edge of a pixel of the shadows [px of the texture]
 _PENUMBRA = 2.0  # standard deviation of a shadow's edge [px of the shadows]
 _SIDES = 8  # corners of a cylinder's ends
 _FLATTEST = np.float32(0.03)  # rays that fall less steeply meet the floor where one of this slope does
+_MOST_ROWS = 32_000  # OpenCV remaps fewer than 32,768 at once
 _DIM = np.float32(0.6)  # light on the floor
 
 Caster = tuple[int, int, Part]
@@ -89,9 +90,7 @@ class Bench:
         shade = cv2.remap(shadows, x / _COARSE, y / _COARSE, cv2.INTER_LINEAR)
         painted *= (self._brightness - self._brightness * self._darkness * shade)[..., None]
         if len(off):
-            place = floor_column.reshape(-1, 1), floor_row.reshape(-1, 1)
-            below = cv2.remap(self._floor, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-            painted.reshape(-1, 3)[off] = _DIM * below.reshape(-1, 3)
+            painted.reshape(-1, 3)[off] = _DIM * _repeated(self._floor, floor_column, floor_row)
         nearer = picture.depth < depth
         painted[nearer] = picture.color[nearer]
         depth = np.where(nearer, picture.depth, depth)
@@ -146,6 +145,16 @@ class _Outlines:
         turn = np.array([poses[one][1] for one in self._links]).reshape(-1, 3, 3)
         shift = np.array([poses[one][0] for one in self._links]).reshape(-1, 3)
         return np.einsum("sij,skj->ski", turn, self._corners) + shift[:, None]
+
+
+def _repeated(texture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Colours (N, 3) of a texture without end at columns and rows (N,)."""
+    found = [
+        cv2.remap(texture, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP).reshape(-1, 3)
+        for start in range(0, len(column), _MOST_ROWS)
+        for place in [[one[start : start + _MOST_ROWS].reshape(-1, 1) for one in (column, row)]]
+    ]
+    return np.concatenate(found)
 
 
 def _rotation(quat: Sequence[float]) -> np.ndarray:

@@ -16,7 +16,7 @@
 
 PYTHON   ?= $(shell command -v python3.11 || command -v python3)
 TASK     ?= peg_insertion_hard
-INSTANCE ?= typical:0
+INSTANCE ?= typical:1
 SEED     ?= 0
 EPISODES ?= 1
 FUZZ     ?= 100000

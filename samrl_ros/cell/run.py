@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from samrl_core.cell.instance.cell_instance import NOMINAL, InstanceName
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
@@ -283,7 +284,22 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         console.print(f"[yellow]no picture:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return True
     console.print(f"picture: {picture}", highlight=False)
+    _photograph(options, task, console)
     return True
+
+
+def _photograph(options: CellOptions, task: Task, console: Console) -> None:
+    """The bench of a cell that differs from its model; the model's own is a plain table."""
+    from samrl_ros.cell.bench_photograph import write_bench_photograph
+
+    if options.hardware or InstanceName.parse(options.instance).level == NOMINAL:
+        return
+    try:
+        written = write_bench_photograph(options.out, task, cell_named(options.cell))
+    except InputError as error:
+        console.print(f"[yellow]no photograph:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return
+    console.print(f"bench:   {written}", highlight=False)
 
 
 def _write_page(options: CellOptions, console: Console) -> None:

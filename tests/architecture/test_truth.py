@@ -17,11 +17,15 @@ MAY_CALL_TRUTH = {
     "samrl_core/cell/world/pose_sensor.py",
 }
 # Who may read what the log wrote.
-MAY_READ_TRUTH = {"samrl_core/cell/world/evaluation.py", "samrl_ros/cell/summary.py"}
+MAY_READ_TRUTH = {
+    "samrl_core/cell/world/evaluation.py",
+    "samrl_ros/cell/summary.py",
+    "samrl_ros/cell/bench_photograph.py",  # for people, when the run has ended
+}
 # Who may turn truth into what a task judges or estimates; the second is for tests too, which stand beside
 # the world.
 MAY_END = {
-    "ending_of": {"samrl_ros/cell/summary.py"},
+    "ending_of": {"samrl_ros/cell/summary.py", "samrl_ros/cell/bench_photograph.py"},
     "ending_now": {"samrl_core/cell/world/evaluation.py"},
     "true_values": {"samrl_core/studies/model/model_updating.py"},
 }
@@ -58,6 +62,8 @@ MAY_KNOW_INSTANCES = {
     "samrl_ros/cell/options.py": "",
     "samrl_ros/cell/local_graph.py": "",
     "samrl_ros/cell/summary.py": "",
+    "samrl_ros/cell/bench_photograph.py": "",
+    "samrl_ros/cell/run.py": "",
     "samrl_ros/docs.py": "",
 }
 # Who may draw one, build from one, or open what was sealed.
@@ -71,10 +77,11 @@ MAY_DRAW = {
         "samrl_ros/cell/local_graph.py",
         "samrl_core/studies/episodes/world_episodes.py",
         "samrl_core/studies/speed/camera_pictures.py",
+        "samrl_ros/cell/bench_photograph.py",
     },
     "as_made": {"samrl_core/cell/world/true_cell.py"},
     "seal_instance": {"samrl_ros/nodes/bridge/sim_bridge.py"},
-    "read_instance_file": {"samrl_ros/cell/summary.py"},
+    "read_instance_file": {"samrl_ros/cell/summary.py", "samrl_ros/cell/bench_photograph.py"},
 }
 
 

@@ -100,6 +100,11 @@ def true_values(task: Task, truth: Truth) -> np.ndarray:
     return task.values_from_truth(_bodies(truth), truth.chain_points)
 
 
+def chain_angles_of(task: Task, ending: Ending) -> np.ndarray:
+    """Angles (2 K,) [rad] of the chain that hangs from the tool as an episode ended, for a photograph."""
+    return task.chain_angles(task.values_from_truth(ending.body_in_world, ending.chain_points))
+
+
 def _bodies(truth: Truth) -> dict[str, Pose]:
     return {k: Pose(v, truth.body_quat_xyzw[k]) for k, v in truth.body_position.items()}
 

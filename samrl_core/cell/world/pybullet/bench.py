@@ -149,11 +149,11 @@ class _Outlines:
 
 def _repeated(texture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
     """Colours (N, 3) of a texture without end at columns and rows (N,)."""
-    found = [
-        cv2.remap(texture, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP).reshape(-1, 3)
-        for start in range(0, len(column), _MOST_ROWS)
-        for place in [[one[start : start + _MOST_ROWS].reshape(-1, 1) for one in (column, row)]]
-    ]
+    found = []
+    for start in range(0, len(column), _MOST_ROWS):
+        x, y = (one[start : start + _MOST_ROWS].reshape(-1, 1) for one in (column, row))
+        part = cv2.remap(texture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+        found.append(part.reshape(-1, 3))
     return np.concatenate(found)
 
 

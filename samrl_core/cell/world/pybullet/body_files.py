@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.cell.robots.geometry import link_shapes
-from samrl_core.cell.robots.robot import RobotSpec
+from samrl_core.cell.robots.robot import CellSpec, RobotSpec
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Body, Box, Capsule, ChainLink, Part, Rgb, SurfaceMesh, Tool
 from samrl_core.cell.world.pybullet.arm_meshes import MeshVisual
+from samrl_core.cell.world.table import TABLE_FRICTION
 from samrl_core.common.errors import InputError
 
 PAYLOAD_LINK = "payload"
@@ -39,8 +40,18 @@ class Mounted:
         return Mounted(tool.parts, colors, tool.mass, tool.center_of_mass, tool.inertia, tool.friction)
 
 
+# Housing of the RealSense D435 (datasheet: 90 x 25 x 25 mm); it ends short of the optical frame.
+CAMERA_HALF_EXTENTS = (0.045, 0.0125, 0.0125)  # [m]
+CAMERA_COLOR: Rgb = (0.8, 0.8, 0.82)
 GRIPPER_COLOR: Rgb = (0.75, 0.75, 0.75)
 ARM_COLOR: Rgb = (0.85, 0.85, 0.85)  # of links whose shapes are meshes in the URDF
+
+
+def camera_housing(cell: CellSpec) -> Mounted:
+    """The cell's camera on its arm."""
+    center = cell.camera_center_of_mass
+    housing = Box(CAMERA_HALF_EXTENTS, Pose(center, np.array([0.0, 0.0, 0.0, 1.0])))
+    return Mounted((housing,), (CAMERA_COLOR,), cell.camera_mass, center, cell.camera_inertia, TABLE_FRICTION)
 
 
 def write_arm_urdf(

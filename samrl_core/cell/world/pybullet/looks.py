@@ -25,14 +25,21 @@ LINK_FACES, HAND_FACES = 300, 700  # at most; the hand is what a camera sees mos
 PANEL_COLOR = (0.90, 0.90, 0.88)  # of an arm's mesh
 
 
-def arm_meshes(cell: CellSpec, role: str, tool: Tool, folder: Path) -> dict[str, list[MeshVisual]]:
+def arm_meshes(
+    cell: CellSpec,
+    role: str,
+    tool: Tool,
+    folder: Path,
+    link_faces: int = LINK_FACES,
+    hand_faces: int = HAND_FACES,
+) -> dict[str, list[MeshVisual]]:
     """Meshes by link of an arm and, where it holds the tool, of its hand; none that is not installed."""
     found: dict[str, list[MeshVisual]] = {}
     for link, uri in cell.arm(role).meshes.items():
-        if (mesh := mesh_visual(uri, Pose.identity(), PANEL_COLOR, folder, LINK_FACES)) is not None:
+        if (mesh := mesh_visual(uri, Pose.identity(), PANEL_COLOR, folder, link_faces)) is not None:
             found[link] = [mesh]
     if role == "tool_arm":
-        hand = [mesh_visual(uri, pose, GRIPPER_COLOR, folder, HAND_FACES) for uri, pose in tool.meshes]
+        hand = [mesh_visual(uri, pose, GRIPPER_COLOR, folder, hand_faces) for uri, pose in tool.meshes]
         shown = [mesh for mesh in hand if mesh is not None]
         if len(shown) == tool.hand == len(hand):  # all of the hand or nothing
             found[PAYLOAD_LINK] = shown

@@ -20,13 +20,13 @@ from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import ArmCommand, ArmReading, Frame
 from samrl_core.cell.types.pose import Pose
-from samrl_core.cell.types.scene import Box, Scene
+from samrl_core.cell.types.scene import Scene
 from samrl_core.cell.world.command_check import checked_command, checked_role, holding
 from samrl_core.cell.world.drive import Drive
 from samrl_core.cell.world.image_errors import noise_of
 from samrl_core.cell.world.pybullet.arm import PyBulletArm
 from samrl_core.cell.world.pybullet.bodies import PyBulletBodies, soften
-from samrl_core.cell.world.pybullet.body_files import Mounted
+from samrl_core.cell.world.pybullet.body_files import Mounted, camera_housing
 from samrl_core.cell.world.pybullet.camera import Picture, TinyCamera
 from samrl_core.cell.world.pybullet.chain import PyBulletChain
 from samrl_core.cell.world.pybullet.impedance import impedance_effort
@@ -40,10 +40,7 @@ from samrl_core.cell.world.world import SimulatedWorld, Truth
 from samrl_core.common.errors import InputError
 
 ARM_LABELS = {"tool_arm": 3, "camera_arm": 4}
-# Housing of the RealSense D435 (datasheet: 90 x 25 x 25 mm); it ends short of the optical frame.
-CAMERA_HALF_EXTENTS = (0.045, 0.0125, 0.0125)  # [m]
 STILL = 0.001  # joints that move less during half an exposure, all together, smear no image [rad]
-CAMERA_COLOR = (0.8, 0.8, 0.82)
 
 
 class PyBulletWorld(SimulatedWorld):
@@ -310,16 +307,7 @@ class PyBulletWorld(SimulatedWorld):
 
     def _build_arms(self) -> tuple[dict[str, PyBulletArm], dict[str, ArmModel]]:
         cell, true, tool = self._cell, self._true_cell, self._scene.tool
-        housing = Box(CAMERA_HALF_EXTENTS, Pose(cell.camera_center_of_mass, np.array([0.0, 0.0, 0.0, 1.0])))
-        camera = Mounted(
-            (housing,),
-            (CAMERA_COLOR,),
-            cell.camera_mass,
-            cell.camera_center_of_mass,
-            cell.camera_inertia,
-            TABLE_FRICTION,
-        )
-        mounted = {"tool_arm": Mounted.of_tool(tool), "camera_arm": camera}
+        mounted = {"tool_arm": Mounted.of_tool(tool), "camera_arm": camera_housing(cell)}
         # What the controllers are told; a held part that slipped changes no load here.
         told_of = {
             "tool_arm": (

@@ -189,6 +189,14 @@ def fastest_motion(trial: Trial, joints: tuple[int, ...]) -> float:
     return float(np.max(trial.fastest[list(joints)]))
 
 
+def travel_unit(trial: Trial, joint: int) -> float:
+    """1 for a joint that turns; of one that slides the travel [m] that counts as a radian."""
+    assert trial.rigid is not None
+    if not trial.rigid.slides[joint]:
+        return 1.0
+    return max(float(np.ptp(trial.motion.q[:, joint])) / 3.0, 1e-3)
+
+
 def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:
     """Width [rad/s] up to which a turn of the sign is one, for the speeds that were reached."""
     fastest = fastest_motion(trial, joints)

@@ -11,6 +11,7 @@ import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import Tolerances
+from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.control_law import WOUND
 from samrl_core.diagnosis.residuals.equations import (
@@ -152,9 +153,10 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
         assert controller is not None and command.position is not None and command.velocity is not None
         if controller.period_s > 1.5 / motion.rate:  # nobody knows when within a sample's time it thought
             stamp = max(stamp, 0.25 * controller.period_s)
-        share = controller.law.of_joints("velocity_share", trial.joints)
-        rate = controller.stiffness * np.gradient(command.position, 1 / motion.rate, axis=0)
-        rate = rate + controller.damping * share * np.gradient(command.velocity, 1 / motion.rate, axis=0)
+        parts = (command.position, command.velocity, command.effort)
+        late = [None if part is None else motion.delayed(part, stamp) for part in parts]
+        # Through the law, as a delay would pass: a pole's torque or a dead band is no straight spring.
+        rate = motion.law_change(JointSignal(command.time, late[0], late[1], None, late[2])) / stamp
         out.append((add(*(trial.controller(j, rate[None, :, j]) for j in range(trial.joints))), stamp))
         law = motion.described_law
         for part in (law.spring, law.punch, law.damper):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import signal
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.residuals.equations import (
     UNITS,
@@ -336,6 +337,15 @@ class Trial(Observed):
     def rotor(self) -> np.ndarray:
         """Nominal rotor inertia (J,)."""
         return armature(self.recording.arm)
+
+    @cached_property
+    def lost_to_speed(self) -> np.ndarray:
+        """Torque per speed (J,) that the equations take off by what was read: damping and back-EMF."""
+        motion, stated = self.motion, joint_dynamics(self.recording.arm).damping
+        law = None if motion.controller is None else motion.controller.law
+        if law is None or (law.after_back_emf and self.recording.commanded_effort is not None):
+            return stated
+        return stated + law.of_joints("back_emf", self.joints)
 
     def deflection(self, joint: int, delta: np.ndarray) -> np.ndarray:
         """Change (p, N, J) of the link residual when a joint's link trails its reading by delta (p, N).

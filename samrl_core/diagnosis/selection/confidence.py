@@ -13,7 +13,7 @@ from samrl_core.diagnosis.result import ParameterEstimate
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
-RELATIVE_TEMPERATURE = 0.005  # of the best evidence, likewise: a tie within half a percent is one
+RELATIVE_TEMPERATURE = 0.0025  # of the best evidence, likewise: a tie within a quarter of a percent is one
 REMAINDER_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
 REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
@@ -22,8 +22,12 @@ HIDDEN = 2.0  # standard deviations of tolerances that may hide a prediction
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 
 
-def probabilities(fits: Sequence[Fit], remaining: float = 0.0, tied: Collection[int] = ()) -> np.ndarray:
+def probabilities(
+    fits: Sequence[Fit], remaining: float = 0.0, tied: Collection[int] = (), denied: Collection[int] = ()
+) -> np.ndarray:
     """Probability of each rival set, tempered; those of `tied` indices are as probable as the first.
+
+    Those of `denied` indices have none.
 
     `remaining` [nat] is what the best of them leaves unexplained: formulas that are wrong by so much are not
     told apart by less.
@@ -35,6 +39,7 @@ def probabilities(fits: Sequence[Fit], remaining: float = 0.0, tied: Collection[
     )
     temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REMAINDER_TEMPERATURE * remaining)
     evidence[list(tied)] = evidence[0]
+    evidence[list(denied)] = -np.inf
     weights = np.exp((evidence - np.max(evidence)) / temperature)
     return weights / np.sum(weights)
 

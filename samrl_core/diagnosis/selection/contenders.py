@@ -27,6 +27,7 @@ CLEARLY = 0.75  # times what the best by evidence leaves: from here on another o
 SIMULATED_S = 40.0  # of recordings, at most, per comparison
 MENDED = 0.03  # of the equation, that a further term must take off what the plain formula leaves
 LEAST_LEFT = 0.005  # of the equation: less is noise, and no formula is so exact
+CONFIRMED, DENIED = 0.8, 1.1  # shares of the squared simulated gap that are left
 MOTION = ("position", "velocity")
 
 
@@ -49,7 +50,7 @@ class Contender:
         return any(on_bound(h) for h in self.fit.hypotheses)
 
 
-def contend(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[Fit]:
+def contend(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[Contender]:
     """Candidates for the first effect, in the order in which they are tried; never empty.
 
     The best by evidence stays first unless another leaves clearly less. A shape on the bound of its search
@@ -57,17 +58,31 @@ def contend(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[F
     """
     within = _within_reach(evidence, singles, excess)
     if len(within) < 2:
-        return [c.fit for c in within] or list(singles[:1])
+        return within or [Contender(singles[0], 1.0)]
     lefts = motion_left(evidence.likelihood.trials, [c.fit for c in within])
     within = [Contender(c.fit, c.equation_left, m) for c, m in zip(within, lefts, strict=True)]
     inside = [c for c in within if not c.on_bound]
     if not inside:
-        return [c.fit for c in within]
+        return within
     first, *others = plain_first(inside)
     better = [c for c in others if c.left < CLEARLY * first.left]
     rest = [c for c in others if c not in better]
     ranked = [*sorted(better, key=lambda c: c.left), first, *sorted(rest, key=lambda c: c.left)]
-    return [c.fit for c in [*ranked, *(c for c in within if c.on_bound)]]
+    return [*ranked, *(c for c in within if c.on_bound)]
+
+
+def denied_by_motion(contenders: Sequence[Contender]) -> frozenset[str]:
+    """Names of candidates that the simulated motion contradicts while it confirms the first one.
+
+    The equation may speak for both alike: one then brings the fitted recordings' motion closer, the other
+    moves it away.
+    """
+    first, *others = contenders
+    if first.motion_left is None or first.motion_left > CONFIRMED:
+        return frozenset()
+    return frozenset(
+        c.fit.hypotheses[0].name for c in others if c.motion_left is not None and c.motion_left > DENIED
+    )
 
 
 def plain_first(contenders: Sequence[Contender]) -> list[Contender]:

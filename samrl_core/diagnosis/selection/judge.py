@@ -156,7 +156,8 @@ def judge_set(
         progress("how sure")
         twins = find_twins(evidence, chosen, selection.rivals)
         rivals = (*twins, *(r for r in selection.rivals if r not in twins)) if twins else selection.rivals
-        p = probabilities([chosen, *rivals], selection.remaining, range(1, len(twins) + 1))
+        denied = [i for i, r in enumerate(rivals, 1) if i > len(twins) and _is_denied(selection, chosen, r)]
+        p = probabilities([chosen, *rivals], selection.remaining, range(1, len(twins) + 1), denied)
         named = tuple(
             _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
             for i in range(len(chosen.hypotheses))
@@ -182,6 +183,17 @@ def judge_set(
     if outcome.contradicted and not contradicted and len(named) > 1:
         contradicted = (len(named) - 1,)  # held-out recordings deny the set, and say not which of it
     return Judged(selection, named, runner_ups, tuple(alarms), far, outcome), contradicted
+
+
+def _is_denied(selection: Selection, chosen: Fit, rival: Fit) -> bool:
+    """Whether a rival is no candidate: simulated motion contradicts it, or a bound of its search does.
+
+    A shape on the bound of its search is another formula's; that says nothing against a chosen one there too.
+    """
+    first = rival.hypotheses[0]
+    if first.name in selection.denied:
+        return True
+    return bool(on_bound(first)) and not any(on_bound(h) for h in chosen.hypotheses)
 
 
 def _named(

@@ -12,7 +12,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.selection.contenders import contend
+from samrl_core.diagnosis.selection.contenders import Contender, contend, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
 from samrl_core.diagnosis.selection.search import (
@@ -63,6 +63,9 @@ class Selection:
     correlation_time: float
     held_out_gain: float = 0.0  # log likelihood [nat] that held-out recordings win by what was fitted
     held_out_expected: float = 0.0  # that they would win if it were exactly so
+    denied: frozenset[str] = (
+        frozenset()
+    )  # first effects that simulated motion contradicts, not the chosen one
     contenders: tuple[Fit, ...] = ()  # further first effects, in the order in which they are tried
     again: Callable[[Fit], Selection] | None = None  # the set that grows from another first effect
 
@@ -122,7 +125,8 @@ def select(
             evidence.correlation_time,
         )  # fmt: skip
     progress("weighing candidates")
-    firsts = contend(evidence, singles, excess) if settings.simulate else singles[:1]
+    contenders = contend(evidence, singles, excess) if settings.simulate else [Contender(singles[0], 1.0)]
+    firsts = [c.fit for c in contenders]
     chosen = firsts[0]
     singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
     progress("looking for an onset")
@@ -137,8 +141,16 @@ def select(
     def grown(first: Fit) -> Selection:
         found = _grow(evidence, held_out, pool, first, singles, settings, progress)
         others = tuple(f for f in firsts if f is not first)
+        mine = sorted(contenders, key=lambda c: c.fit is not first)
+        denied = denied_by_motion(mine) if mine[0].fit is first else frozenset()
         return replace(
-            found, threshold=least, excess=excess, held_out_excess=held_excess, contenders=others, again=grown
+            found,
+            threshold=least,
+            excess=excess,
+            held_out_excess=held_excess,
+            denied=denied,
+            contenders=others,
+            again=grown,
         )
 
     return grown(firsts[0])

@@ -33,6 +33,7 @@ class VerdictSettings:
     sizes: tuple[float, float] = (0.7, 1.4)  # of the fitted effect that simulation may prefer, likewise
     limits: float = 0.25  # simulated shrink below which a limit of the drive is none
     clearly: float = 8.0  # times the threshold, from which on a formula may be seen to explain
+    seen: float = 3.0  # simulated gap, in tolerances, from which on held-out motion differs for sure
     all: float = 0.02  # all but this share, on fitted and on held-out recordings
     hardly: float = 0.9  # share of the excess left beyond which it must shrink by `half`
     half: float = 0.5
@@ -115,7 +116,9 @@ def decide(
     if far.gap is not None and far.gap.shrink is not None and far.gap.shrink < settings.worse:
         refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
         contradicted = True
-    limit = selection.chosen.hypotheses[0].effect.limits_motion and not explains_all(selection, settings)
+    limit = selection.chosen.hypotheses[0].effect.limits_motion and (
+        not explains_all(selection, settings) or _moves_wrongly(far, settings)
+    )
     if limit and 0.0 <= _moves(far) < settings.limits:
         refusals.append(f"{named[0].name} is no limit: without it the motion is hardly simulated worse")
     refusals += list(alarms)
@@ -225,6 +228,11 @@ def _moves(far: HowFar) -> float:
     if far.gap is None or far.gap.shrink is None or far.motion is None:
         return -1.0
     return max(0.0, far.gap.shrink, far.motion)
+
+
+def _moves_wrongly(far: HowFar, settings: VerdictSettings) -> bool:
+    """Whether held-out motion is far from the nominal one: then a cause must show there."""
+    return far.gap is not None and far.motion is not None and far.gap.nominal > settings.seen
 
 
 def only_held_out(selection: Selection, settings: VerdictSettings) -> bool:

@@ -6,13 +6,22 @@ from abc import abstractmethod
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, usual_turns, widest_turn
+from samrl_core.diagnosis.effects.drive_torque import (
+    DriveEffect,
+    DriveForm,
+    travel_unit,
+    usual_turns,
+    widest_turn,
+)
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.trial import Trial
 
-WAVES = tuple({"k": k} for k in (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0))
+ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+WAVES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0)  # the same in steps that the travel tells apart
+OVER_TRAVEL = (1.5, 2.0, 2.5, 3.0, 4.0)  # periods within a short travel, whose orders are beyond these
+LOWEST, HIGHEST = 0.9, 15.0  # once per turn at least: less is a spring
 LEAST_NEGATIVE = 0.25  # of the largest friction: what missing harmonics may make negative somewhere
 LEAST_WAVE = 0.25  # of a harmonic's root mean square that must vary over the travel
 LEAST_CHANGE = 0.1  # likewise of a friction with a level, which for the rest is Coulomb's
@@ -42,10 +51,18 @@ class PositionDependentFriction(DriveEffect):
     )
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        grid = tuple({"k": float(k)} for k in (1, 2, 3, 4, 6, 8, 12))
-        limits, wave = {"k": (0.7, 15.0)}, ("sine", "cosine")
+        (joint,) = place.joints
+        unit = travel_unit(trial, joint)
+        few = [2.0 * np.pi * n / max(float(np.ptp(trial.motion.q[:, joint])), 1e-6) for n in OVER_TRAVEL]
+        few = [k for k in few if k > max(ORDERS) / unit]
+        grid = tuple({"k": k} for k in (*(k / unit for k in ORDERS), *few))
+        limits, wave = (
+            {"k": (LOWEST / unit, max([HIGHEST / unit, *(1.3 * k for k in few)]))},
+            ("sine", "cosine"),
+        )
         turns = usual_turns(trial, place.joints)
         turning = {**limits, "v": (5e-4, widest_turn(trial, place.joints, 0.1))}
+        everywhere = (*(k / unit for k in WAVES), *few)
         return (
             FrictionWave(
                 name="friction",
@@ -54,13 +71,19 @@ class PositionDependentFriction(DriveEffect):
                 shapes=tuple({**shape, "v": v} for shape in grid for v in turns),
                 refine=turning,
             ),
-            TorqueWave(name="torque", place=place, amplitudes=wave, shapes=grid, refine=limits),
-            # Orders in steps that the travel tells apart.
+            # Beyond these orders a torque is called gear ripple.
+            TorqueWave(
+                name="torque",
+                place=place,
+                amplitudes=wave,
+                shapes=grid[: len(ORDERS)],
+                refine={"k": (LOWEST / unit, HIGHEST / unit)},
+            ),
             FrictionEverywhere(
                 name="friction everywhere",
                 place=place,
                 amplitudes=("level", "sine", "cosine", "sine2", "cosine2"),
-                shapes=tuple({**shape, "v": v} for shape in WAVES for v in turns),
+                shapes=tuple({"k": k, "v": v} for k in everywhere for v in turns),
                 refine=turning,
             ),
         )

@@ -25,8 +25,8 @@ class BaseTilt(Effect):
     curve_over = "position"
     confounded_with = ("encoder_offset", "torque_sensor_error", "payload")
     parameters = (
-        Parameter("ax", "rad", -0.035, 0.035, "about the base's x"),
-        Parameter("ay", "rad", -0.035, 0.035, "about the base's y"),
+        Parameter("ax", "rad", -0.12, 0.12, "about the base's x"),
+        Parameter("ay", "rad", -0.12, 0.12, "about the base's y"),
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
@@ -43,7 +43,7 @@ class TiltedGravity(Form):
         return trial.link(trial.tilt)
 
     def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros(2), np.full(2, 0.02)
+        return np.zeros(2), np.full(2, 0.03)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"ax": float(amplitudes[0]), "ay": float(amplitudes[1])}

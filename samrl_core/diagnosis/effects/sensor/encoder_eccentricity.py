@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.diagnosis.effects.drive_torque import travel_unit
 from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
-HARMONICS = (1, 2, 4, 8, 16, 32)  # of a ring at the link
+HARMONICS = (
+    *range(1, 11),
+    12,
+    14,
+    16,
+    19,
+    22,
+    26,
+    32,
+)  # of a ring at the link; as near as travel tells apart
 RATIOS = (50, 80, 100, 120, 160)  # of harmonic drives (maker's catalogues): once per turn of the motor
 LEAST_WAVE = (
     0.1  # of the root mean square that must vary: an offset explains 99 % of an error that varies less
@@ -23,7 +33,7 @@ class EncoderEccentricity(Effect):
     meaning = "The encoder disc is off centre, so the reading errs periodically, once per turn."
     remedy = "Add the periodic correction to the reading or have the encoder aligned."
     formula = "q_read = q + a sin(n q + phi)"
-    source = "ring off centre by micrometres; up to 0.2 mrad on good encoders"
+    source = "ring off centre by micrometres: 0.2 mrad on good encoders, a degree under a servo's magnet"
     acts_on = "reading"
     excitation = "slow rotation over the whole range"
     experiment = "sweep"
@@ -31,7 +41,7 @@ class EncoderEccentricity(Effect):
     renamed_shapes = ("k",)
     confounded_with = ("encoder_offset", "gear_ripple")
     parameters = (
-        Parameter("a", "rad", 0.0001, 0.01, "amplitude"),
+        Parameter("a", "rad", 0.0001, 0.03, "amplitude"),
         Parameter("harmonic", "1/rad", 1.0, 160.0, "n, periods per 2 pi"),
         Parameter("phi", "rad", -3.1416, 3.1416, "phase", bounded=False),
     )
@@ -40,11 +50,12 @@ class EncoderEccentricity(Effect):
         return lacks_link_torque(trial)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        grid = tuple({"k": float(k)} for k in (*HARMONICS, *RATIOS))
+        (joint,) = place.joints
+        unit = travel_unit(trial, joint)
+        grid = tuple({"k": k / unit} for k in (*HARMONICS, *RATIOS))
+        limits = {"k": (0.8 / unit, 250.0 / unit)}
         return (
-            PeriodicError(
-                place=place, amplitudes=("sine", "cosine"), shapes=grid, refine={"k": (0.8, 250.0)}, step=0.01
-            ),
+            PeriodicError(place=place, amplitudes=("sine", "cosine"), shapes=grid, refine=limits, step=0.01),
         )
 
 
@@ -57,12 +68,14 @@ class PeriodicError(Form):
         error = motion.reduce(np.stack([np.sin(q), np.cos(q)], axis=1)).T
         # The rotor's share of the torque is reckoned from the same reading as the arm's.
         rotor = -trial.rotor[joint] * np.stack([motion.second_derivative(e) for e in error])
+        # So is what the motor is said to lose to its speed.
+        rotor -= trial.lost_to_speed[joint] * np.stack([motion.derivative(e) for e in error])
         channel = "drive" if "drive" in trial.channels else "dynamics"
         lost: Columns = {(channel, joint): rotor} if channel in trial.channels else {}
         return add(trial.link(trial.deflection(joint, error)), lost)
 
     def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros(2), np.full(2, 0.005)
+        return np.zeros(2), np.full(2, 0.01)
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         # Over a short travel a long wave is constant: an encoder's offset under another name.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, travel_unit
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -38,7 +38,7 @@ class GearRipple(DriveEffect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         (joint,) = place.joints
         grid = tuple({"N": n} for n in _peaks(trial, joint))
-        unit = _unit(trial, joint)
+        unit = travel_unit(trial, joint)
         limits, first, second = {"N": (14.0 / unit, 430.0 / unit)}, ("sine", "cosine"), ("sine2", "cosine2")
         return (
             Ripple(place=place, amplitudes=first, shapes=grid, refine=limits, step=0.003),
@@ -79,19 +79,11 @@ class Ripple(DriveForm):
         }
 
 
-def _unit(trial: Trial, joint: int) -> float:
-    """1 for a joint that turns; of one that slides the travel [m] that counts as a radian."""
-    assert trial.rigid is not None
-    if not trial.rigid.slides[joint]:
-        return 1.0
-    return max(float(np.ptp(trial.motion.q[:, joint])) / 3.0, 1e-3)
-
-
 def _peaks(trial: Trial, joint: int, count: int = 4) -> list[float]:
     """Orders at which the drive residual of a joint has most power over position, well inside the band."""
     channel = "drive" if "drive" in trial.channels else "dynamics"
     residual = trial.equations.residual[channel][:, joint]
-    unit = _unit(trial, joint)
+    unit = travel_unit(trial, joint)
     q, speed = trial.motion.q[:, joint], np.abs(trial.motion.dq[:, joint])
     moving = speed > 0.01 * unit
     if np.count_nonzero(moving) < 50:

@@ -56,6 +56,7 @@ MAY_KNOW_INSTANCES = {
     "samrl_core/cell/world/": "",
     "samrl_core/cell/tasks/": "parts.Parts",  # the type alone
     "samrl_core/studies/cell_instances.py": "",
+    "samrl_core/studies/cell_sensitivity.py": "",
     "samrl_core/studies/episodes/world_episodes.py": "",
     "samrl_core/studies/speed/camera_pictures.py": "",
     "samrl_ros/nodes/bridge/sim_bridge.py": "",

@@ -1,0 +1,121 @@
+"""Success against the size of each group of a cell's differences, one group at a time.
+
+It tells whoever installs a cell which of its tolerances matters for a task. Every episode has a cell of its
+own, and the same episodes are run at every size: a point differs from the next by the group's scale alone.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from samrl_core.cell.instance.cell_instance import GROUPS, InstanceName
+from samrl_core.cell.tasks import EVERY_TASK, task_named
+from samrl_core.common.figure_file import save_figure
+from samrl_core.common.streams import DEVELOPMENT, seed_of
+from samrl_core.policy.agent.policies import TOUCH
+from samrl_core.studies.episodes.success_rates import rates
+from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob, run_episodes
+from samrl_core.studies.experiment import CaseLog, Experiment, Options, Progress
+from samrl_core.studies.purpose import keep_purpose
+
+NAME = "cell_sensitivity"
+COUNT = 20  # episodes per point
+FIRST_CELL = 100  # development cells from here on: none that anything was tuned in
+SCALES = (4.0, 2.0, 0.5)  # times typical; what is likelier to fail comes first
+TYPICAL = "typical"  # every group at its typical size: the point at 1 of every curve
+POINTS: dict[str, tuple[str, float]] = {  # group and scale by the condition's name
+    TYPICAL: ("", 1.0),
+    **{f"{group}_x{scale:g}": (group, scale) for scale in SCALES for group in GROUPS},
+}
+DEFAULT = "peg_insertion_hard"
+
+
+def run(options: Options, progress: Progress) -> dict[str, Any]:
+    """All cases, the summary, and the picture."""
+    names = options.conditions or tuple(POINTS)
+    keep_purpose(options.out, DEVELOPMENT)
+    numbers = range(options.count or COUNT)
+    # Episodes in turn: what is interrupted has something of every point.
+    jobs = [job_of(options, task, n, k) for k in numbers for task in options.tasks for n in names]
+    found = run_episodes(CaseLog(options.out), jobs, options.spread, progress)
+    summary = {
+        task: {n: rates([c for c in found if (c["task"], c["condition"]) == (task, n)]) for n in names}
+        for task in options.tasks
+    }
+    for task, points in summary.items():
+        draw_sensitivity(task, points, options.out / f"{NAME}_{task}.png")
+    return {"count": len(numbers), "first_cell": FIRST_CELL, "tasks": summary}
+
+
+def job_of(options: Options, task: str, point: str, number: int) -> EpisodeJob:
+    """The episode of a number at a point."""
+    group, scale = POINTS[point]
+    cell = FIRST_CELL + options.seed + number
+    scales = ((group, scale),) if group else ()
+    return EpisodeJob(
+        key=f"{task}/{point}/{cell}",
+        task=task,
+        name=point,
+        condition=_who_acts(task),
+        seed=seed_of(cell, "episode", "sensitivity", task),
+        weights=options.weights,
+        cell=options.cell,
+        instance=str(InstanceName("typical", cell, DEVELOPMENT, scales)),
+    )
+
+
+def draw_sensitivity(task: str, points: dict[str, dict[str, Any]], path: Path) -> None:
+    """A panel for each group: success over its scale, with Wilson intervals; `points` as from `rates`."""
+    columns = 3
+    rows = -(-len(GROUPS) // columns)
+    size = (3.1 * columns, 2.0 * rows + 0.6)
+    figure, axes = plt.subplots(rows, columns, figsize=size, sharex=True, sharey=True, layout="constrained")
+    for axis in axes.ravel()[len(GROUPS) :]:
+        axis.set_axis_off()
+    for axis, group in zip(axes.ravel(), GROUPS, strict=False):
+        there = [(s, points[n]) for n, (g, s) in POINTS.items() if n in points and g in ("", group)]
+        there.sort(key=lambda one: one[0])
+        scale = np.array([s for s, _ in there])
+        share = 100 * np.array([row["value"] for _, row in there])
+        ends = 100 * np.array([row["ci95"] for _, row in there])
+        errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
+        axis.errorbar(scale, share, yerr=errors, marker="o", capsize=3, color="#1f5fa8")
+        axis.set_xscale("log", base=2)
+        axis.set_xticks((0.5, 1, 2, 4), ("0.5", "1", "2", "4"))
+        axis.set(ylim=(-4, 104), title=group)
+        axis.grid(alpha=0.3)
+    trials = sorted({row["trials"] for row in points.values()})
+    least = f"{trials[0]}" if len(trials) == 1 else f"{trials[0]} to {trials[-1]}"
+    figure.suptitle(
+        f"{task.replace('_', ' ')}: one group of differences at a time, {least} episodes per point"
+    )
+    figure.supxlabel("times the typical size")
+    figure.supylabel("success by truth [%], 95 % intervals")
+    save_figure(figure, path, dpi=110)
+    plt.close(figure)
+
+
+def _who_acts(task: str) -> Condition:
+    """The loop as a run of the task has it, without networks where it needs none."""
+    usual = task_named(task).usual_policy
+    if usual == TOUCH:
+        return Condition("optimised", "best", tip_offset=True, touch=True)
+    return Condition("optimised", "best") if usual == "optimised" else Condition()
+
+
+EXPERIMENT = Experiment(
+    NAME,
+    "success against the size of each group of a cell's differences, one group at a time",
+    (DEFAULT,),
+    run,
+    on_request=tuple(name for name in EVERY_TASK if name != DEFAULT),
+    conditions=tuple(POINTS),
+)

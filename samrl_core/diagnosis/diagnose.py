@@ -13,6 +13,9 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, Effect
+from samrl_core.diagnosis.findings.signature import couplings, signatures
+from samrl_core.diagnosis.findings.tracking import track
+from samrl_core.diagnosis.findings.where import heatmap, onset, timelines
 from samrl_core.diagnosis.kinds.kind import Kind, Recording
 from samrl_core.diagnosis.kinds.kinds import KINDS, kind_of
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
@@ -25,9 +28,6 @@ from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence
 from samrl_core.diagnosis.selection.judge import judge_sets
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
-from samrl_core.diagnosis.selection.signature import couplings, signatures
-from samrl_core.diagnosis.selection.tracking import track
-from samrl_core.diagnosis.selection.where import heatmap, onset, timelines
 
 Progress = Callable[[str], None]
 

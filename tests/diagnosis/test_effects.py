@@ -14,9 +14,9 @@ from samrl_core.cell.excitation.catalogue import KINDS
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import library
 from samrl_core.diagnosis.effects import EFFECTS, EVERY_EFFECT, FAMILIES, NOT_BY_JOINTS, Effect
+from samrl_core.diagnosis.findings.curves import AXES
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import as_arms
-from samrl_core.diagnosis.selection.curves import AXES
 from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis import worlds

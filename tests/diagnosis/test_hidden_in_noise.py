@@ -13,8 +13,8 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis import diagnose as diagnosis_module
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.effects.load.mount_compliance import EFFECT
+from samrl_core.diagnosis.findings.where import heatmap
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.selection.where import heatmap
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
 from tests.diagnosis.worlds import LIFT

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.diagnosis.findings.joint_units import sliding_unit, with_joint_units
 from samrl_core.diagnosis.result import Curve, Diagnosis
-from samrl_core.diagnosis.selection.joint_units import sliding_unit, with_joint_units
 from tests.diagnosis.report import samples
 
 URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>

@@ -11,6 +11,10 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
 from samrl_core.diagnosis.export.correction import Correction
+from samrl_core.diagnosis.findings.curves import curve_of
+from samrl_core.diagnosis.findings.joint_units import with_joint_units
+from samrl_core.diagnosis.findings.next_experiment import next_experiment
+from samrl_core.diagnosis.findings.posterior import correction_of
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
@@ -18,13 +22,9 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms, fastest_motion
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
-from samrl_core.diagnosis.selection.curves import curve_of
 from samrl_core.diagnosis.selection.description import Misdescription, misdescription
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.joint_units import with_joint_units
-from samrl_core.diagnosis.selection.next_experiment import next_experiment
-from samrl_core.diagnosis.selection.posterior import correction_of
 from samrl_core.diagnosis.selection.resimulation import simulable
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 

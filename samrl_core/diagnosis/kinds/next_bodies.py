@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.body_recording import BodyRecording, BodyTrack
+from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial, body_trials, channels_of
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
-from samrl_core.diagnosis.selection.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 
 WAYS = 4  # directions of slides and tosses

@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose import look_at
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTrack
+from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis, hypothesis
-from samrl_core.diagnosis.selection.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.selection.twins import AS_MUCH, principal_angle
 
 VIEWS = 12

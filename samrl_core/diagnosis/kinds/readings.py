@@ -11,13 +11,13 @@ import numpy as np
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import READING_EFFECTS
+from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.readings.reading_trial import ReadingTrial
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
-from samrl_core.diagnosis.selection.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 
 LEAST = 40  # readings of a recording that is cut

@@ -132,10 +132,10 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     if (options.out / "report.json").exists():
         raise InputError(f"{options.out} has a report already; give another --out, reports are not replaced")
     from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+    from samrl_core.diagnosis.findings.tracking import checked_names
     from samrl_core.diagnosis.report.terminal import summary
     from samrl_core.diagnosis.report.write_report import write_report
     from samrl_core.diagnosis.selection.selection import SelectionSettings
-    from samrl_core.diagnosis.selection.tracking import checked_names
 
     families = read_library(options.library) if options.library else None
     selection = SelectionSettings(null_simulations=options.null_worlds, cache=cache_folder() / "null_worlds")

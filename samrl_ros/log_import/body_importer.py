@@ -103,7 +103,7 @@ def import_body(spec: BodyRecordingSpec, text: str, data: Path) -> ImportedBody:
     """
     notes: list[str] = []
     constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
-    source = read_source(spec, spec.source_of("track"), constants, data, notes)
+    source = read_source(spec, spec.source_of(spec.bodies.track), constants, data, notes)
     track = _track(spec, spec.bodies.track, source)
     tolerances = BodyTolerances()
     if spec.tolerances is not None:

@@ -146,21 +146,6 @@ class BodyRecordingSpec(LoggedSpec):
     bodies: BodiesSpec
     time_range: Pair | None = None
 
-    @property
-    def channels(self) -> dict[str, BodyTrackSpec]:
-        """What reads a source, by its key."""
-        return {"track": self.bodies.track}
-
-    def source_of(self, channel: str) -> str:
-        """The source that the formulas read."""
-        return self.bodies.track.source or next(iter(self.sources))
-
-    @model_validator(mode="after")
-    def _source_fits(self) -> BodyRecordingSpec:
-        named = self.bodies.track.source
-        if (named or len(self.sources) > 1) and named not in self.sources:
-            raise fault(f" is {named!r}; sources are {sorted(self.sources)}", "bodies", "track", "source")
-        source = self.source_of("track")
-        if not self.files_of(source):
-            raise fault(" is missing; name a path or a list of paths", "sources", source, "file")
-        return self
+    def readers(self) -> dict[str, BodyTrackSpec]:
+        """Its track."""
+        return {"bodies.track": self.bodies.track}

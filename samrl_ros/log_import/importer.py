@@ -62,15 +62,15 @@ def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> Impor
         name: _constant(value, f"{spec.path}.constants.{name}") for name, value in spec.constants.items()
     }
     cache: dict[str, SourceData] = {}
-    for source in map(spec.source_of, spec.channels):
+    for source in map(spec.source_of, spec.channels.values()):
         if source not in cache:
             cache[source] = read_source(spec, source, constants, data, notes)
-    zero = float(cache[spec.source_of("states")].time[0])
+    zero = float(cache[spec.source_of(spec.channels["states"])].time[0])
     arm = _arm(spec, constants, mapping.path, data, notes)
     law = None if arm.controller is None else arm.controller.law
     signals = {
-        name: _signal(name, spec, cache[spec.source_of(name)], zero, law, report, notes)
-        for name in spec.channels
+        name: _signal(name, spec, cache[spec.source_of(channel)], zero, law, report, notes)
+        for name, channel in spec.channels.items()
     }
     digest = hashlib.sha256(mapping.text.encode() + spec.name.encode())
     for source in cache.values():
@@ -212,7 +212,7 @@ def _describe(
     plan = (channel.resample or spec.resample).filter
     how = f", Butterworth order {plan.order} zero-phase {plan.cutoff_hz:g} Hz" if plan is not None else ""
     lines = [
-        f"{name} from {spec.source_of(name)}: {len(time)} samples at {rate:.5g} Hz"
+        f"{name} from {spec.source_of(channel)}: {len(time)} samples at {rate:.5g} Hz"
         f" (log {raw_rate:.5g} Hz{how}), {time[0]:.3f} to {time[-1]:.3f} s"
     ]
     for quantity, block in values.items():

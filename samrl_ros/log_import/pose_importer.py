@@ -85,7 +85,7 @@ def import_poses(spec: PoseRecordingSpec, text: str, data: Path, beside: Path) -
     notes: list[str] = []
     constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
     cache: dict[str, SourceData] = {}
-    for source in map(spec.source_of, spec.channels):
+    for source in map(spec.source_of, spec.readers().values()):
         if source not in cache:
             cache[source] = read_source(spec, source, constants, data, notes)
     seen = _track(spec, "target_in_camera", spec.poses.target_in_camera, cache)
@@ -132,7 +132,7 @@ def import_poses(spec: PoseRecordingSpec, text: str, data: Path, beside: Path) -
 
 
 def _track(spec: PoseRecordingSpec, key: str, track: TrackSpec, cache: dict[str, SourceData]) -> PoseTrack:
-    source, where = cache[spec.source_of(key)], f"{spec.path}.poses.{key}"
+    source, where = cache[spec.source_of(track)], f"{spec.path}.poses.{key}"
     count, given = len(source.time), track.quantities
     values = {
         name: block_of(formulas, source.values, count, f"{where}.{name}") for name, formulas in given.items()
@@ -197,7 +197,7 @@ def _arm(
     if joints is None or arm.urdf is None:
         return ArmPoses(role, flange)
     where = f"{spec.path}.poses.{role}"
-    source = cache[spec.source_of(f"{role}.joints")]
+    source = cache[spec.source_of(joints)]
     angles = ANGLES[joints.angle_unit] * block_of(
         FormulaList(joints.position), source.values, len(source.time), f"{where}.joints.position"
     )

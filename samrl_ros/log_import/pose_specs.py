@@ -156,32 +156,16 @@ class PoseRecordingSpec(LoggedSpec):
     poses: PosesSpec
     time_range: Pair | None = None
 
-    @property
-    def channels(self) -> dict[str, TrackSpec | JointsSpec]:
-        """Everything that reads a source, by its key."""
-        found: dict[str, TrackSpec | JointsSpec] = {"target_in_camera": self.poses.target_in_camera}
+    def readers(self) -> dict[str, TrackSpec | JointsSpec]:
+        """Its tracks and joints."""
+        found: dict[str, TrackSpec | JointsSpec] = {"poses.target_in_camera": self.poses.target_in_camera}
         for role in ("camera_arm", "tool_arm"):
             arm: ArmSpec | None = getattr(self.poses, role)
             if arm is not None and arm.flange is not None:
-                found[f"{role}.flange"] = arm.flange
+                found[f"poses.{role}.flange"] = arm.flange
             if arm is not None and arm.joints is not None:
-                found[f"{role}.joints"] = arm.joints
+                found[f"poses.{role}.joints"] = arm.joints
         return found
-
-    def source_of(self, channel: str) -> str:
-        """The source that a channel's formulas read."""
-        return self.channels[channel].source or next(iter(self.sources))
-
-    @model_validator(mode="after")
-    def _sources_fit(self) -> PoseRecordingSpec:
-        for key, channel in self.channels.items():
-            if (channel.source or len(self.sources) > 1) and channel.source not in self.sources:
-                below = ("poses", *key.split("."), "source")
-                raise fault(f" is {channel.source!r}; sources are {sorted(self.sources)}", *below)
-        for name in self.sources:
-            if not self.files_of(name):
-                raise fault(" is missing; name a path or a list of paths", "sources", name, "file")
-        return self
 
 
 def rotations_of(kind: str, numbers: np.ndarray, order: str, angle_unit: str, where: str) -> Rotation:

@@ -53,23 +53,9 @@ class ReadingRecordingSpec(LoggedSpec):
     role: Literal["fit", "held_out"] = "fit"
     readings: ReadingsSpec
 
-    @property
-    def channels(self) -> dict[str, ReadingsSpec]:
-        """What reads a source, by its key."""
+    def readers(self) -> dict[str, ReadingsSpec]:
+        """Its two columns."""
         return {"readings": self.readings}
-
-    def source_of(self, channel: str) -> str:
-        """The source that the formulas read."""
-        return self.readings.source or next(iter(self.sources))
-
-    @model_validator(mode="after")
-    def _source_fits(self) -> ReadingRecordingSpec:
-        named = self.readings.source
-        if (named or len(self.sources) > 1) and named not in self.sources:
-            raise fault(f" is {named!r}; sources are {sorted(self.sources)}", "readings", "source")
-        if not self.files_of(self.source_of("readings")):
-            raise fault(" is missing; name a path or a list of paths", "sources", str(named), "file")
-        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +95,7 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
     """
     notes: list[str] = []
     constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
-    source: SourceData = read_source(spec, spec.source_of("readings"), constants, data, notes)
+    source: SourceData = read_source(spec, spec.source_of(spec.readings), constants, data, notes)
     given, where, count = spec.readings, f"{spec.path}.readings", len(source.time)
     factor = FACTORS[given.quantity][given.unit or UNITS[given.quantity]]
 

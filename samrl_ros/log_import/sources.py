@@ -3,75 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.formulas import evaluate, names_in
-from samrl_ros.log_import.specs import ColumnSpec, Missing, SourceSpec, TimeSpec
+from samrl_ros.log_import.specs import ColumnSpec, LoggedSpec, Missing, TimeSpec
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import read_table
 from samrl_ros.log_import.units import factor
-
-
-class Formulas(Protocol):
-    """A quantity's formulas."""
-
-    @property
-    def formulas(self) -> list[Any]:
-        """One per component, or one that gives all."""
-        ...
-
-
-class HasFormulas(Protocol):
-    """A channel by its quantities."""
-
-    @property
-    def quantities(self) -> Mapping[str, Formulas]:
-        """By key."""
-        ...
-
-
-class Spec(Protocol):
-    """What a source's reader needs of a recording's spec, of whatever kind."""
-
-    @property
-    def path(self) -> str:
-        """Of its keys, for messages."""
-        ...
-
-    @property
-    def sources(self) -> dict[str, SourceSpec]:
-        """By name."""
-        ...
-
-    @property
-    def rows(self) -> tuple[int | float | None, int | float | None] | None:
-        """Begin and end that are used."""
-        ...
-
-    @property
-    def channels(self) -> Mapping[str, HasFormulas]:
-        """What reads the sources, by key."""
-        ...
-
-    def files_of(self, source: str) -> list[str]:
-        """Paths of a source."""
-        ...
-
-    def part_of(self, source: str) -> str:
-        """Part of a source's files."""
-        ...
-
-    def source_of(self, channel: str) -> str:
-        """The source that a channel reads."""
-        ...
-
 
 TIME = "time"  # [s] of the source's rows in formulas, unless a column has that name
 
@@ -85,7 +29,9 @@ class SourceData:
     values: dict[str, Any]  # constants, columns (N,) or (N, K), intermediate values
 
 
-def read_source(spec: Spec, name: str, constants: dict[str, Any], data: Path, notes: list[str]) -> SourceData:
+def read_source(
+    spec: LoggedSpec, name: str, constants: dict[str, Any], data: Path, notes: list[str]
+) -> SourceData:
     """Read a source. Raises `InputError` naming key path, file, column and row."""
     source, where = spec.sources[name], f"{spec.path}.sources.{name}"
     paths = tuple(data / file for file in spec.files_of(name))
@@ -143,7 +89,7 @@ def update_digest(digest: hashlib._Hash, path: Path) -> None:
                 digest.update(block)
 
 
-def _used(spec: Spec, name: str, constants: dict[str, Any]) -> set[str]:
+def _used(spec: LoggedSpec, name: str, constants: dict[str, Any]) -> set[str]:
     """Columns that some formula needs; others may be broken without harm."""
     source, path = spec.sources[name], f"{spec.path}.sources.{name}"
     known = {TIME} | set(constants) | set(source.columns) | set(source.values)
@@ -158,11 +104,11 @@ def _used(spec: Spec, name: str, constants: dict[str, Any]) -> set[str]:
             )
         wanted.update(names)
 
-    for channel_name, channel in spec.channels.items():
-        if spec.source_of(channel_name) == name:
-            for quantity_name, quantity in channel.quantities.items():
+    for reader_key, reader in spec.readers().items():
+        if spec.source_of(reader) == name:
+            for quantity_name, quantity in reader.quantities.items():
                 for formula in quantity.formulas:
-                    want(formula, f"{spec.path}.channels.{channel_name}.{quantity_name}")
+                    want(formula, f"{spec.path}.{reader_key}.{quantity_name}")
     for key, formula in reversed(source.values.items()):
         if key in wanted:
             want(formula, f"{path}.values.{key}")
@@ -200,7 +146,7 @@ def _time(spec: TimeSpec | None, table: Table, count: int, where: str) -> np.nda
     return values + spec.offset_s
 
 
-def _rows(spec: Spec, count: int) -> np.ndarray:
+def _rows(spec: LoggedSpec, count: int) -> np.ndarray:
     keep = np.ones(count, dtype=bool)
     if spec.rows is not None:
         begin, end = (None if v is None else int(v) for v in spec.rows)

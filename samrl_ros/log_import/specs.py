@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import keyword
-from typing import Annotated, Any, Literal, Self
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Protocol, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, PrivateAttr, model_validator
 
@@ -187,6 +189,29 @@ class ChannelSpec(Checked):
         return {name: quantity for name, quantity in found if quantity is not None}
 
 
+class Formulas(Protocol):
+    """A quantity's formulas."""
+
+    @property
+    def formulas(self) -> list[Formula]:
+        """One per component, or one that gives all."""
+        ...
+
+
+class Reader(Protocol):
+    """What computes quantities from one source: a channel, a track, an arm's joints."""
+
+    @property
+    def source(self) -> str | None:
+        """Its name; None: the only one."""
+        ...
+
+    @property
+    def quantities(self) -> Mapping[str, Formulas]:
+        """Formulas by key."""
+        ...
+
+
 class LoggedSpec(Checked):
     """What a recording of any kind states of its logs, general keys and its own merged."""
 
@@ -220,6 +245,35 @@ class LoggedSpec(Checked):
         """Part of a source's files that is read, with the recording's name in it; empty for all."""
         return (self.parts.get(source) or self.sources[source].part).replace("{name}", self.name)
 
+    @abstractmethod
+    def readers(self) -> Mapping[str, Reader]:
+        """What reads the sources, by its key path in the recording."""
+
+    def source_of(self, reader: Reader) -> str:
+        """The source that its formulas read."""
+        return reader.source or next(iter(self.sources))
+
+    @model_validator(mode="after")
+    def _sources_fit(self) -> Self:
+        for key, named in (("files", self.files), ("parts", self.parts)):
+            if unknown := sorted(set(named) - set(self.sources)):
+                raise fault(f": no source {unknown}; there are {sorted(self.sources)}", key)
+        for path, reader in self.readers().items():
+            if (reader.source or len(self.sources) > 1) and reader.source not in self.sources:
+                known = sorted(self.sources)
+                raise fault(f" is {reader.source!r}; sources are {known}", *path.split("."), "source")
+        for name in dict.fromkeys(map(self.source_of, self.readers().values())):
+            count = len(self.files_of(name))
+            if not count:
+                raise fault(" is missing; name a path or a list of paths", "sources", name, "file")
+            for key, column in self.sources[name].columns.items():
+                if column.file >= count:
+                    raise fault(
+                        f" is {column.file}, the source has {count} files (from 0)",
+                        *("sources", name, "columns", key, "file"),
+                    )
+        return self
+
 
 class RecordingSpec(LoggedSpec):
     """Everything about one recording, general keys and its own merged."""
@@ -236,26 +290,9 @@ class RecordingSpec(LoggedSpec):
     resample: Resample = Resample()  # of channels without their own
     time_range: Pair | None = None
 
-    def source_of(self, channel: str) -> str:
-        """The source that a channel's formulas read."""
-        return self.channels[channel].source or next(iter(self.sources))
-
-    @model_validator(mode="after")
-    def _sources_fit(self) -> RecordingSpec:
-        for key, named in (("files", self.files), ("parts", self.parts)):
-            if unknown := sorted(set(named) - set(self.sources)):
-                raise fault(f": no source {unknown}; there are {sorted(self.sources)}", key)
-        for name, source in self.sources.items():
-            count = len(self.files_of(name))
-            if not count:
-                raise fault(" is missing; name a path or a list of paths", "sources", name, "file")
-            for key, column in source.columns.items():
-                if column.file >= count:
-                    raise fault(
-                        f" is {column.file}, the source has {count} files (from 0)",
-                        *("sources", name, "columns", key, "file"),
-                    )
-        return self
+    def readers(self) -> dict[str, ChannelSpec]:
+        """Its channels."""
+        return {f"channels.{name}": channel for name, channel in self.channels.items()}
 
     @model_validator(mode="after")
     def _channels_fit(self) -> RecordingSpec:
@@ -263,8 +300,6 @@ class RecordingSpec(LoggedSpec):
             at = ("channels", name)
             if name not in CHANNELS:
                 raise fault(f" is no channel; there are {', '.join(CHANNELS)}", *at)
-            if (channel.source or len(self.sources) > 1) and channel.source not in self.sources:
-                raise fault(f" is {channel.source!r}; sources are {sorted(self.sources)}", *at, "source")
             if not channel.quantities:
                 raise fault(f" carries none of {', '.join(CHANNELS[name])}", *at)
             for quantity, one in channel.quantities.items():

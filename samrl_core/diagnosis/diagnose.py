@@ -270,9 +270,8 @@ def _conclude(
     )
     if chosen is not None and diagnosis.effects:
         rng = np.random.default_rng([settings.seed, 1])  # draws of its own: the report's stay as they are
-        far = replace(far, correction=kind.correction(evidence, chosen, far, rng))
-        if diagnosis.verdict == "effect":
-            far = replace(far, recalibration=kind.recalibration(likelihood, chosen))
+        sure = diagnosis.verdict == "effect"
+        far = replace(far, correction=kind.correction(evidence, chosen, far, sure, rng))
     done("report")
     return kind.finish(diagnosis, likelihood.trials[0]), far
 

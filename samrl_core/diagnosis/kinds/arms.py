@@ -74,7 +74,7 @@ class Arms(Kind[ArmRecording]):
         return curve_of(evidence, chosen, chosen.hypotheses[index])
 
     def correction(
-        self, evidence: Evidence, chosen: Fit, far: HowFar, rng: np.random.Generator
+        self, evidence: Evidence, chosen: Fit, far: HowFar, sure: bool, rng: np.random.Generator
     ) -> Correction | None:
         closed = tuple(r for r in far.resimulations if simulable(r.trial))  # an export replays the law
         return correction_of(evidence, chosen, closed, far.gap, rng)

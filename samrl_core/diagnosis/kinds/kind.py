@@ -85,13 +85,12 @@ class Kind(ABC, Generic[R]):
         return None
 
     def correction(
-        self, evidence: Evidence, chosen: Fit, far: HowFar, rng: np.random.Generator
-    ) -> Correction | None:
-        """What was named as a change of the model, for exports; None where no export takes it."""
-        return None
+        self, evidence: Evidence, chosen: Fit, far: HowFar, sure: bool, rng: np.random.Generator
+    ) -> Correction | Recalibration | None:
+        """What was named as a change of the model, for exports, or of a calibration, to be applied.
 
-    def recalibration(self, likelihood: Likelihood, chosen: Fit) -> Recalibration | None:
-        """What was named as a change of a calibration; None where these recordings tell of none."""
+        `sure` is false while other effects fit as well. None where nothing can be made of it.
+        """
         return None
 
     def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:

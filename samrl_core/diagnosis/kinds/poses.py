@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
+import numpy as np
+
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import POSE_EFFECTS
@@ -18,7 +20,8 @@ from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.solve import check_stated, solved
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Fit
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
 
 class Poses(Kind[PoseRecording]):
@@ -78,8 +81,12 @@ class Poses(Kind[PoseRecording]):
     ) -> tuple[NextExperiment | None, str]:
         return next_views(likelihood, fits, names, seed)
 
-    def recalibration(self, likelihood: Likelihood, chosen: Fit) -> Recalibration:
-        return recalibration(chosen, [t for t in likelihood.trials if isinstance(t, PoseTrial)])
+    def correction(
+        self, evidence: Evidence, chosen: Fit, far: HowFar, sure: bool, rng: np.random.Generator
+    ) -> Recalibration | None:
+        if not sure:
+            return None
+        return recalibration(chosen, [t for t in evidence.likelihood.trials if isinstance(t, PoseTrial)])
 
 
 def _chain_of(recording: PoseRecording) -> tuple[object, ...]:

@@ -47,8 +47,7 @@ class HowFar:
     resimulations: tuple[Resimulation, ...]
     overlays: tuple[Overlay, ...] = ()
     alarms: tuple[str, ...] = ()
-    correction: Correction | None = None  # of the model, where something was named
-    recalibration: Recalibration | None = None  # of the calibration, where one effect was named for sure
+    correction: Correction | Recalibration | None = None  # of model or calibration, where it was named
     motion: float | None = None  # shrink of position and velocity alone, where it was simulated
     size: float | None = None  # of the fitted first effect, that simulation would have best
 

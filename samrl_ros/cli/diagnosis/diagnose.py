@@ -19,6 +19,7 @@ from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
 from samrl_core.common.text_files import parse_json, read_text
+from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
@@ -162,8 +163,9 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
             status.update("writing the report")
             files = write_report(diagnosis, options.out)
             _write_resimulation(options.out, far.resimulations)
-            correction = far.correction and keep_correction(far.correction, model, options.out)
-            applied = _applied(far.recalibration, diagnosis, options) if options.apply else []
+            made = far.correction
+            correction = keep_correction(made, model, options.out) if isinstance(made, Correction) else None
+            applied = _applied(made, diagnosis, options) if options.apply else []
     except KeyboardInterrupt:
         screen.print("interrupted; nothing was written, the same command begins again", highlight=False)
         return INTERRUPTED
@@ -178,11 +180,13 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
 
 
-def _applied(found: Recalibration | None, diagnosis: Diagnosis, options: DiagnoseOptions) -> list[str]:
+def _applied(
+    found: Correction | Recalibration | None, diagnosis: Diagnosis, options: DiagnoseOptions
+) -> list[str]:
     """Write the corrected calibration of a diagnosis of poses; lines that say what became of it."""
     from samrl_core.diagnosis.export.recalibration import write_recalibration
 
-    if found is None:
+    if not isinstance(found, Recalibration):
         why = {
             "ambiguous": "several causes fit alike; record what would split them first",
             "no_gap": "nothing differs from the description",

@@ -32,7 +32,7 @@ def found() -> Correction:
     """Of an arm with friction at its lifting joint."""
     a, b, c = worlds.world(5, coulomb={LIFT: 1.6})
     _, far = diagnose([a, b], [c], DiagnosisSettings(library={"coulomb_friction", "payload"}))
-    assert far.correction is not None
+    assert isinstance(far.correction, Correction)
     return far.correction
 
 

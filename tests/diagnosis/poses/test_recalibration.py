@@ -28,7 +28,8 @@ from tests.diagnosis.worlds import world
 def found(recording: PoseRecording) -> tuple[Diagnosis, Recalibration | None]:
     fit, held_out = split_poses(recording)
     diagnosis, far = diagnose([fit], [held_out])
-    return diagnosis, far.recalibration
+    assert far.correction is None or isinstance(far.correction, Recalibration)
+    return diagnosis, far.correction
 
 
 @pytest.mark.parametrize("at_rest", [False, True])

@@ -12,6 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis import worlds
 from tests.diagnosis.worlds import ARMATURE, LIFT
@@ -52,7 +53,7 @@ def test_simulated_friction_is_the_stated_and_the_plants_own() -> None:
     command = worlds.commanded("A", 2.0)
     assert command.position is not None and command.velocity is not None
     start = command.position[0], command.velocity[0]
-    half = ClosedLoop(arm).rollout(
+    half = ClosedLoop(LoopModel(arm)).rollout(
         command, *start, [worlds.plant(coulomb={LIFT: 0.5}, viscous={LIFT: 0.3})], 2.0
     )
     whole = worlds.rollout(worlds.plant(**TRUTH), "A", 2.0)

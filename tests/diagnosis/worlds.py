@@ -17,6 +17,7 @@ from samrl_core.cell.types.arm_description import ArmController, ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
@@ -155,7 +156,7 @@ PROGRAMMES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], float, float]] =
 @cache
 def loop(gains: float) -> ClosedLoop:
     """Simulator of the arm at some gains."""
-    return ClosedLoop(arm(gains))
+    return ClosedLoop(LoopModel(arm(gains)))
 
 
 def commanded(programme: str, duration_s: float) -> JointSignal:

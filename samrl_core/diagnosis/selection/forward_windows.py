@@ -20,6 +20,7 @@ from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 WINDOW_S = 0.4
@@ -61,7 +62,7 @@ def drive_forward(
         armature=trial.rotor, tolerances=arm.tolerances,
     )  # fmt: skip
     substeps = max(1, int(np.ceil(period / LONGEST_STEP_S)))
-    loop = ClosedLoop(replace(arm, controller=law), substeps=substeps)
+    loop = ClosedLoop(LoopModel(replace(arm, controller=law), substeps=substeps))
     length = round(WINDOW_S * motion.rate)
     edge = max(motion.edge, 3)
     last = len(motion.time) - edge - length - 1

@@ -26,6 +26,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.resimulation import from_start, simulable
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 QUANTILE = 0.98
@@ -83,7 +84,7 @@ def simulate_null_recordings(
         shifted = JointSignal(
             command.time - motion.time[0], command.position, command.velocity, None, command.effort
         )
-        run = ClosedLoop(arm).rollout(
+        run = ClosedLoop(LoopModel(arm)).rollout(
             shifted,
             np.median(motion.full_position[:5], axis=0),
             np.median(motion.full_velocity[:5], axis=0),

@@ -16,6 +16,7 @@ from samrl_core.diagnosis.selection.forward_windows import drivable, drive_forwa
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, channel_scales, shrink
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 PIECE_S = 1.0  # of what has no loop: errors of an open loop grow without bound, whatever their cause
@@ -143,7 +144,7 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
     shifted = JointSignal(
         command.time - motion.time[0], command.position, command.velocity, None, command.effort
     )
-    loop = ClosedLoop(arm)
+    loop = ClosedLoop(LoopModel(arm))
     period = arm.controller.period_s
     every = max(1, round(1.0 / (motion.rate * period)))
     duration = float(motion.time[-1] - motion.time[0])

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError, LimitError
 from samrl_core.diagnosis.simulation.loop_model import LoopModel
@@ -40,7 +39,7 @@ class Rollouts:
 
 
 class ClosedLoop:
-    """Simulator of one described arm.
+    """Simulator of one described arm under its controller.
 
     A controller period: command (delay, low-pass) -> controller at the measured position and velocity ->
     commanded effort (delay, lost packets, low-pass, rate limit, saturation, gain, offset, ripple) -> rotor
@@ -51,31 +50,11 @@ class ClosedLoop:
     of the drive implicit in dq'. Commands between two stamps are interpolated linearly, before the first and
     after the last they are held; a command without velocity has zero velocity, one without effort no
     feed-forward.
-
-    An effort of sample k acts over the period that starts at k (`efforts="start"`), or over the one that
-    ends there, as a driver publishes it that reports what it has just applied (`efforts="end"`; the first
-    sample is then the torque that holds the arm).
-
-    Raises:
-        InputError: a description without URDF or controller, or gains that do not fit its joints.
     """
 
-    def __init__(
-        self,
-        arm: ArmDescription,
-        device: str = "cpu",
-        *,
-        substeps: int | None = None,
-        efforts: str = "start",
-        threads: int = 1,
-    ) -> None:
-        """Read the URDF.
-
-        `substeps` are integration steps to a period, as many as needed where left out; plants are spread
-        over `threads`.
-        """
-        self.arm = arm
-        self.model = LoopModel(arm, device, substeps=substeps, efforts=efforts, threads=threads)
+    def __init__(self, model: LoopModel) -> None:
+        self.model = model
+        self.arm = model.arm
 
     def rollout(
         self,

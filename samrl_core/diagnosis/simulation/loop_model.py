@@ -22,7 +22,11 @@ FIELD_STEP_S = 0.00025  # of the same where a stepper's poles make a stiff sprin
 
 
 class LoopModel:
-    """A described arm under its described controller, as `ClosedLoop` simulates it; see there.
+    """A described arm under its described controller, as `ClosedLoop` simulates it.
+
+    An effort of sample k acts over the period that starts at k (`efforts="start"`), or over the one that
+    ends there, as a driver publishes it that reports what it has just applied (`efforts="end"`; the first
+    sample is then the torque that holds the arm).
 
     Raises:
         InputError: a description without URDF or controller, or gains that do not fit its joints.
@@ -37,7 +41,11 @@ class LoopModel:
         efforts: str = "start",
         threads: int = 1,
     ) -> None:
-        """Read the URDF; `substeps` integration steps to a period, plants spread over `threads`."""
+        """Read the URDF.
+
+        `substeps` are integration steps to a period, as many as needed where left out; plants are spread
+        over `threads`.
+        """
         if substeps is None:
             substeps = 1 if arm.controller is None else usual_substeps(arm.controller)
         if arm.controller is None:

@@ -12,6 +12,7 @@ from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.gradients import gradient
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 
@@ -37,7 +38,7 @@ def benchmark(
     Returns:
         Names with units; `*_ratio` is the other's time over that of a nominal rollout (above 1 is faster).
     """
-    loop = ClosedLoop(arm)
+    loop = ClosedLoop(LoopModel(arm))
     start = np.asarray(start_position, dtype=float)
     joints = len(start)
     period = loop.model.step_s

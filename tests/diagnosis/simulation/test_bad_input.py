@@ -12,6 +12,7 @@ from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, DivergenceError
 from samrl_core.diagnosis.simulation.jacobian import jacobian
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis.simulation.arms import of_spec, still, swing
 
@@ -21,7 +22,7 @@ ZERO = np.zeros(7)
 
 @pytest.fixture(scope="module")
 def loop() -> ClosedLoop:
-    return ClosedLoop(of_spec(PANDA))
+    return ClosedLoop(LoopModel(of_spec(PANDA)))
 
 
 @pytest.mark.parametrize(
@@ -77,12 +78,12 @@ def test_bad_calls(loop: ClosedLoop) -> None:
 def test_descriptions_that_cannot_be_simulated() -> None:
     arm = of_spec(PANDA)
     with pytest.raises(InputError, match="controller"):
-        ClosedLoop(replace(arm, controller=None))
+        ClosedLoop(LoopModel(replace(arm, controller=None)))
     with pytest.raises(InputError, match="URDF"):
-        ClosedLoop(replace(arm, urdf=None))
+        ClosedLoop(LoopModel(replace(arm, urdf=None)))
     assert arm.controller is not None
     with pytest.raises(InputError, match="stiffness"):
-        ClosedLoop(replace(arm, controller=replace(arm.controller, stiffness=np.ones(3))))
+        ClosedLoop(LoopModel(replace(arm, controller=replace(arm.controller, stiffness=np.ones(3)))))
 
 
 def test_divergence_names_plant_joint_and_time(loop: ClosedLoop) -> None:

@@ -11,6 +11,7 @@ import pytest
 from samrl_core.cell.robots.panda.spec import PANDA
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis.simulation.arms import SLIDE, description, of_spec, still, swing
 
@@ -19,11 +20,11 @@ MASS = 2.0  # of the slide [kg]
 
 @pytest.fixture(scope="module")
 def panda() -> ClosedLoop:
-    return ClosedLoop(of_spec(PANDA))
+    return ClosedLoop(LoopModel(of_spec(PANDA)))
 
 
 def _slide(stiffness: float = 0.0, damping: float = 0.0, **options: Any) -> ClosedLoop:
-    return ClosedLoop(description(SLIDE, ("slide",), stiffness, damping), **options)
+    return ClosedLoop(LoopModel(description(SLIDE, ("slide",), stiffness, damping), **options))
 
 
 def _push(force: float) -> JointSignal:
@@ -46,7 +47,7 @@ def test_coulomb_friction_holds_below_its_level_and_not_above() -> None:
 def test_coulomb_friction_stops_a_light_joint_without_chatter() -> None:
     """One step of this friction would reverse the speed ten times over if it were explicit."""
     light = SLIDE.replace('mass value="2.0"', 'mass value="0.01"')
-    loop = ClosedLoop(description(light, ("slide",), 0.0, 0.0))
+    loop = ClosedLoop(LoopModel(description(light, ("slide",), 0.0, 0.0)))
     plant = PlantParameters(coulomb=2.0)
     run = loop.rollout(_push(0.0), np.zeros(1), np.array([1.0]), [plant], 0.05)
     speed = run.velocity[0, :, 0]
@@ -127,7 +128,7 @@ def test_a_very_stiff_spring_is_a_rigid_joint(panda: ClosedLoop) -> None:
 
 def test_spring_rings_at_its_natural_frequency() -> None:
     """Free-free motor and sled: omega^2 = K (1 / J + 1 / m)."""
-    loop = ClosedLoop(description(SLIDE, ("slide",), 0.0, 0.0, armature=np.array([1.0])))
+    loop = ClosedLoop(LoopModel(description(SLIDE, ("slide",), 0.0, 0.0, armature=np.array([1.0]))))
     plant = PlantParameters(joint_stiffness=6000.0)
     run = loop.rollout(_push(0.0), np.zeros(1), np.zeros(1), [plant], 1.0)
     assert np.abs(run.velocity).max() < 1e-9  # starts wound up by gravity, so nothing moves
@@ -147,7 +148,7 @@ def test_spring_rings_at_its_natural_frequency() -> None:
 def test_backlash_lets_the_motor_move_alone() -> None:
     """Motor and sled collide within the play; between collisions no torque passes."""
     loop = ClosedLoop(
-        description(SLIDE, ("slide",), 0.0, 0.0, armature=np.array([0.5]), gravity=(0.0, 0.0, 0.0))
+        LoopModel(description(SLIDE, ("slide",), 0.0, 0.0, armature=np.array([0.5]), gravity=(0.0, 0.0, 0.0)))
     )
     plant = PlantParameters(backlash=0.01)
     run = loop.rollout(_push(1.0), np.zeros(1), np.zeros(1), [plant], 0.1)
@@ -162,13 +163,15 @@ def test_efforts_at_the_end_of_their_period_are_one_sample_later() -> None:
     arm = of_spec(PANDA)
     command = swing(PANDA.home, 0.1)
     first, last = (
-        ClosedLoop(arm, efforts=where).rollout(command, PANDA.home, np.zeros(7), [PlantParameters()], 0.1)
+        ClosedLoop(LoopModel(arm, efforts=where)).rollout(
+            command, PANDA.home, np.zeros(7), [PlantParameters()], 0.1
+        )
         for where in ("start", "end")
     )
     np.testing.assert_array_equal(last.effort[0, 1:], first.effort[0, :-1])
     np.testing.assert_array_equal(last.commanded_effort[0, 1:], first.commanded_effort[0, :-1])
     np.testing.assert_allclose(
-        last.effort[0, 0], ClosedLoop(arm).model.rigid.gravity(PANDA.home[None])[0], atol=1e-9
+        last.effort[0, 0], ClosedLoop(LoopModel(arm)).model.rigid.gravity(PANDA.home[None])[0], atol=1e-9
     )
 
 
@@ -207,5 +210,7 @@ def test_order_of_plants_and_threads_do_not_matter(panda: ClosedLoop) -> None:
     plants = [PlantParameters(coulomb=0.1 * i, mount_stiffness=np.inf if i % 2 else 3e4) for i in range(5)]
     command = swing(PANDA.home, 0.05)
     run = panda.rollout(command, PANDA.home, np.zeros(7), plants, 0.05)
-    spread = ClosedLoop(panda.arm, threads=2).rollout(command, PANDA.home, np.zeros(7), plants[::-1], 0.05)
+    spread = ClosedLoop(LoopModel(panda.arm, threads=2)).rollout(
+        command, PANDA.home, np.zeros(7), plants[::-1], 0.05
+    )
     np.testing.assert_array_equal(run.effort, spread.effort[::-1])

@@ -10,6 +10,7 @@ import pytest
 
 from samrl_core.cell.robots.panda.spec import PANDA
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters, joint_fields
 from tests.diagnosis.simulation.arms import of_spec, still, swing
 
@@ -93,7 +94,7 @@ CASES: dict[str, Case] = {
 
 @pytest.fixture(scope="module")
 def loop() -> ClosedLoop:
-    return ClosedLoop(of_spec(PANDA, armature=ARMATURE))
+    return ClosedLoop(LoopModel(of_spec(PANDA, armature=ARMATURE)))
 
 
 def _run(loop: ClosedLoop, plant: PlantParameters) -> Rollouts:

@@ -11,6 +11,7 @@ import pytest
 
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis.simulation.arms import ARMS, free, still
 
@@ -24,7 +25,7 @@ def _velocity(joints: int) -> np.ndarray:
 @pytest.mark.parametrize("name", ARMS)
 def test_one_step_is_pinocchios_forward_dynamics(name: str) -> None:
     arm, start = ARMS[name]
-    loop = ClosedLoop(free(arm))
+    loop = ClosedLoop(LoopModel(free(arm)))
     rng = np.random.default_rng(3)
     for _ in range(5):
         q, dq = start + rng.normal(0, 0.6, len(start)), rng.normal(0, 1.5, len(start))
@@ -39,7 +40,7 @@ def test_one_step_is_pinocchios_forward_dynamics(name: str) -> None:
 def test_trajectory_is_pinocchios(name: str) -> None:
     """300 steps under the described controller against Pinocchio's ABA in Python."""
     arm, start = ARMS[name]
-    loop = ClosedLoop(arm)
+    loop = ClosedLoop(LoopModel(arm))
     target = start + 0.1
     run = loop.rollout(still(target), start, _velocity(len(start)), [PlantParameters()], 0.3)
     assert arm.controller is not None
@@ -72,7 +73,7 @@ def test_energy_error_shrinks_with_the_step(name: str) -> None:
     arm, start = ARMS[name]
     drift = []
     for substeps in (1, 10):
-        loop = ClosedLoop(free(arm), substeps=substeps)
+        loop = ClosedLoop(LoopModel(free(arm), substeps=substeps))
         run = loop.rollout(still(start), start, _velocity(len(start)), [PlantParameters()], 0.2)
         energy = [_energy(loop, run.position[0, k], run.velocity[0, k]) for k in (0, 200)]
         drift.append(abs(energy[1] - energy[0]))
@@ -153,7 +154,9 @@ def test_mujoco_moves_alike(name: str) -> None:
 
 
 def _ours(arm: ArmDescription, start: np.ndarray) -> np.ndarray:
-    run = ClosedLoop(free(arm)).rollout(still(start), start, _velocity(len(start)), [PlantParameters()], 0.2)
+    run = ClosedLoop(LoopModel(free(arm))).rollout(
+        still(start), start, _velocity(len(start)), [PlantParameters()], 0.2
+    )
     return run.position[0]
 
 

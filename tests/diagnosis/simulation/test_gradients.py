@@ -16,6 +16,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.gradients import Gradient, gradient
 from samrl_core.diagnosis.simulation.jacobian import jacobian
+from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters, joint_fields
 from tests.diagnosis.simulation.arms import ARMS, description, swing
 
@@ -80,7 +81,7 @@ def _problem(
     about, start = ARMS[arm]
     if described is not None:
         about = replace(about, controller=described)
-    loop = ClosedLoop(about, **options)  # type: ignore[arg-type]
+    loop = ClosedLoop(LoopModel(about, **options))  # type: ignore[arg-type]
     joints = len(start)
     rng = np.random.default_rng(5)
     shape = (1, int(DURATION / about.controller.period_s + 0.5) + 1, joints)
@@ -246,7 +247,7 @@ def test_adjoint_and_differences_agree_on_a_jacobian() -> None:
 
 def test_gradients_of_plants_are_their_own() -> None:
     about, start = ARMS["tree"]
-    loop = ClosedLoop(about)
+    loop = ClosedLoop(LoopModel(about))
     command = swing(start, DURATION, 0.1, 3.0)
     plants = [replace(RICH, coulomb=level) for level in (0.1, 0.5)]
 
@@ -264,7 +265,7 @@ def test_gradients_of_plants_are_their_own() -> None:
 
 def test_clipping_stops_the_gradient() -> None:
     arm = description(ARMS["slide"][0].urdf or "", ("slide",), 200.0, 0.0, effort_limit=np.array([1.0]))
-    loop = ClosedLoop(arm)
+    loop = ClosedLoop(LoopModel(arm))
     command = JointSignal(np.array([0.0]), np.array([[1.0]]))
 
     def loss(run: Rollouts) -> tuple[np.ndarray, Rollouts]:
@@ -282,7 +283,7 @@ def test_a_history_too_large_for_memory_is_refused() -> None:
     about, start = ARMS["panda"]
     with pytest.raises(InputError, match="GB"):
         gradient(
-            ClosedLoop(about),
+            ClosedLoop(LoopModel(about)),
             swing(start, 0.1),
             start,
             np.zeros(7),

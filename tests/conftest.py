@@ -1,7 +1,8 @@
 """Every test process has a ROS domain of its own, on loopback, without shared-memory leftovers.
 
 Numerical libraries get one thread, as in the cell's own processes (`samrl_ros.hosting.threads`): set here,
-before any test module imports torch.
+before any test module imports torch. Threads that wait for each other at every small image are 20 times
+slower on a busy machine.
 """
 
 from __future__ import annotations
@@ -10,9 +11,13 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import filelock
 import pytest
+
+if TYPE_CHECKING:
+    from samrl_core.model.model import Model
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -52,3 +57,13 @@ def ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         else:
             os.environ[name] = value
     lock.release()
+
+
+@pytest.fixture(scope="session")
+def model() -> Model:
+    """The model of peg insertion in the default cell: one for all tests of a run."""
+    from samrl_core.cell.robots.cells import cell_named
+    from samrl_core.cell.tasks import task_named
+    from samrl_core.model.model import Model
+
+    return Model(task_named("peg_insertion"), cell_named())

@@ -16,7 +16,6 @@ from samrl_core.studies.experiment import CASES, Options
 from samrl_core.studies.paper import fig6
 from samrl_core.studies.paper.expert_states import PHASES, expert_states
 from samrl_core.studies.paper.view_maps import rank_correlation, reachable, regret, view_grid
-from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
 MODEL = Model(task_named("peg_insertion"), cell_named())
 

@@ -12,7 +12,6 @@ from samrl_core.studies.experiment import Options
 from samrl_core.studies.paper import fig7
 from samrl_core.studies.paper.saliency import SaliencySettings, cover_map, gradient_maps, within_patches
 from samrl_core.studies.paper.view_maps import rank_correlation
-from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
 SETTINGS = SaliencySettings(noise_samples=2, patch=8, stride=8)
 

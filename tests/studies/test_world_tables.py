@@ -23,7 +23,6 @@ from samrl_core.studies.experiment import Case, CaseLog, Options
 from samrl_core.studies.paper import fig8d
 from samrl_core.studies.paper.table1 import table1_world
 from samrl_core.studies.paper.table1.held_views import HeldView
-from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
 TASK = "peg_insertion"
 VIEWS = tuple(

@@ -9,12 +9,10 @@ import pytest
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.model import Model
 from samrl_core.studies.episodes.cell_driver import CellDriver
-from tests.peg_model import model  # noqa: F401 (a fixture)
-from tests.torch_threads import one_thread  # noqa: F401 (a fixture)
 
 
 @pytest.fixture(scope="session")
-def driver(model: Model) -> Iterator[CellDriver]:  # noqa: F811
+def driver(model: Model) -> Iterator[CellDriver]:
     """A driver of a world with the default noise; reset it before use."""
     world = PyBulletWorld(model.task, model.cell)
     yield CellDriver(world, model.cell, world.scene.tool)

@@ -26,6 +26,7 @@ FINGER_MIDDLE_Z = 0.085  # [m]
 FINGER_MESH_Z = 0.0584  # origin of a finger's mesh (franka_description, finger_joint1) [m]
 HAND_COLOR: Rgb = (0.75, 0.75, 0.75)
 HAND_PARTS = 3  # palm and two fingers
+TOOL_LABEL = 2  # of the hand with what it holds, in masks
 GRIP_IN_FLANGE = Pose(np.array([0.0, 0.0, HAND_TCP_Z]), np.array([0.0, 0.0, 0.0, 1.0]))
 
 _UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.kinds.next_views import next_views
 from samrl_core.diagnosis.kinds.pose_corrections import recalibration
+from samrl_core.diagnosis.recordings.held_out import GAP_S, SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
@@ -103,7 +104,7 @@ def _chain_of(recording: PoseRecording) -> tuple[object, ...]:
 
 
 def split_poses(
-    recording: PoseRecording, held_out_share: float = 0.3, gap_s: float = 0.5
+    recording: PoseRecording, held_out_share: float = SHARE, gap_s: float = GAP_S
 ) -> tuple[PoseRecording, PoseRecording]:
     """First part to fit, last part to hold out; pairs at rest alternate, three to fit and one to hold out.
 

@@ -13,6 +13,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import READING_EFFECTS
 from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.kinds.kind import Kind
+from samrl_core.diagnosis.recordings.held_out import SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.readings.reading_trial import ReadingTrial
@@ -109,7 +110,7 @@ class Readings(Kind[ReadingRecording]):
 
 
 def split_readings(
-    recording: ReadingRecording, held_out_share: float = 0.3
+    recording: ReadingRecording, held_out_share: float = SHARE
 ) -> tuple[ReadingRecording, ReadingRecording]:
     """Stretches of a tenth each: of depth some from everywhere are held out, of stamps the last ones.
 

@@ -10,6 +10,8 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
 
+SHARE = 0.3  # of a recording that is alone, held out
+GAP_S = 0.5  # between its fitted part and the other [s]
 _RUN = 32  # samples compared at a time; quantised positions alone repeat by chance
 _DISTINCT = 8  # different rows that a run needs: an arm at rest is no evidence
 _SHARED = 0.05  # share of runs found in the fitted data from which they count as the same
@@ -111,7 +113,7 @@ def block(recording: ArmRecording, begin_s: float, end_s: float) -> ArmRecording
 
 
 def split(
-    recording: ArmRecording, held_out_share: float = 0.3, gap_s: float = 0.5
+    recording: ArmRecording, held_out_share: float = SHARE, gap_s: float = GAP_S
 ) -> tuple[ArmRecording, ArmRecording]:
     """First part to fit, last part to hold out, with a gap [s] between, so that they share no transient.
 

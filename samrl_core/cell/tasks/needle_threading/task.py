@@ -14,6 +14,7 @@ import numpy as np
 from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.chain import link_frames
+from samrl_core.cell.tasks.hand import TOOL_LABEL
 from samrl_core.cell.tasks.needle_threading.eye import needle_body
 from samrl_core.cell.tasks.needle_threading.thread import crossing_distance, length_below, points_at
 from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
@@ -66,7 +67,7 @@ class NeedleThreading(Task):
     free_step: float = 0.006  # largest displacement per action in free space [m]
     fine_step: float = 0.004  # the same in the eye [m]
     thread_label: int = 1
-    tool_label: int = 2
+    tool_label: int = TOOL_LABEL
     needle_label: int = 5
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views

@@ -9,6 +9,7 @@ import numpy as np
 
 from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.hand import TOOL_LABEL
 from samrl_core.cell.tasks.peg_insertion.board import board_body
 from samrl_core.cell.tasks.peg_insertion.tool import hand_with_peg
 from samrl_core.cell.tasks.screen import Screen, bodies_of
@@ -54,7 +55,7 @@ class PegInsertion(Task):
     free_step: float = 0.010  # largest displacement per action in free space [m]
     fine_step: float = 0.005  # the same near and inside the hole [m]
     board_label: int = 1
-    tool_label: int = 2
+    tool_label: int = TOOL_LABEL
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
     tilt: float = 0.0  # the block leans up to this about x and about y at the start; 0: it never does [rad]

@@ -14,6 +14,7 @@ import numpy as np
 
 from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks.hand import TOOL_LABEL
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.spatula_flipping.pancake import lip_body, pancake_body
 from samrl_core.cell.tasks.spatula_flipping.tool import hand_with_spatula
@@ -75,7 +76,7 @@ class SpatulaFlipping(Task):
     free_step: float = 0.010  # largest displacement per action in free space [m]
     push_step: float = 0.006  # the same under the pancake and while turning it [m]
     pancake_label: int = 1
-    tool_label: int = 2
+    tool_label: int = TOOL_LABEL
     lip_label: int = 5
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views

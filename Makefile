@@ -36,6 +36,9 @@ TORCH := $(shell grep '^torch==' constraints.txt)
 # A build of torch that pip cannot find where it is configured to look is fetched from torch's own CPU index.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
+# Files with a test of that marker: the others need not be imported (10 s).
+MARKED = $(shell grep -rl --include='test_*.py' 'mark\.$(1)' tests)
+
 INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/interfaces/*.py)
 
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
@@ -69,10 +72,11 @@ test: $(BUILT)
 	$(MAKE) -j2 -Oline live check
 
 thorough: $(BUILT)
-	$(BIN)/python -m pytest -q -m "thorough and not slow and not live" -n $(WORKERS) --dist worksteal
+	$(BIN)/python -m pytest -q -m "thorough and not slow and not live" -n $(WORKERS) --dist worksteal $(call MARKED,thorough)
+	$(BIN)/python -m pytest -q -m "thorough and live and not slow" $(call MARKED,live)
 
 live: $(BUILT)
-	$(BIN)/python -m pytest -q -m "live and not slow"
+	$(BIN)/python -m pytest -q -m "live and not slow and not thorough" $(call MARKED,live)
 
 check: $(BUILT)
 	$(BIN)/ruff check .

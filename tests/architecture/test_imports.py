@@ -144,6 +144,7 @@ def test_a_circle_of_files_is_caught_even_when_lazy(tmp_path: Path) -> None:
     assert rules.file_circles(found) == [["samrl_ros.bags.a", "samrl_ros.bags.b"]]
 
 
+@pytest.mark.thorough
 def test_core_imports_with_ros_hidden() -> None:
     """Every module of the core, in a process where importing ROS, bags or the command line raises."""
     hidden = [name for name, places in rules.ALLOWED.items() if places == ("samrl_ros/",)]

@@ -183,6 +183,7 @@ def test_command_lines_are_accepted(page: Path) -> None:
 PYTHON = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
+@pytest.mark.thorough
 def test_python_of_the_readme_runs() -> None:
     """In a process of its own, without ROS: what it prints points from the guess towards the true hole."""
     (program,) = PYTHON.findall((ROOT / "README.md").read_text())

@@ -67,6 +67,7 @@ def test_without_a_node_it_lists_them(
     assert all(name in (said.out if code == 0 else said.err) for name in (*NODES, "cell"))
 
 
+@pytest.mark.thorough
 def test_help_is_the_executables_own() -> None:
     command = [sys.executable, "-m", "samrl_ros.ros2_run", "recorder", "--help"]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -28,6 +28,7 @@ print(values.numpy().sum())
 """
 
 
+@pytest.mark.thorough
 def test_only_the_first_start_tells_what_it_compiles(tmp_path: Path) -> None:
     program = tmp_path / "toy_kernels.py"
     program.write_text(PROGRAM)

@@ -29,6 +29,7 @@ def diagnosed(made: list[ArmRecording]) -> Diagnosis:
     return diagnose(made[:1], made[1:], DiagnosisSettings(share_held_out=False))[0]
 
 
+@pytest.mark.thorough
 def test_columns_under_each_others_names_are_named() -> None:
     mixed = [Misdescription("joint_order", (0, 2, 1), 1.0, "", 0.0, 0.0).corrected(r) for r in recordings()]
     found = diagnosed(mixed)

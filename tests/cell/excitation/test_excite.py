@@ -98,6 +98,7 @@ def test_command_line_writes_bags_and_refuses_to_replace_them(tmp_path, capsys):
     assert "B.mcap exists" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_trajectory_file_on_the_command_line(tmp_path, capsys):
     file = tmp_path / "next.yaml"
     TrajectoryFile("tool_arm", "two_gains", parameters={"duration_s": 1.0}).write(file)

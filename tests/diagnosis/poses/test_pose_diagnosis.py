@@ -127,6 +127,7 @@ def test_a_family_that_is_withheld_is_not_replaced_by_another() -> None:
     assert d.verdict in ("none_of_mine", "no_gap")
 
 
+@pytest.mark.thorough
 def test_unknown_transforms_are_solved_and_time_is_still_told() -> None:
     world = PoseWorld(latency=0.06, stated=False)
     d = diagnosis(world)
@@ -208,6 +209,7 @@ def _first(recording: PoseRecording, count: int) -> PoseRecording:
     )
 
 
+@pytest.mark.thorough
 def test_two_arms_tell_whose_clock_it_is() -> None:
     """With both arms in motion the camera's lateness and the tool arm's clock are two things."""
     fit, held_out = split_poses(record_two_arms(tool_clock=0.03))

@@ -78,6 +78,7 @@ def test_an_encoder_is_said_and_changes_no_transform() -> None:
     assert value == pytest.approx(0.008, abs=0.001) and statement.says.endswith("from what bend reads")
 
 
+@pytest.mark.thorough
 def test_a_clock_that_is_ahead_is_shifted_back() -> None:
     _, corrected = found(record_two_arms(tool_clock=0.03))
     assert corrected is not None

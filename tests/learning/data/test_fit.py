@@ -53,6 +53,7 @@ def same_end(folder: Path, whole: Path) -> None:
     assert (folder / LOG).read_text() == (whole / LOG).read_text()
 
 
+@pytest.mark.thorough
 def test_an_actor_learns_where_the_spot_is(tmp_path: Path) -> None:
     seen = []
     settings = replace(tiny.SETTINGS, epochs=12)
@@ -98,6 +99,7 @@ def test_killed_in_the_middle_it_ends_the_same(tmp_path: Path, whole: Path) -> N
     same_end(tmp_path, whole)
 
 
+@pytest.mark.thorough
 def test_stopped_within_an_epoch_it_ends_the_same(tmp_path: Path, whole: Path) -> None:
     class Ending(tiny.Spots):
         batches = 0

@@ -45,6 +45,7 @@ def test_plans_solve_the_task(name: str) -> None:
     assert successes(name, [3], ERRORS[name]) == 1
 
 
+@pytest.mark.thorough
 def test_the_plan_foresees_a_swing() -> None:
     """A slack thread, brought over the eye without a pause, swings past it: six actions along the straight
     line miss. As many, found through the physics, do not.

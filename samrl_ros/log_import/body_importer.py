@@ -73,6 +73,8 @@ def _each_file(entry: Any, general: dict[str, Any], data: Path, where: str) -> l
             raise InputError(f"{where}.hold_out_every goes with `glob`; a single recording has a `role`")
         return [entry]
     rest = {k: v for k, v in entry.items() if k not in ("glob", "hold_out_every")}
+    if "files" in rest or "files" in general:
+        raise InputError(f"{where}.glob names the files, so `files` must be left out")
     pattern, every = entry["glob"], entry.get("hold_out_every", 0)
     if not isinstance(pattern, str) or pattern.startswith("/") or ".." in Path(pattern).parts:
         raise InputError(f"{where}.glob is {pattern!r}, must be a pattern below the folder of the data")

@@ -181,10 +181,16 @@ class FakeCell:
     def _answer(self) -> None:
         asked, self._asked = self._asked, {"asks": "nothing"}
         if asked["asks"] == "scene":
-            self._ready.call_async(Trigger.Request())
+            answer = self._ready.call_async(Trigger.Request())
         else:
             end = read_truth(self._options.truth)[asked["episode"]]["end"]
-            self._judge.call_async(SetBool.Request(data=self._task.succeeded(ending_of(end))))
+            answer = self._judge.call_async(SetBool.Request(data=self._task.succeeded(ending_of(end))))
+        answer.add_done_callback(lambda future: future.result().success or self._answer_again(asked))
+
+    def _answer_again(self, asked: dict[str, Any]) -> None:
+        """As a person does who was refused, of an arm that was not seen at the start yet."""
+        if self._asked["asks"] == "nothing":
+            self._asked, self._answer_ns = asked, self._world.time_ns + 300_000_000
 
 
 def embedded(image: np.ndarray) -> np.ndarray:

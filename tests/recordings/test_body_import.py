@@ -152,3 +152,12 @@ def test_bad_patterns_are_refused(logs: Path, entry: dict, message: str) -> None
     content["recordings"] = [entry]
     with pytest.raises(InputError, match=message):
         imported(logs, content)
+
+
+@pytest.mark.parametrize(
+    "key, says", [("files", "glob names the files"), ("parts", r"parts: no source \['nobody'\]; there are")]
+)
+def test_a_source_that_is_not_there_is_named(logs: Path, key: str, says: str) -> None:
+    (logs / "bad.yaml").write_text(yaml.safe_dump({**mapping(), key: {"nobody": "x.csv"}}))
+    with pytest.raises(InputError, match=rf"recordings\[0\]\.{says}"):
+        import_body_logs(logs / "bad.yaml", logs, None)

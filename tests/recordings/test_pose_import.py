@@ -161,3 +161,10 @@ def test_clocks_of_different_days_are_refused(logs: Path) -> None:
     content["sources"]["robot"]["time"] = {"column": "ms", "unit": "ms", "offset_s": 5000.0}
     with pytest.raises(InputError, match="no overlap"):
         imported(logs, content)
+
+
+@pytest.mark.parametrize("key", ["files", "parts"])
+def test_a_source_that_is_not_there_is_named(logs: Path, key: str) -> None:
+    (logs / "bad.yaml").write_text(yaml.safe_dump({**mapping(), key: {"nobody": "x.csv"}}))
+    with pytest.raises(InputError, match=rf"recordings\[0\]\.{key}: no source \['nobody'\]; there are"):
+        import_pose_logs(logs / "bad.yaml", logs, None)

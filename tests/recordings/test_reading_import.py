@@ -62,3 +62,10 @@ def test_bad_mappings_name_the_key(logs: Path, key: str, value: str, message: st
     with pytest.raises(InputError, match=message) as caught:
         import_reading_logs(logs / "bad.yaml", logs, None)
     assert "recordings[0].readings" in str(caught.value) or "readings" in str(caught.value)
+
+
+@pytest.mark.parametrize("key", ["files", "parts"])
+def test_a_source_that_is_not_there_is_named(logs: Path, key: str) -> None:
+    (logs / "bad.yaml").write_text(yaml.safe_dump({**MAPPING, key: {"nobody": "x.csv"}}))
+    with pytest.raises(InputError, match=rf"recordings\[0\]\.{key}: no source \['nobody'\]; there are"):
+        import_reading_logs(logs / "bad.yaml", logs, None)

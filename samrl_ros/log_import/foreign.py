@@ -44,6 +44,11 @@ def read_foreign(
         InputError: something about the log is not sure, or as `draft_mapping` and `import_recording`.
     """
     draft = draft_mapping([path], urdf, urdf, effort)
+    if any("{name}" in source["file"] for source in draft.sources.values()):
+        names = ", ".join(recording["name"] for recording in draft.recordings)
+        raise InputError(
+            f"{path} holds several recordings ({names}): name each file, and one of them by --held-out"
+        )
     if draft.questions:
         asked = "".join(f"\n  {question}" for question in draft.questions)
         raise InputError(

@@ -335,6 +335,33 @@ def test_what_each_log_leaves_to_ask(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert table["degrees_csv"] == ["joints"]
 
 
+def test_files_with_the_same_columns_are_recordings_of_one_machine(tmp_path: Path) -> None:
+    folder = tmp_path / "bench"
+    folder.mkdir()
+    time = np.arange(0.0, 8.0, 0.01)
+    for k, name in enumerate(("slow", "swift", "work")):
+        goal = 100.0 * np.sin((1.0 + k) * time)
+        force = 3.0 * np.cos(time)
+        rate = 100.0 * (1.0 + k) * np.cos((1.0 + k) * time)
+        rows = np.column_stack([time, goal, goal + 0.01 * np.sin(9 * time), rate, force])
+        head = "Time[s],Target[mm],Actual[mm],Velocity[mm/s],Force[N]"
+        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=head, comments="", fmt="%.6f")
+    draft = draft_mapping([folder], None, None)
+    assert [(r["name"], r["role"]) for r in draft.recordings] == [
+        ("slow", "fit"), ("swift", "fit"), ("work", "held_out"),
+    ]  # fmt: skip
+    assert not any("and not" in question for question in draft.questions)
+    # A velocity that is not called `actual` beside an actual position is the measured one all the same.
+    assert draft.channels["states"]["velocity"]["formula"] == ["velocity_mm_s_1"]
+    assert draft.channels["commanded_effort"]["effort"]["formula"] == ["force_n_1"]
+    text = as_yaml(draft).replace("questions:", "about:\n  was:", 1).replace("\nabout: D", "\n# D", 1)
+    mapping = parse_mapping(text, folder / "m.yaml")
+    positions = [import_recording(r, mapping, folder).recording.states.position for r in mapping.recordings]
+    assert [np.ptp(p) for p in positions] == pytest.approx([0.2] * 3, rel=0.01)
+    with pytest.raises(InputError, match=r"several recordings \(slow, swift, work\)"):
+        read_foreign(folder, None, None, Effort.none)
+
+
 def test_efforts_that_are_stated_leave_nothing_to_ask(tmp_path: Path) -> None:
     path = ros2_bag(tmp_path)
     for effort in (Effort.drive, Effort.link, Effort.none):

@@ -94,17 +94,21 @@ def _free(columns: dict[str, str], name: str) -> str:
 def _beside(
     found: list[NamedBlock], position: NamedBlock, order: list[str], quantity: str
 ) -> list[NamedBlock]:
-    """Measured blocks of a quantity in the same part, with the same joints."""
-    return [
+    """Measured blocks of a quantity in the same part, with the same joints.
+
+    First those that are marked as the position is: a log of `actual` positions may not repeat the word.
+    """
+    there = [
         c
         for c in found
         if c.part is position.part
         and c.meaning.quantity == quantity
         and not c.meaning.commanded
         and not c.meaning.computed
-        and c.meaning.measured == position.meaning.measured
+        and (position.meaning.measured or not c.meaning.measured)
         and set(order) <= set(c.block.labels)
     ]
+    return sorted(there, key=lambda c: c.meaning.measured != position.meaning.measured)
 
 
 def add_velocity(

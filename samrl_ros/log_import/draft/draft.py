@@ -37,7 +37,8 @@ def draft_mapping(
     """Draft a mapping of one recording.
 
     Args:
-        paths: files of one recording, or one folder with them.
+        paths: files of one recording, or one folder with them; files with the same columns are recordings of
+            one machine, one after another.
         urdf: text of the robot's description, if there is one; else a bag's own is looked for.
         urdf_file: where it lies, as the mapping is to name it.
         effort: what measured efforts are: of a link-side sensor, at the drive's output side before friction,
@@ -63,13 +64,16 @@ def draft_mapping(
             if not searched:
                 raise
             draft.unused.append(f"{file.name}: {error}")
+    runs = _runs(parts)
+    if runs:
+        parts = [part for part in parts if part.path == runs[0]]
     several = len({part.path for part in parts}) > 1
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
-    draft.recordings += _recordings(files)
+    draft.recordings += _recordings_of_runs(runs, draft) if runs else _recordings(files)
     unit = _position_unit(position, draft)
     time = add_source(position.part, "states", draft)
     states = {"source": "states", "position": quantity_of(position, order, unit, draft, "states")}
@@ -81,7 +85,34 @@ def draft_mapping(
     for each in found:
         if not any(each.block is one.block for one in used):
             draft.unused.append(name_of(each))
+    if runs:
+        for source in draft.sources.values():
+            source["file"] = f"{{name}}{runs[0].suffix}"
     return draft
+
+
+def _runs(parts: Sequence[LogPart]) -> list[Path]:
+    """Files of one kind and folder that hold the same columns, if that is all there is; else none."""
+    paths = list(dict.fromkeys(part.path for part in parts))
+    alike = {
+        (
+            part.path.parent,
+            part.path.suffix,
+            part.part,
+            part.times,
+            *((b.stem, b.columns) for b in part.blocks),
+        )
+        for part in parts
+    }
+    if len(paths) < 2 or len(paths) != len(parts) or len(alike) > 1 or parts[0].ros:
+        return []
+    return paths
+
+
+def _recordings_of_runs(runs: Sequence[Path], draft: Draft) -> list[dict[str, Any]]:
+    """One for each file; the last is held out."""
+    draft.note("recordings", "files with the same columns: one machine's; the last by name is held out")
+    return [{"name": path.stem, "role": "held_out" if path is runs[-1] else "fit"} for path in runs]
 
 
 def _recordings(files: list[Path]) -> list[dict[str, Any]]:

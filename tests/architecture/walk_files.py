@@ -19,6 +19,7 @@ from pathlib import Path
 from types import CodeType, FrameType
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("samrl_core", "samrl_ros")  # an environment below the root is not the project
 sys.path.insert(0, str(ROOT))
 
 
@@ -47,7 +48,7 @@ class Walk:
         for code in tuple(self._seen):  # threads of the walk may still run
             path = Path(code.co_filename)
             function = code.co_flags & inspect.CO_OPTIMIZED  # bodies of modules and classes are not
-            if function and path.is_relative_to(ROOT) and not path.is_relative_to(ROOT / "tests"):
+            if function and any(path.is_relative_to(ROOT / package) for package in PACKAGES):
                 found[str(path.relative_to(ROOT))] += 1
         return found
 

@@ -13,7 +13,7 @@ from samrl_core.common.validation import Checked, fault
 from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, Formula, FormulaList
 from samrl_ros.log_import.specs import LoggedSpec, Pair
 
-TURNS = ("quaternion", "rotation_vector", "rpy", "matrix", "angle")
+TURNS = ("quaternion", "rotation_vector", "rpy", "rotation_matrix", "matrix", "angle")
 Length = Literal["m", "cm", "mm"]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -29,6 +29,7 @@ class BodyTrackSpec(Checked):
     order: Literal["xyzw", "wxyz"] = "xyzw"
     rotation_vector: list[Formula] | str | None = None
     rpy: list[Formula] | str | None = None  # about the fixed x, y, z axes
+    rotation_matrix: list[Formula] | str | None = None  # 9 numbers, row by row
     matrix: list[Formula] | str | None = None  # 12 or 16 numbers, row by row, position among them
     angle: Formula | None = None  # about the axis that two measured ones leave
     angle_unit: Literal["rad", "deg"] = "rad"

@@ -27,6 +27,7 @@ from samrl_ros.log_import.pose_specs import (
     PoseRecordingSpec,
     TrackSpec,
     rotations_of,
+    rotations_of_matrices,
 )
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.recordings.pose_file import SUFFIX, write_pose_file
@@ -87,7 +88,7 @@ def import_poses(spec: PoseRecordingSpec, text: str, data: Path, beside: Path) -
     cache: dict[str, SourceData] = {}
     for source in map(spec.source_of, spec.readers().values()):
         if source not in cache:
-            cache[source] = read_source(spec, source, constants, data, notes)
+            cache[source] = read_source(spec, source, constants, data, notes, spec.poses.at_rest)
     seen = _track(spec, "target_in_camera", spec.poses.target_in_camera, cache)
     zero = float(seen.time[0])
     arms: dict[str, ArmPoses | None] = {}
@@ -158,10 +159,7 @@ def matrices_of(numbers: np.ndarray, where: str) -> tuple[Rotation, np.ndarray]:
     if numbers.shape[1] not in (12, 16):
         raise InputError(f"{where}.matrix has {numbers.shape[1]} numbers, must be 12 or 16")
     rows = numbers[:, :12].reshape(len(numbers), 3, 4)
-    rotations, position = Rotation.from_matrix(rows[:, :, :3]), rows[:, :, 3]
-    if float(np.max(np.abs(rotations.as_matrix() - rows[:, :, :3]))) > 1e-3:
-        raise InputError(f"{where}.matrix holds no rotations; numbers must stand row by row")
-    return rotations, position
+    return rotations_of_matrices(rows[:, :, :3], f"{where}.matrix"), rows[:, :, 3]
 
 
 def inside_range(given: tuple[int | float | None, int | float | None] | None, time: np.ndarray) -> np.ndarray:
@@ -228,6 +226,8 @@ def _within(
                 f"{spec.path}.poses.{arm.role} is given at {1 / step:.2g} Hz, below {SLOW_HZ:g} Hz: between"
                 " its stamps nobody knows it; say `at_rest: true` if poses were taken at rest"
             )
+    if spec.poses.at_rest:
+        return _paired(spec, seen, arms, notes), False
     begin = max(float(a.stamps[0]) for a in arms)
     end = min(float(a.stamps[-1]) for a in arms)
     inside = seen.between(begin, np.nextafter(end, np.inf))
@@ -239,6 +239,25 @@ def _within(
     if len(inside) < len(seen):
         notes.append(f"{len(seen) - len(inside)} seen poses lie outside of the arms' stamps and are left out")
     return inside, timed
+
+
+def _paired(spec: PoseRecordingSpec, seen: PoseTrack, arms: list[ArmPoses], notes: list[str]) -> PoseTrack:
+    """Poses seen at rest for which every arm has a pose nearer in time than the next view."""
+    step = float(np.median(np.diff(seen.time))) if len(seen) > 1 else np.inf
+    apart = np.zeros(len(seen))
+    for arm in arms:
+        near = np.min(np.abs(seen.time[:, None] - arm.stamps), axis=1)
+        apart = np.maximum(apart, near)
+    keep = apart < 0.5 * step
+    if keep.sum() < 2:
+        raise InputError(
+            f"{spec.path}: {keep.sum()} of {len(seen)} seen poses have an arm's pose within"
+            f" {0.5 * step:.3g} s (half the time between views); shift one by `time.offset_s`,"
+            " or leave `time` out where rows are pairs"
+        )
+    if not keep.all():
+        notes.append(f"{np.count_nonzero(~keep)} seen poses have no pose of the arm and are left out")
+    return PoseTrack(seen.time[keep], seen.position[keep], seen.quat_xyzw[keep])
 
 
 def _describe(recording: PoseRecording) -> list[str]:

@@ -14,7 +14,7 @@ from samrl_core.common.validation import Checked, fault
 from samrl_ros.log_import.specs import LoggedSpec, Pair
 
 Formula = Any  # text or number; `evaluate` refuses the rest with the key path
-ROTATIONS = ("quaternion", "rotation_vector", "rpy", "matrix")
+ROTATIONS = ("quaternion", "rotation_vector", "rpy", "rotation_matrix", "matrix")
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLES = {"rad": 1.0, "deg": float(np.pi / 180)}
 
@@ -30,6 +30,7 @@ class TrackSpec(Checked):
     rotation_vector: list[Formula] | str | None = None
     rpy: list[Formula] | str | None = None  # about the fixed x, y, z axes, as in a URDF
     angle_unit: Literal["rad", "deg"] = "rad"
+    rotation_matrix: list[Formula] | str | None = None  # 9 numbers, row by row
     matrix: list[Formula] | str | None = None  # 12 or 16 numbers, row by row
     inverse: bool = False  # the log gives the parent in the child
 
@@ -37,7 +38,7 @@ class TrackSpec(Checked):
     def _one_rotation(self) -> TrackSpec:
         given = [name for name in ROTATIONS if getattr(self, name) is not None]
         if len(given) != 1 or (self.matrix is None) == (self.position is None):
-            raise fault(f" must have position and one of {', '.join(ROTATIONS[:3])}, or matrix alone")
+            raise fault(f" must have position and one of {', '.join(ROTATIONS[:-1])}, or matrix alone")
         return self
 
     @property
@@ -170,15 +171,26 @@ class PoseRecordingSpec(LoggedSpec):
 
 def rotations_of(kind: str, numbers: np.ndarray, order: str, angle_unit: str, where: str) -> Rotation:
     """Rotations of numbers (N, 3 or 4). Raises `InputError` naming what is no rotation."""
-    width = 4 if kind == "quaternion" else 3
+    width = {"quaternion": 4, "rotation_matrix": 9}.get(kind, 3)
     if numbers.shape[1] != width:
         raise InputError(f"{where}.{kind} has {numbers.shape[1]} numbers per sample, must be {width}")
     if kind == "rotation_vector":
         return Rotation.from_rotvec(ANGLES[angle_unit] * numbers)
     if kind == "rpy":
         return Rotation.from_euler("xyz", ANGLES[angle_unit] * numbers)
+    if kind == "rotation_matrix":
+        return rotations_of_matrices(numbers.reshape(-1, 3, 3), f"{where}.rotation_matrix")
     length = np.linalg.norm(numbers, axis=1)
     if float(np.max(np.abs(length - 1.0))) > 0.01:
         k = int(np.argmax(np.abs(length - 1.0)))
         raise InputError(f"{where}.quaternion: sample {k} has length {length[k]:.4f}, must be 1")
     return Rotation.from_quat(numbers if order == "xyzw" else numbers[:, [1, 2, 3, 0]])
+
+
+def rotations_of_matrices(rows: np.ndarray, where: str) -> Rotation:
+    """Rotations of matrices (N, 3, 3). Raises `InputError` where they are none."""
+    apart = np.max(np.abs(rows @ np.swapaxes(rows, 1, 2) - np.eye(3)), axis=(1, 2))
+    if float(np.max(apart)) > 1e-2 or float(np.min(np.linalg.det(rows))) < 0.0:
+        k = int(np.argmax(apart)) if float(np.max(apart)) > 1e-2 else int(np.argmin(np.linalg.det(rows)))
+        raise InputError(f"{where}: sample {k} is no rotation; numbers must stand row by row")
+    return Rotation.from_matrix(rows)

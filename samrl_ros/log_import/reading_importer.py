@@ -95,7 +95,8 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
     """
     notes: list[str] = []
     constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
-    source: SourceData = read_source(spec, spec.source_of(spec.readings), constants, data, notes)
+    untimed = spec.readings.quantity == "depth"
+    source: SourceData = read_source(spec, spec.source_of(spec.readings), constants, data, notes, untimed)
     given, where, count = spec.readings, f"{spec.path}.readings", len(source.time)
     factor = FACTORS[given.quantity][given.unit or UNITS[given.quantity]]
 

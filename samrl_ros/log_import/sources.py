@@ -30,9 +30,18 @@ class SourceData:
 
 
 def read_source(
-    spec: LoggedSpec, name: str, constants: dict[str, Any], data: Path, notes: list[str]
+    spec: LoggedSpec,
+    name: str,
+    constants: dict[str, Any],
+    data: Path,
+    notes: list[str],
+    untimed: bool = False,
 ) -> SourceData:
-    """Read a source. Raises `InputError` naming key path, file, column and row."""
+    """Read a source; `untimed` numbers the rows where neither mapping nor file gives them a time.
+
+    Raises:
+        InputError: naming key path, file, column and row.
+    """
     source, where = spec.sources[name], f"{spec.path}.sources.{name}"
     paths = tuple(data / file for file in spec.files_of(name))
     tables = [read_table(path, source.csv, f"{where}.file", spec.part_of(name)) for path in paths]
@@ -43,7 +52,8 @@ def read_source(
         for key in sorted(_used(spec, name, constants))
     }
     count = _count(columns, where)
-    time = _time(source.time, tables[0], count, f"{where}.time")
+    timed = not untimed or source.time is not None or tables[0].time is not None
+    time = _time(source.time, tables[0], count, f"{where}.time") if timed else np.arange(float(count))
     if len(time) != count:
         raise InputError(f"{where}.time has {len(time)} samples, the columns {count}")
     keep = _rows(spec, count)

@@ -99,6 +99,8 @@ class ColumnSpec(Checked):
 
 
 def _column(value: Any) -> Any:
+    if isinstance(value, bool) or value is None:
+        raise fault(f" is {value} to YAML; put the column's name in quotes, as in 'true'")
     return value if isinstance(value, dict) else {"column": str(value)}
 
 

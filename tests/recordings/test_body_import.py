@@ -161,3 +161,34 @@ def test_a_source_that_is_not_there_is_named(logs: Path, key: str, says: str) ->
     (logs / "bad.yaml").write_text(yaml.safe_dump({**mapping(), key: {"nobody": "x.csv"}}))
     with pytest.raises(InputError, match=rf"recordings\[0\]\.{says}"):
         import_body_logs(logs / "bad.yaml", logs, None)
+
+
+def test_a_ball_that_is_braked_on_its_way_has_friction_and_no_negative_inertia(tmp_path: Path) -> None:
+    """Six balls roll on a level table; the stated coefficient of rolling is 0.005, the true one 0.012."""
+    rng = np.random.default_rng(4)
+    time = np.arange(0, 2.5, 1 / 60)
+    for k in range(6):
+        brake = 0.012 * 9.81 / 1.4  # a solid ball's inertia takes part
+        speed, way = rng.uniform(0.4, 0.9), rng.uniform(0, 2 * np.pi)
+        rolled = np.minimum(time, speed / brake)
+        path = np.outer(speed * rolled - 0.5 * brake * rolled**2, [np.cos(way), np.sin(way)])
+        table = np.column_stack([time, path + 4e-4 * rng.standard_normal(path.shape)])
+        np.savetxt(tmp_path / f"roll{k}.csv", table, delimiter=",", header="t,x,y", comments="")
+    support = {"rolls": True, "friction": 0.005}
+    content = {
+        "sources": {"log": {"time": {"column": "t"}, "columns": {"x": "x", "y": "y"}}},
+        "bodies": {
+            "body": {"name": "ball", "sphere": 0.03},
+            "track": {"position": ["x", "y"], "axes": "xy"},
+            "support": support,
+        },
+        "recordings": [{"glob": "roll*.csv"}],
+    }
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(content))
+    assert run(["bag", "import", str(tmp_path / "mapping.yaml"), "--out", str(tmp_path / "bags")]) == 0
+    assert run(["diagnose", str(tmp_path / "bags"), "--out", str(tmp_path / "report")]) == 0
+    report = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert report["verdict"] == "effect"
+    assert [e["family"] for e in report["effects"]] == ["contact_friction"]
+    low, high = report["effects"][0]["parameters"]["mu"]["ci95"]
+    assert low < 0.012 < high

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.pose_importer import import_pose_logs, kind_of_mapping
 from samrl_ros.recordings.pose_file import read_pose_file
@@ -154,6 +156,52 @@ def test_bad_mappings_name_the_key(logs: Path, key: str, value: object, message:
     with pytest.raises(InputError, match=message) as caught:
         imported(logs, content)
     assert "recordings[0]" in str(caught.value)
+
+
+def test_stacks_of_matrices_without_times_are_pairs(tmp_path: Path) -> None:
+    """OpenCV's arrays in an npz, MATLAB's with samples last: fifteen pairs at rest, all fitted."""
+    recording = record(PoseWorld(camera_error=SMALL, at_rest=True))
+    assert recording.camera_arm is not None and recording.camera_arm.flange is not None
+    stacks = [
+        rigid.transforms(track.position, track.quat_xyzw)[:15]
+        for track in (recording.camera_arm.flange, recording.seen)
+    ]
+    numpy_arrays = {
+        f"{key}_{name}": values
+        for name, poses in zip(("robot", "board"), stacks, strict=True)
+        for key, values in (("R", poses[:, :3, :3]), ("t", poses[:, :3, 3:]))
+    }
+    np.savez(tmp_path / "numpy.npz", **numpy_arrays)
+    savemat(tmp_path / "matlab.mat", {k: np.moveaxis(p, 0, 2) for k, p in zip("AB", stacks, strict=True)})
+    stated = {key: mapping()["poses"][key] for key in ("camera_in_flange", "target_in_base")}
+    both = (
+        (
+            "numpy.npz", numpy_arrays,
+            [{"position": f"t_{n}", "rotation_matrix": f"R_{n}"} for n in ("board", "robot")],
+        ),
+        ("matlab.mat", ("A", "B"), [{"matrix": "B"}, {"matrix": "A"}]),
+    )  # fmt: skip
+    for file, columns, (board, robot) in both:
+        content = {
+            "sources": {"log": {"file": file, "columns": {name: name for name in columns}}},
+            "poses": {"at_rest": True, "target_in_camera": board, "camera_arm": {"flange": robot}, **stated},
+            "recordings": [{"name": "pairs"}],
+        }
+        found = imported(tmp_path, content)
+        assert len(found.seen) == 15 and not found.timed
+        assert np.allclose(rigid.transforms(found.seen.position, found.seen.quat_xyzw), stacks[1], atol=1e-6)
+    assert run(["bag", "import", str(tmp_path / "mapping.yaml"), "--out", str(tmp_path / "bags")]) == 0
+    assert run(["diagnose", str(tmp_path / "bags"), "--out", str(tmp_path / "report")]) == 0
+    report = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert [e["family"] for e in report["effects"]] == ["hand_eye"] and report["verdict"] == "effect"
+
+
+def test_pairs_at_rest_far_apart_in_time_are_no_pairs(logs: Path) -> None:
+    content = mapping()
+    content["poses"]["at_rest"] = True
+    content["sources"]["robot"]["time"] = {"column": "ms", "unit": "ms", "offset_s": 5000.0}
+    with pytest.raises(InputError, match="leave `time` out"):
+        imported(logs, content)
 
 
 def test_clocks_of_different_days_are_refused(logs: Path) -> None:

@@ -69,3 +69,13 @@ def test_a_source_that_is_not_there_is_named(logs: Path, key: str) -> None:
     (logs / "bad.yaml").write_text(yaml.safe_dump({**MAPPING, key: {"nobody": "x.csv"}}))
     with pytest.raises(InputError, match=rf"recordings\[0\]\.{key}: no source \['nobody'\]; there are"):
         import_reading_logs(logs / "bad.yaml", logs, None)
+
+
+def test_a_column_that_yaml_takes_for_yes_is_asked_for_in_quotes(logs: Path) -> None:
+    content = {
+        **MAPPING,
+        "sources": {"log": {**MAPPING["sources"]["log"], "columns": {"d": True, "z": "depth"}}},
+    }
+    (logs / "bad.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(InputError, match="in quotes"):
+        import_reading_logs(logs / "bad.yaml", logs, None)

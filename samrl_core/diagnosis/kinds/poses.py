@@ -24,6 +24,8 @@ from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
+LEAST_TO_SPLIT = 24  # poses of which some are held out: of fewer at rest, too few would be left to compare
+
 
 class Poses(Kind[PoseRecording]):
     """Poses of a target in a camera against the chain of stated transforms and moving flanges."""
@@ -112,9 +114,10 @@ def split_poses(
         InputError: too few poses to hold any out.
     """
     seen = recording.seen
-    if len(seen) < 16:
+    if len(seen) < LEAST_TO_SPLIT:
         raise InputError(
-            f"{recording.name} has {len(seen)} seen poses; at least 16 are needed to hold any out"
+            f"{recording.name} has {len(seen)} seen poses; at least {LEAST_TO_SPLIT} are needed to hold any"
+            " out"
         )
     if not recording.timed:
         kept = [k for k in range(len(seen)) if k % 4 != 3]

@@ -16,15 +16,17 @@ from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.recordings.held_out import SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.residuals.readings.reading_trial import ReadingTrial
+from samrl_core.diagnosis.residuals.readings.reading_trial import ReadingTrial, plateaus_of
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 
 LEAST = 40  # readings of a recording that is cut
 NEXT_DEPTHS_M = (0.3, 0.5, 0.8, 1.2, 1.8)
 NEXT_READINGS = 400
 NEXT_HOURS = 2.0
+SLOW = 6.0  # readings that count as one where it is asked whether anything at all is there
+PATTERN = 80.0  # [nat] beyond noise and tolerances, of which something is there whatever it is
 
 
 class Readings(Kind[ReadingRecording]):
@@ -53,7 +55,13 @@ class Readings(Kind[ReadingRecording]):
     ) -> tuple[list[Observed], list[Observed]]:
         # One clock for all: a drift goes on between recordings.
         start = float(fit[0].reference[0])
-        return [ReadingTrial(r, start) for r in fit], [ReadingTrial(r, start) for r in held_out]
+        made = [ReadingTrial(r, start) for r in (*fit, *held_out)]
+        # An error that noise hides needs no regressor, which would take away from what is left to see.
+        at = plateaus_of([*fit, *held_out])
+        plateaus = tuple(z for z in at if any(t.shows_plateau(z) > SLOW for t in made))
+        for trial in made:
+            trial.plateaus = plateaus
+        return list(made[: len(fit)]), list(made[len(fit) :])
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
         made = [t for t in trials if isinstance(t, ReadingTrial) and t.outliers]
@@ -73,6 +81,16 @@ class Readings(Kind[ReadingRecording]):
             last, name=f"{recording.name}, second half"
         )
 
+    def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
+        if chosen is not None:
+            return []
+        excess = evidence.likelihood.deficit(evidence.likelihood.y, SLOW)
+        if excess < PATTERN:
+            return []
+        return [
+            f"errors that last over neighbouring readings hold {excess:.0f} of log evidence; no effect does"
+        ]
+
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
     ) -> tuple[NextExperiment | None, str]:
@@ -91,7 +109,7 @@ class Readings(Kind[ReadingRecording]):
             reference = float(recording.reference[0]) + time
             motion = f"{NEXT_HOURS:g} hours of stamps"
         planned = replace(recording, name="next", time=time, reading=reference, reference=reference)
-        made = ReadingTrial(planned, float(recording.reference[0]), trial.level)
+        made = ReadingTrial(planned, float(recording.reference[0]), trial)
         best, pair = discrimination(made, list(rivals.values())), " and ".join(names)
         if best < AS_MUCH:
             return None, (

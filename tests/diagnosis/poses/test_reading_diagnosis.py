@@ -115,3 +115,40 @@ def test_readings_that_cannot_be_used_are_refused() -> None:
         replace(few, reference=few.reference - 1.0)
     with pytest.raises(InputError, match="one sensor"):
         diagnose([few], [stamps()])
+
+
+@pytest.mark.parametrize("offset, verdict", [(0.0, "no_gap"), (-0.02, "effect")])
+def test_delays_with_long_tails_are_noise(offset: float, verdict: str) -> None:
+    """A host that stamps messages at their arrival: delays are exponential, never negative."""
+    rng = np.random.default_rng(3)
+    true = 1.7e9 + np.arange(0.0, 30.0, 0.01)
+    arrived = true + rng.exponential(2e-4, len(true))
+    read = true + offset
+    d = told(ReadingRecording("late", "made", "3" * 64, "stamp", "imu", true - true[0], read, arrived))
+    assert d.verdict == verdict
+    if offset:
+        assert abs(d.effects[0].parameters["o"].value - offset) < 4e-4
+
+
+def test_distances_that_a_ruler_gave_and_whole_millimetres_leave_an_offset_an_offset() -> None:
+    """Seven planes, each 0.3 mm beside its stated distance, readings rounded to 1 mm."""
+    rng = np.random.default_rng(100)
+    stated = np.repeat([0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0], 60)
+    true = stated + np.repeat(3e-4 * rng.standard_normal(7), 60)
+    read = np.round(true + 0.009 + NOISE_M * true**2 * rng.standard_normal(len(true)), 3)
+    d = told(
+        ReadingRecording("planes", "made", "4" * 64, "depth", "camera", np.arange(420) / 30, read, stated)
+    )
+    assert d.verdict == "ambiguous"
+    assert set(d.ambiguity_set[0]) == {"depth_scale@sensor:camera", "hand_eye@sensor:camera"}
+
+
+def test_a_depth_that_swings_with_the_distance_is_not_explained() -> None:
+    """A camera that times light: even noise, and an error of 8 mm with a period of 1.5 m."""
+    rng = np.random.default_rng(5)
+    true = np.repeat(np.arange(0.4, 3.0, 0.1), 20)
+    read = true + 0.008 * np.sin(2 * np.pi * true / 1.5) + 0.002 * rng.standard_normal(len(true))
+    d = told(
+        ReadingRecording("tof", "made", "5" * 64, "depth", "camera", np.arange(len(true)) / 30, read, true)
+    )
+    assert d.verdict == "none_of_mine"

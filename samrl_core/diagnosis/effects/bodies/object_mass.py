@@ -6,7 +6,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.body_forms import OfMotion
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
-from samrl_core.diagnosis.effects.form import Form, Place
+from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.residuals.bodies import columns
 from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial
 
@@ -60,12 +60,19 @@ class ObjectMass(Effect[BodyTrial]):
             )  # fmt: skip
         if _rolls(trial):
             out.append(
-                OfMotion(
+                Roller(
                     name="rolling", place=place, amplitudes=("k",), of=columns.rolling, spreads=(BOTH_WAYS,),
                     reported=_rolling,
                 )
             )  # fmt: skip
         return tuple(out)
+
+
+class Roller(OfMotion):
+    """Nothing that rolls has less inertia than none, or more than a hoop."""
+
+    def is_admissible(self, trial: BodyTrial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return -0.02 < _rolling(trial, amplitudes)["k"] < 1.05
 
 
 def _rolls(trial: BodyTrial) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,12 @@ from samrl_core.diagnosis.residuals.poses.noise import noise_level, scale
 
 LEAST_READINGS = 20
 ROUNDS = 8
+ALIKE_M = 1e-5  # by which two reference depths are one
+LEAST_ALIKE, MOST_PLATEAUS = (
+    5,
+    60,
+)  # readings at one depth, and depths, from and up to which they share errors
+GROUPS, LEAST_SPREAD = 8, 0.4  # of readings by depth, and of its logarithm, that show how noise grows
 APART = 6.0  # standard deviations beyond which a reading is none of this quantity
 
 
@@ -25,8 +31,8 @@ class ReadingTrial(Observed):
     kind = "readings"
     exact = True
 
-    def __init__(self, recording: ReadingRecording, start: float, level: float | None = None) -> None:
-        """Form the residual and its noise, or with the noise `level` of another recording.
+    def __init__(self, recording: ReadingRecording, start: float, like: ReadingTrial | None = None) -> None:
+        """Form the residual and its noise, or with the noise of another recording.
 
         `start` is the reference's stamp from which drifts count [s].
 
@@ -40,14 +46,17 @@ class ReadingTrial(Observed):
         self.recording, self._start = recording, start
         self.channels = (recording.quantity,)
         self.cached: dict[tuple[str, str], Any] = {}
+        self.plateaus: tuple[float, ...] = ()  # reference depths [m] of this session at which planes stood
         self._error = recording.reading - recording.reference
         self.outliers = 0
-        if level is None:
+        if like is None:
+            self.power = self._noise_power()
             self.level, apart = self._noise()
             self.outliers = int(np.count_nonzero(apart > 1.0))
             self._sigma = self.level * apart * self._growth
         else:
-            self.level, self._sigma = level, level * self._growth
+            self.power, self.level = like.power, like.level
+            self._sigma = self.level * self._growth
 
     @property
     def over(self) -> np.ndarray:
@@ -106,11 +115,30 @@ class ReadingTrial(Observed):
         """Columns (N,) each of the residual."""
         return {(self.channels[0], 0): np.stack([np.broadcast_to(r, self._error.shape) for r in rows])}
 
+    def shows_plateau(self, depth: float) -> float:
+        """Information on an error of the tolerated size that readings at a depth [m] share, in variances."""
+        stated, there = self.recording.tolerances, np.abs(self.over - depth) < ALIKE_M
+        return float(np.sum((stated.deviation * stated.depth_pattern * depth / self._sigma[there]) ** 2))
+
     @property
     def _growth(self) -> np.ndarray:
-        """Noise (N,) against that of a reading at 1 m: of depth it grows as disparity's noise does."""
-        x = self.over
-        return x**2 if self.recording.quantity == "depth" else np.ones_like(x)
+        """Noise (N,) against that of a reading at 1 m, or of any stamp."""
+        return self.over**self.power if self.power else np.ones_like(self.over)
+
+    def _noise_power(self) -> int:
+        """Power of the depth with which noise grows: 2 as of disparity, less of a camera that times light.
+
+        By what neighbouring readings differ by, at near and at far ones.
+        """
+        if self.recording.quantity != "depth":
+            return 0
+        steps, x = np.diff(self._error), 0.5 * (self.over[1:] + self.over[:-1])
+        groups = np.array_split(np.argsort(x, kind="stable"), max(2, min(GROUPS, len(x) // LEAST_READINGS)))
+        depth = np.log([float(np.median(x[g])) for g in groups])
+        if float(np.ptp(depth)) < LEAST_SPREAD:
+            return 2
+        level = np.log([float(scale(steps[g][:, None])[0]) for g in groups])
+        return int(np.clip(round(float(np.polyfit(depth, level, 1)[0])), 0, 2))
 
     def _noise(self) -> tuple[float, np.ndarray]:
         """Standard deviation at 1 m around a smooth error, and factors (N,) above one that stand apart."""
@@ -130,6 +158,9 @@ class ReadingTrial(Observed):
         level = float(noise_level(left[:, None], floor)[0])
         score = np.abs(left) / np.hypot(level, 1.5 * float(np.median(np.abs(left))))
         apart = score > APART
+        # Delays and rounded depths have longer tails than a Gaussian, of which quantiles tell too little.
+        steps = np.diff(left)[~(apart[1:] | apart[:-1])]
+        level = max(level, float(np.std(steps)) / np.sqrt(2.0)) if len(steps) > LEAST_READINGS // 2 else level
         return level, np.where(apart, score**2, 1.0)
 
 
@@ -139,6 +170,19 @@ def tolerance_columns(trial: ReadingTrial, widened: float = 1.0) -> list[tuple[C
     by, ones = widened * stated.deviation, np.ones_like(trial.over)
     if trial.recording.quantity == "depth":
         rows = [(trial.over, stated.depth_scale), (ones, stated.depth_offset)]
+        # What a plane's distance was measured wrong by, all readings at it share.
+        shared = [np.abs(trial.over - value) < ALIKE_M for value in trial.plateaus]
+        rows += [(mask * trial.over, stated.depth_pattern) for mask in shared]
     else:
         rows = [(ones, stated.stamp), (trial.over, stated.drift)]
     return [(trial.columns(row), by * width) for row, width in rows if width > 0]
+
+
+def plateaus_of(recordings: Sequence[ReadingRecording]) -> tuple[float, ...]:
+    """Reference depths [m] that several readings have: planes that stood still. None where depth varies."""
+    if recordings[0].quantity != "depth":
+        return ()
+    depths = np.concatenate([r.reference for r in recordings])
+    values, count = np.unique(np.round(depths / ALIKE_M) * ALIKE_M, return_counts=True)
+    often = values[count >= LEAST_ALIKE]
+    return tuple(map(float, often)) if len(often) <= MOST_PLATEAUS else ()

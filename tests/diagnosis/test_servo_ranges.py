@@ -19,7 +19,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.confidence import probabilities
 from samrl_core.diagnosis.selection.contenders import Contender, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import hypothesis, implausible
-from samrl_core.diagnosis.selection.verdict import VerdictSettings, _moves_wrongly
+from samrl_core.diagnosis.selection.verdict import VerdictSettings, _moves_closer, _moves_wrongly
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
 from tests.diagnosis.controllers.kinds import POSITION_SERVO, STEPPER, VOLTAGE_MOTOR
@@ -128,3 +128,16 @@ def test_a_limit_must_show_where_held_out_motion_is_wrong() -> None:
     assert _moves_wrongly(far(353.0, 0.0), settings)
     assert not _moves_wrongly(far(1.4, 0.0), settings)  # the motion does not reach the limit
     assert not _moves_wrongly(far(353.0, None), settings)
+
+
+def test_what_moves_the_simulation_much_closer_is_not_passed_over() -> None:
+    """A slow filter named a dead band by its torque: 19 % of the motion's gap went, 69 % with the filter."""
+
+    def far(nominal: float, margin: float) -> HowFar:
+        gap = SimpleNamespace(nominal=nominal, margin=margin, runner_up_effect="command_low_pass@joint:x")
+        return cast("HowFar", SimpleNamespace(gap=gap, motion=0.19))
+
+    settings = VerdictSettings()
+    assert _moves_closer(far(34.0, -0.5), settings) == "command_low_pass@joint:x"
+    assert _moves_closer(far(34.0, -0.1), settings) is None
+    assert _moves_closer(far(1.4, -0.5), settings) is None  # a gap within tolerances tells nothing

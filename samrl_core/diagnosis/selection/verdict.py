@@ -33,6 +33,7 @@ class VerdictSettings:
     sizes: tuple[float, float] = (0.7, 1.4)  # of the fitted effect that simulation may prefer, likewise
     limits: float = 0.25  # simulated shrink below which a limit of the drive is none
     clearly: float = 8.0  # times the threshold, from which on a formula may be seen to explain
+    closer: float = 0.3  # shrink by which a runner-up must do better to be as likely as what is named
     seen: float = 3.0  # simulated gap, in tolerances, from which on held-out motion differs for sure
     all: float = 0.02  # all but this share, on fitted and on held-out recordings
     hardly: float = 0.9  # share of the excess left beyond which it must shrink by `half`
@@ -139,6 +140,13 @@ def decide(
             f"{named[0].name} ({named[0].probability:.0%}) cannot be told from {', '.join(tied)} here"
         )
         return Decision("ambiguous", tuple(reasons), tuple(tied))
+    if (closer := _moves_closer(far, settings)) is not None and closer in {r.name for r in runner_ups}:
+        assert far.gap is not None and far.gap.shrink is not None and far.gap.margin is not None
+        reasons.append(
+            f"{named[0].name} explains more of the torque, but {closer} brings simulated motion closer:"
+            f" by {far.gap.shrink - far.gap.margin:.0%} on held-out recordings, not by {far.gap.shrink:.0%}"
+        )
+        return Decision("ambiguous", tuple(reasons), (closer,))
     reasons.append(
         f"{named[0].name} gains {named[0].gain:.0f} of log evidence; {selection.threshold:.0f} are needed"
     )
@@ -233,6 +241,16 @@ def _moves(far: HowFar) -> float:
 def _moves_wrongly(far: HowFar, settings: VerdictSettings) -> bool:
     """Whether held-out motion is far from the nominal one: then a cause must show there."""
     return far.gap is not None and far.motion is not None and far.gap.nominal > settings.seen
+
+
+def _moves_closer(far: HowFar, settings: VerdictSettings) -> str | None:
+    """The runner-up whose simulation comes much closer to a clear gap of motion than what is named."""
+    if not _moves_wrongly(far, settings):
+        return None
+    assert far.gap is not None
+    if far.gap.margin is None or far.gap.margin > -settings.closer:
+        return None
+    return far.gap.runner_up_effect
 
 
 def only_held_out(selection: Selection, settings: VerdictSettings) -> bool:

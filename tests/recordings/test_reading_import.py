@@ -42,7 +42,8 @@ def logs(tmp_path: Path) -> Path:
 
 def test_a_mapping_alone_gives_a_report(logs: Path) -> None:
     assert run(["bag", "import", str(logs / "mapping.yaml"), "--out", str(logs / "bags")]) == 0
-    assert run(["diagnose", str(logs / "bags"), "--out", str(logs / "report")]) == 0
+    assert run(["diagnose", str(logs / "bags"), "--out", str(logs / "report"), "--apply"]) == 0
+    assert "depth_scale@sensor:camera: (r - " in (logs / "report" / "apply" / "corrected.yaml").read_text()
     report = json.loads((logs / "report" / "report.json").read_text())
     assert report["verdict"] == "effect" and report["effects"][0]["family"] == "depth_scale"
     assert abs(report["effects"][0]["parameters"]["a"]["value"] - 0.012) < 1e-3

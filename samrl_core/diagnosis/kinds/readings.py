@@ -11,13 +11,16 @@ import numpy as np
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import READING_EFFECTS
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
 from samrl_core.diagnosis.kinds.kind import Kind
+from samrl_core.diagnosis.kinds.reading_corrections import reading_recalibration
 from samrl_core.diagnosis.recordings.held_out import SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.readings.reading_trial import ReadingTrial, plateaus_of
 from samrl_core.diagnosis.result import NextExperiment
+from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 
@@ -80,6 +83,14 @@ class Readings(Kind[ReadingRecording]):
         return replace(first, name=f"{recording.name}, first half"), replace(
             last, name=f"{recording.name}, second half"
         )
+
+    def correction(
+        self, evidence: Evidence, chosen: Fit, far: HowFar, sure: bool, rng: np.random.Generator
+    ) -> Recalibration | None:
+        if not sure:
+            return None
+        trials = [t for t in evidence.likelihood.trials if isinstance(t, ReadingTrial)]
+        return reading_recalibration(chosen, trials)
 
     def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
         if chosen is not None:

@@ -15,6 +15,7 @@ from rich.markup import escape
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.cell.types.pose_recording import PoseRecording
+from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
@@ -88,7 +89,7 @@ class DiagnoseOptions:
     keep: Annotated[int, typer.Option(help="With --watch: newest bags without a gap that stay.", min=0)] = 10
     apply: Annotated[
         bool,
-        typer.Option("--apply", help="Of recorded poses: write the corrected calibration into OUT/apply."),
+        typer.Option("--apply", help="Of poses and readings: write the corrections into OUT/apply."),
     ] = False
     sim: Annotated[
         Path | None,
@@ -152,11 +153,8 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         with screen.status("reading recordings") as status:
             model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
             fit, held_out, notes = load(options, model)
-            if options.apply and not all(isinstance(r, PoseRecording) for r in fit):
-                raise InputError(
-                    "--apply corrects calibrations from recorded poses; effects of an arm go into the"
-                    " model of a simulator with --export"
-                )
+            if options.apply and not all(isinstance(r, PoseRecording | ReadingRecording) for r in fit):
+                raise InputError("--apply is for poses and readings; what an arm shows goes into --export")
             for note in notes:
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)

@@ -10,8 +10,10 @@ import pytest
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.readings import split_readings
 from samrl_core.diagnosis.result import Diagnosis
+from samrl_ros.log_import.formulas import evaluate
 
 NOISE_M, JITTER_S = 0.0015, 0.0004  # of depth at 1 m, of a stamp
 
@@ -152,3 +154,28 @@ def test_a_depth_that_swings_with_the_distance_is_not_explained() -> None:
         ReadingRecording("tof", "made", "5" * 64, "depth", "camera", np.arange(len(true)) / 30, read, true)
     )
     assert d.verdict == "none_of_mine"
+
+
+@pytest.mark.parametrize(
+    "recording",
+    [
+        depth(scale=0.012),
+        depth(scale=-0.015, offset=0.006),
+        depth(square=0.015),
+        stamps(drift=3e-5, offset=0.01),
+    ],
+    ids=["scale", "line", "square", "clock"],
+)
+def test_readings_corrected_by_the_formula_found_have_no_gap(recording: ReadingRecording) -> None:
+    fit, held_out = split_readings(recording)
+    found = diagnose([fit], [held_out])[1].correction
+    assert isinstance(found, Recalibration) and not found.transforms
+    (advice,) = found.statements
+    formula = advice.says.partition("#")[0].strip()
+    corrected = evaluate(formula, {"r": recording.reading}, "corrected")
+    assert told(replace(recording, reading=corrected)).verdict == "no_gap"
+
+
+def test_what_is_ambiguous_is_not_corrected() -> None:
+    fit, held_out = split_readings(depth(offset=0.008))
+    assert diagnose([fit], [held_out])[1].correction is None

@@ -43,7 +43,7 @@ class ReadingTrial(Observed):
             raise InputError(
                 f"{recording.name} has {len(recording.reading)} readings; {LEAST_READINGS} are the least"
             )
-        self.recording, self._start = recording, start
+        self.recording, self.start = recording, start
         self.channels = (recording.quantity,)
         self.cached: dict[tuple[str, str], Any] = {}
         self.plateaus: tuple[float, ...] = ()  # reference depths [m] of this session at which planes stood
@@ -62,7 +62,7 @@ class ReadingTrial(Observed):
     def over(self) -> np.ndarray:
         """What the error may grow with (N,): depth [m], or the time since the first stamp [s]."""
         reference = self.recording.reference
-        return reference if self.recording.quantity == "depth" else reference - self._start
+        return reference if self.recording.quantity == "depth" else reference - self.start
 
     @property
     def name(self) -> str:

@@ -21,12 +21,10 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
 from samrl_core.common.text_files import parse_json, read_text
 from samrl_core.diagnosis.export.correction import Correction
-from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
-from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.progress import SIDE_BY_SIDE
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
@@ -34,7 +32,6 @@ from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
 XACRO_HELP = "Value of an argument of a xacro model, NAME:=VALUE."
 NAMED = ("effect", "ambiguous", "none_of_mine")
-APPLY = "apply"  # folder below the report
 
 
 @dataclass(frozen=True)
@@ -104,6 +101,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     Raises:
         InputError: the recordings cannot be used; nothing was written.
     """
+    from samrl_ros.cli.diagnosis.apply import apply
     from samrl_ros.cli.diagnosis.compare import compare
     from samrl_ros.cli.diagnosis.export import (
         check_targets,
@@ -163,7 +161,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
             _write_resimulation(options.out, far.resimulations)
             made = far.correction
             correction = keep_correction(made, model, options.out) if isinstance(made, Correction) else None
-            applied = _applied(made, diagnosis, options) if options.apply else []
+            applied = apply(made, diagnosis, options.out) if options.apply else []
     except KeyboardInterrupt:
         screen.print("interrupted; nothing was written, the same command begins again", highlight=False)
         return INTERRUPTED
@@ -176,24 +174,6 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     elif correction is not None:
         export_all(correction, options.export, options.out, options.randomise, screen)
     return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
-
-
-def _applied(
-    found: Correction | Recalibration | None, diagnosis: Diagnosis, options: DiagnoseOptions
-) -> list[str]:
-    """Write the corrected calibration of a diagnosis of poses; lines that say what became of it."""
-    from samrl_core.diagnosis.export.recalibration import write_recalibration
-
-    if not isinstance(found, Recalibration):
-        why = {
-            "ambiguous": "several causes fit alike; record what would split them first",
-            "no_gap": "nothing differs from the description",
-        }.get(diagnosis.verdict, "nothing was named")
-        return [f"nothing was applied: {why}"]
-    written = write_recalibration(found, options.out / APPLY)
-    lines = [f"applied: {t.name}, from {t.effect}" for t in found.transforms]
-    lines += [f"for your own code: {s.effect}: {s.says}" for s in found.statements]
-    return [*lines, *(str(path) for path in written)]
 
 
 def _many(options: DiagnoseOptions) -> int:

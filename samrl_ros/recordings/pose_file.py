@@ -12,7 +12,7 @@ import numpy as np
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.kinds.poses import LEAST_TO_SPLIT, split_poses
+from samrl_core.diagnosis.kinds.poses import LEAST_AT_REST, split_poses
 from samrl_ros.recordings.arrays_by_role import (
     check_unseen,
     read_by_role,
@@ -100,7 +100,7 @@ def load_pose_files(
     stated = (PoseTolerances, tolerances)
     fit, held = read_by_role(fit_paths, held_paths, SUFFIX, read_pose_file, stated)
     notes: list[str] = []
-    if not held and not fit[0].timed and len(fit[0].seen) < LEAST_TO_SPLIT:
+    if not held and not fit[0].timed and len(fit[0].seen) < LEAST_AT_REST:
         count = len(fit[0].seen)
         notes.append(f"{fit[0].name} is alone, and {count} poses are too few to hold any out: all are fitted")
         return fit, held, notes

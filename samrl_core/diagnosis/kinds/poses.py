@@ -24,7 +24,8 @@ from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
-LEAST_TO_SPLIT = 24  # poses of which some are held out: of fewer at rest, too few would be left to compare
+LEAST_TO_SPLIT = 16  # poses of which some are held out
+LEAST_AT_REST = 24  # likewise where every fourth is: of fewer, too few would be left to compare
 
 
 class Poses(Kind[PoseRecording]):

@@ -18,6 +18,7 @@ WIDEST = 0.2  # of the fastest motion: a wider turn of the sign is viscous frict
 COMMON = 2.0 / 3.0  # of the joints that must show what is said of all
 USUAL_TURN = 0.005  # [rad/s] of a sign at an arm's speeds
 FAST = 1.2  # [rad/s] beyond an arm's speeds, where frictions may turn more slowly too
+TRAVEL_UNITS = 3.0  # of a slide's travel: each counts as a radian
 BEYOND = 3.0  # tolerances; a background of twice the tolerances is none
 
 
@@ -194,7 +195,7 @@ def travel_unit(trial: Trial, joint: int) -> float:
     assert trial.rigid is not None
     if not trial.rigid.slides[joint]:
         return 1.0
-    return max(float(np.ptp(trial.motion.q[:, joint])) / 3.0, 1e-3)
+    return max(float(np.ptp(trial.motion.q[:, joint])) / TRAVEL_UNITS, 1e-3)
 
 
 def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:

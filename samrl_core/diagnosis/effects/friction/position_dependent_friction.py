@@ -7,6 +7,7 @@ from abc import abstractmethod
 import numpy as np
 
 from samrl_core.diagnosis.effects.drive_torque import (
+    TRAVEL_UNITS,
     DriveEffect,
     DriveForm,
     travel_unit,
@@ -21,6 +22,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 WAVES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0)  # the same in steps that the travel tells apart
 OVER_TRAVEL = (1.5, 2.0, 2.5, 3.0, 4.0)  # periods within a short travel, whose orders are beyond these
+WHOLE_WAVE = 0.9 * 2.0 * np.pi / TRAVEL_UNITS  # nearly a period over the travel of a slide
 LOWEST, HIGHEST = 0.9, 15.0  # once per turn at least: less is a spring
 LEAST_NEGATIVE = 0.25  # of the largest friction: what missing harmonics may make negative somewhere
 LEAST_WAVE = 0.25  # of a harmonic's root mean square that must vary over the travel
@@ -62,7 +64,10 @@ class PositionDependentFriction(DriveEffect):
         )
         turns = usual_turns(trial, place.joints)
         turning = {**limits, "v": (5e-4, widest_turn(trial, place.joints, 0.1))}
-        everywhere = (*(k / unit for k in WAVES), *few)
+        # A slide runs from end to end, its speed by its place: less than a period of a free shape is a drag.
+        assert trial.rigid is not None
+        lowest = WHOLE_WAVE if trial.rigid.slides[joint] else LOWEST
+        everywhere = (*(k / unit for k in WAVES if k > lowest), *few)
         return (
             FrictionWave(
                 name="friction",
@@ -84,7 +89,7 @@ class PositionDependentFriction(DriveEffect):
                 place=place,
                 amplitudes=("level", "sine", "cosine", "sine2", "cosine2"),
                 shapes=tuple({"k": k, "v": v} for k in everywhere for v in turns),
-                refine=turning,
+                refine={**turning, "k": (lowest / unit, turning["k"][1])},
             ),
         )
 

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.effects import (
     BODY_EFFECTS,
     EFFECTS,
     FAMILIES,
+    IMAGE_EFFECTS,
     NOT_BY_JOINTS,
     POSE_EFFECTS,
     READING_EFFECTS,
@@ -123,7 +124,17 @@ def effects_page() -> str:
     ]
     lines += [f"| {e.number} | `{e.family}` | {e.place_kind} | {_cell(e.excitation)} |" for e in BODY_EFFECTS]
     lines.append("")
-    others = (*POSE_EFFECTS, *READING_EFFECTS, *BODY_EFFECTS)
+    lines += [
+        f"{len(IMAGE_EFFECTS)} families are told by [images](../guide/diagnose_images.md) of a scene that the"
+        " model knows.\n",
+        "| number | family | where it acts | excitation |",
+        "|---|---|---|---|",
+    ]
+    lines += [
+        f"| {e.number} | `{e.family}` | {e.place_kind} | {_cell(e.excitation)} |" for e in IMAGE_EFFECTS
+    ]
+    lines += [""]
+    others = (*POSE_EFFECTS, *READING_EFFECTS, *BODY_EFFECTS, *IMAGE_EFFECTS)
     first = {e.family: e for e in reversed((*EFFECTS, *others))}
     for e in (*EFFECTS, *(e for e in others if first[e.family] is e)):
         lines += [f"## `{e.family}`\n", f"{e.title}. {e.meaning}\n", f"- Formula: `{e.formula}`"]

@@ -76,7 +76,7 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
     "samrl_core": {
         "common": frozenset(),
         "cell": frozenset({"common"}),
-        "diagnosis": frozenset({"cell", "common"}),
+        "diagnosis": frozenset({"model", "cell", "common"}),  # the model: for images alone, see ROOMS
         "model": frozenset({"cell", "common"}),
         "blind_test": frozenset({"diagnosis", "cell", "common"}),
         "policy": frozenset({"model", "cell", "common"}),
@@ -89,7 +89,7 @@ WINGS: dict[str, dict[str, frozenset[str]]] = {
         "conversions": frozenset(),
         "hosting": frozenset({"contract"}),
         "bags": frozenset({"contract", "hosting"}),
-        "recordings": frozenset({"bags", "contract"}),
+        "recordings": frozenset({"bags", "contract", "conversions"}),
         "log_import": frozenset({"recordings", "bags"}),
         "blind_test": frozenset({"recordings", "bags"}),
         "nodes": frozenset({"hardware", "bags", "contract", "conversions", "hosting"}),
@@ -146,6 +146,31 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "samrl_core.cell",
         "samrl_core.common",
     ),
+    # Images are compared with the model's own rendering; nothing else of the diagnosis knows the model.
+    "samrl_core.diagnosis.residuals.images": (
+        "samrl_core.diagnosis.residuals",
+        "samrl_core.model.rendering",
+        "samrl_core.model.scene",
+        "samrl_core.cell",
+        "samrl_core.common",
+    ),
+    **{
+        f"samrl_core.diagnosis.{room}": ("samrl_core.diagnosis", "samrl_core.cell", "samrl_core.common")
+        for room in (
+            "residuals",
+            "selection",
+            "kinds",
+            "simulation",
+            "recordings",
+            "nominal_model",
+            "export",
+            "report",
+            "history",
+            "diagnose",
+            "two_logs",
+            "result",
+        )
+    },
     "samrl_core.diagnosis.effects": (
         "samrl_core.diagnosis.residuals",
         "samrl_core.diagnosis.simulation",

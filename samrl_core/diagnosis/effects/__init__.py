@@ -74,6 +74,21 @@ _OF_BODIES = (
     "bodies.object_geometry",
 )
 
+# What images of a known scene show.
+_OF_IMAGES = (
+    "images.encoder_offset",
+    "images.base_to_base",
+    "images.hand_eye",
+    "images.intrinsics",
+    "images.lens_distortion",
+    "images.depth_scale",
+    "images.depth_noise",
+    "images.camera_latency",
+    "images.clock_offset",
+    "images.lighting",
+    "images.object_geometry",
+)
+
 
 def _load(files: tuple[str, ...]) -> tuple[Effect[Any], ...]:
     return tuple(import_module(f"{__name__}.{file}").EFFECT for file in files)
@@ -83,7 +98,8 @@ EFFECTS: tuple[Effect, ...] = _load(_FILES)
 POSE_EFFECTS = _load(_OF_POSES)
 READING_EFFECTS = _load(_OF_READINGS)
 BODY_EFFECTS = _load(_OF_BODIES)
-EVERY_EFFECT = (*EFFECTS, *POSE_EFFECTS, *READING_EFFECTS, *BODY_EFFECTS)
+IMAGE_EFFECTS = _load(_OF_IMAGES)
+EVERY_EFFECT = (*EFFECTS, *POSE_EFFECTS, *READING_EFFECTS, *BODY_EFFECTS, *IMAGE_EFFECTS)
 
 FAMILIES: dict[str, Effect[Any] | UnmodelledFamily] = {
     f.family: f for f in sorted((*reversed(EVERY_EFFECT), *UNMODELLED), key=lambda f: f.number)
@@ -113,6 +129,7 @@ __all__ = [
     "EFFECTS",
     "EVERY_EFFECT",
     "FAMILIES",
+    "IMAGE_EFFECTS",
     "NOT_BY_JOINTS",
     "POSE_EFFECTS",
     "READING_EFFECTS",

@@ -63,27 +63,6 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Measure the drag by slow insertion, and shield the scene from draught.",
     ),
     UnmodelledFamily(
-        40,
-        "intrinsics",
-        "Camera intrinsics",
-        "Focal length or image centre differ from the calibration.",
-        "Calibrate the camera again at the resolution that is in use.",
-    ),
-    UnmodelledFamily(
-        41,
-        "lens_distortion",
-        "Lens distortion",
-        "Straight lines bend towards the image's edge more or less than calibrated.",
-        "Calibrate the distortion with targets that reach the image's corners.",
-    ),
-    UnmodelledFamily(
-        43,
-        "depth_noise",
-        "Depth noise",
-        "Depth scatters more or less than the model's noise.",
-        "Set the noise level in the model, and check lighting and the camera's projector.",
-    ),
-    UnmodelledFamily(
         44,
         "depth_dropout",
         "Missing depth",
@@ -96,13 +75,6 @@ UNMODELLED: tuple[UnmodelledFamily, ...] = (
         "Rolling shutter or motion blur",
         "Rows are exposed one after another or for long, so that fast views shear or smear.",
         "Shorten the exposure, move slower while looking, or model the row time.",
-    ),
-    UnmodelledFamily(
-        48,
-        "lighting",
-        "Lighting and exposure",
-        "The scene's brightness or colour differs from the model.",
-        "Fix exposure and white balance, and shield or model the light.",
     ),
     UnmodelledFamily(
         51,

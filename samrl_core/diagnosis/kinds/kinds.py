@@ -7,11 +7,13 @@ from typing import Any
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.cell.types.body_recording import BodyRecording
+from samrl_core.cell.types.image_recording import ImageRecording
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.arms import Arms
 from samrl_core.diagnosis.kinds.bodies import BodyTracks
+from samrl_core.diagnosis.kinds.images import Images
 from samrl_core.diagnosis.kinds.kind import Kind, Recording
 from samrl_core.diagnosis.kinds.poses import Poses
 from samrl_core.diagnosis.kinds.readings import Readings
@@ -21,6 +23,7 @@ KINDS: dict[type, Kind[Any]] = {
     PoseRecording: Poses(),
     ReadingRecording: Readings(),
     BodyRecording: BodyTracks(),
+    ImageRecording: Images(),
 }
 
 

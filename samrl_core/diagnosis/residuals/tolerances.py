@@ -9,6 +9,9 @@ from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial
 from samrl_core.diagnosis.residuals.bodies.nominal import tolerance_columns as columns_of_bodies
 from samrl_core.diagnosis.residuals.bodies.nominal import unknown_columns as unknown_of_bodies
 from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
+from samrl_core.diagnosis.residuals.images.nominal import tolerance_columns as columns_of_images
+from samrl_core.diagnosis.residuals.images.nominal import unknown_columns as unknown_in_images
 from samrl_core.diagnosis.residuals.nominal import recording_columns as own_columns_of_arm
 from samrl_core.diagnosis.residuals.nominal import tolerance_columns as columns_of_arm
 from samrl_core.diagnosis.residuals.observed import Observed
@@ -33,6 +36,8 @@ def tolerance_columns(trial: Observed, widened: float = 1.0) -> list[tuple[Colum
         return columns_of_readings(trial, widened)
     if isinstance(trial, BodyTrial):
         return columns_of_bodies(trial, widened)
+    if isinstance(trial, ImageTrial):
+        return columns_of_images(trial, widened)
     raise InputError(f"recordings of kind {trial.kind!r} state no tolerances")
 
 
@@ -47,4 +52,6 @@ def unknown_columns(trial: Observed) -> np.ndarray:
         return unknown_in_poses(trial)
     if isinstance(trial, BodyTrial):
         return unknown_of_bodies(trial)
+    if isinstance(trial, ImageTrial):
+        return unknown_in_images(trial)
     return np.zeros(len(tolerance_columns(trial)), dtype=bool)

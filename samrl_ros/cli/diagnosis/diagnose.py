@@ -12,8 +12,10 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from samrl_core.cell.tasks import DEFAULT_TASK
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.cell.types.image_recording import ImageRecording
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.array_file import write_arrays
@@ -86,8 +88,14 @@ class DiagnoseOptions:
     keep: Annotated[int, typer.Option(help="With --watch: newest bags without a gap that stay.", min=0)] = 10
     apply: Annotated[
         bool,
-        typer.Option("--apply", help="Of poses and readings: write the corrections into OUT/apply."),
+        typer.Option("--apply", help="Of poses, readings, images: write the corrections into OUT/apply."),
     ] = False
+    camera: Annotated[
+        bool, typer.Option("--camera", help="Diagnose the camera's images of these bags, not an arm.")
+    ] = False
+    scene: Annotated[
+        str, typer.Option(help="With --camera: the task whose scene stands before the camera.")
+    ] = DEFAULT_TASK
     sim: Annotated[
         Path | None,
         typer.Option(help="A log of your simulator: say where and when it leaves the machine's. No model."),
@@ -151,8 +159,11 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         with screen.status("reading recordings") as status:
             model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
             fit, held_out, notes = load(options, model)
-            if options.apply and not all(isinstance(r, PoseRecording | ReadingRecording) for r in fit):
-                raise InputError("--apply is for poses and readings; what an arm shows goes into --export")
+            told = PoseRecording | ReadingRecording | ImageRecording
+            if options.apply and not all(isinstance(r, told) for r in fit):
+                raise InputError(
+                    "--apply is for poses, readings, images; what an arm shows goes into --export"
+                )
             for note in notes:
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)
@@ -235,6 +246,10 @@ def load(
     from samrl_ros.recordings.reading_file import is_reading_file, load_reading_files
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
+    if options.camera:
+        from samrl_ros.recordings.image_bag import load_image_bags
+
+        return load_image_bags(fit_paths, held_paths, options.scene, options.tolerances)
     if any(is_pose_file(p) for p in (*fit_paths, *held_paths)):
         return load_pose_files(fit_paths, held_paths, options.tolerances)
     if any(is_reading_file(p) for p in (*fit_paths, *held_paths)):

@@ -12,6 +12,7 @@ from samrl_core.diagnosis.effects import (
     BODY_EFFECTS,
     EFFECTS,
     FAMILIES,
+    IMAGE_EFFECTS,
     POSE_EFFECTS,
     READING_EFFECTS,
     find_family,
@@ -92,6 +93,8 @@ def test_every_family_of_the_catalogue_is_explained() -> None:
     readme = (Path(words.__file__).parents[3] / "README.md").read_text()
     assert f"{len(EFFECTS)} of {len(FAMILIES)} known families of effects" in readme
     elsewhere = {e.family for e in (*POSE_EFFECTS, *BODY_EFFECTS, *READING_EFFECTS)}
+    by_images = {e.family for e in IMAGE_EFFECTS} - elsewhere - {e.family for e in EFFECTS}
+    assert "images of a known scene four" in readme and len(by_images) == 4
     assert "ten more" in readme and len(elsewhere - {e.family for e in EFFECTS}) == 10
     for name, f in FAMILIES.items():
         assert f.family == name and f.title[0].isupper()

@@ -1,0 +1,60 @@
+"""Forms of effects on images: columns of one name, with a spread for each amplitude."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from samrl_core.diagnosis.effects.form import Form, Shape
+from samrl_core.diagnosis.effects.pose_forms import RADIAN_PER_METRE, SIX
+from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ImageColumns(Form[ImageTrial]):
+    """An error whose columns the trial has; its prior is one of several sizes."""
+
+    deviation: ClassVar[float] = 0.0
+    columns_of: tuple[str, ...]
+    spreads: tuple[float, ...]  # standard deviations of the amplitudes at scale 1
+    shapes: tuple[Shape, ...] = field(default=({"scale": 1.0}, {"scale": 3.0}))
+    surprise: float = 0.0  # [nat] by which the form is less likely before any data
+
+    def columns(self, trial: ImageTrial, shape: Shape) -> Columns:
+        return trial.stacked(*self.columns_of)
+
+    def prior(self, trial: ImageTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(len(self.spreads)), shape["scale"] * np.array(self.spreads)
+
+    def cost(self, trials: object, shape: Shape) -> float:
+        return self.surprise
+
+    def parameters(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return dict(zip(self.amplitudes, map(float, amplitudes), strict=True))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LateImages(ImageColumns):
+    """Arms that were read at another time than the images: columns of both, or of one, added up."""
+
+    sign: float = 1.0
+
+    def columns(self, trial: ImageTrial, shape: Shape) -> Columns:
+        return trial.added(*((self.sign, name) for name in self.columns_of))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ZeroOfJoint(ImageColumns):
+    """One column of a name that has one for each joint."""
+
+    index: int
+
+    def columns(self, trial: ImageTrial, shape: Shape) -> Columns:
+        return {key: rows[[self.index]] for key, rows in trial.column(self.columns_of[0]).items()}
+
+
+SIX_SPREADS = (*(0.003,) * 3, *(0.003 * RADIAN_PER_METRE,) * 3)
+__all__ = ["SIX", "SIX_SPREADS", "ImageColumns", "LateImages", "ZeroOfJoint"]

@@ -1,0 +1,78 @@
+"""Named effects on images as corrections of the calibration that was stated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from samrl_core.cell.types.pose import Pose
+from samrl_core.diagnosis.effects.pose_forms import SIX
+from samrl_core.diagnosis.export.recalibration import Advice, CorrectedTransform, Recalibration
+from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
+from samrl_core.diagnosis.residuals.poses import rigid
+from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+
+# Family -> its name in a mapping, and where a cell keeps it.
+TRANSFORMS = {
+    "hand_eye": ("camera_in_flange", ("hand_eye", "camera_in_flange")),
+    "base_to_base": ("base_in_base", ("base_to_base", "tool_base_in_camera_base")),
+}
+
+
+def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
+    """Turn the named effects into corrections; what is no transform becomes a sentence."""
+    first = trials[0]
+    transforms: list[CorrectedTransform] = []
+    statements: list[Advice] = []
+    start = 0
+    for h, amplitudes in zip(chosen.hypotheses, chosen.amplitudes, strict=True):
+        block = slice(start, start + len(amplitudes))
+        start += len(amplitudes)
+        if h.effect.family in TRANSFORMS:
+            transforms.append(_transform(h, amplitudes, chosen.covariance[block, block], first))
+        else:
+            statements.append(Advice(h.name, _statement(h, amplitudes, first)))
+    sources = tuple((t.recording.source, t.recording.sha256) for t in trials)
+    return Recalibration(first.recording.camera, tuple(transforms), tuple(statements), sources)
+
+
+def _transform(
+    h: Hypothesis, amplitudes: np.ndarray, covariance: np.ndarray, trial: ImageTrial
+) -> CorrectedTransform:
+    recording = trial.recording
+    bases = recording.camera_base_in_world.inverse() @ recording.tool_base_in_world
+    stated = {"hand_eye": recording.camera_in_flange, "base_to_base": bases}[h.effect.family]
+    name, calibration = TRANSFORMS[h.effect.family]
+    turn = np.eye(6)
+    turn[:3, :3] = stated.rotation  # the small transform's translation is along the child's axes
+    found = Pose.from_matrix(stated.matrix() @ rigid.exp(amplitudes)[0])
+    return CorrectedTransform(
+        h.name, name, stated, found, turn @ covariance @ turn.T, calibration=calibration
+    )
+
+
+def _statement(h: Hypothesis, amplitudes: np.ndarray, trial: ImageTrial) -> str:
+    values = h.form.parameters(trial, h.shape, amplitudes)
+    family, (kind, _, name) = h.effect.family, h.place.partition(":")
+    if family == "depth_scale":
+        a, b = values.get("a", 0.0), values.get("b", 0.0)
+        return f"divide depth by {1.0 + a:.5f} after taking {b:.5f} m off it"
+    if family == "camera_latency":
+        return f"shift the camera's stamps by {-values['T']:.4f} s"
+    if family == "clock_offset":
+        return f"shift {name}'s stamps by {-values['o']:.4f} s"
+    if family == "encoder_offset":
+        return f"subtract {values['e']:.6f} rad from what {name} reads"
+    if family == "object_geometry":
+        return f"scale the mesh of {name} by {1.0 + values['s']:.5f}"
+    if family == "intrinsics":
+        k = trial.recording.intrinsics
+        fx, fy = k.fx * (1.0 + values.get("fx", 0.0)), k.fy * (1.0 + values.get("fy", 0.0))
+        cx, cy = k.cx + k.width * values.get("cx", 0.0), k.cy + k.height * values.get("cy", 0.0)
+        return f"state fx {fx:.3f}, fy {fy:.3f}, cx {cx - 0.5:.3f}, cy {cy - 0.5:.3f} px in camera_info"
+    listed = ", ".join(f"{n} {v:.5f}" for n, v in values.items())
+    return f"set {listed} of {kind} {name}" if name else f"set {listed} of the {kind}"
+
+
+__all__ = ["SIX", "recalibration"]

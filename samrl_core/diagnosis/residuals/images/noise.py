@@ -1,0 +1,89 @@
+"""Noise of tiles, from what a recording itself leaves when everything that moves tiles may be off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from samrl_core.cell.types.image_recording import ImageTolerances
+from samrl_core.diagnosis.residuals.images.rows import Rows
+from samrl_core.diagnosis.residuals.poses.noise import ROBUST
+
+ROUNDS = 8
+APART = 5.0  # standard deviations beyond which a tile shows something that the model does not know
+# Standard deviations of what the noise estimate lets be off: beyond the catalogue's ranges.
+FREE = {
+    "hand_eye": 0.02, "base": 0.02, "camera_zeros": 0.01, "camera_late": 0.1, "tool_zeros": 0.01,
+    "tool_late": 0.1, "held": 0.02, "object": 0.1, "object_scale": 0.1, "focal": 0.03, "centre": 0.03,
+    "radial": 0.2, "tangential": 0.01, "depth_scale": 0.05, "depth_offset": 0.03, "outline_object": 2.0,
+    "outline_tip": 2.0, "light": 1.0, "paint_object": 1.0, "paint_static": 1.0, "depth_noise": 1.0,
+}  # fmt: skip
+# A tile is never known better than this: medians of quantised images scatter less than their errors last.
+LEAST = {"depth": 2e-4, "mask": 0.1, "color": 0.05, "depth_noise": 0.1}
+
+
+def noise_of_rows(
+    rows: Mapping[str, Rows],
+    frames: Mapping[str, np.ndarray],
+    stated: ImageTolerances,
+    level: Mapping[str, float],
+) -> tuple[dict[str, float], dict[str, np.ndarray], dict[str, int]]:
+    """Levels by channel, standard deviations (N,) of each row, and how many rows stand apart.
+
+    `level` holds what another recording of the same camera gave; empty for this one's own. What stands apart
+    counts as little as it is far off: clutter on the table is no gap of the camera.
+    """
+    floor = {
+        "depth": stated.deviation * stated.depth_pattern,
+        "mask": stated.deviation * stated.outline_pattern,
+        "color": stated.deviation * stated.paint_pattern,
+        "depth_noise": 0.5 * stated.deviation * stated.depth_noise,
+    }
+    left = _leftover(rows)
+    found, sigma, apart = {}, {}, {}
+    for channel, r in rows.items():
+        ratio = left[channel] / r.shape
+        typical = float(np.median(r.shape))
+        if channel in level:
+            found[channel] = level[channel]
+        else:
+            order = np.lexsort((frames[channel], r.tile))
+            same = np.diff(r.tile[order]) == 0
+            steps = np.diff(ratio[order])[same]
+            white = ROBUST * float(np.median(np.abs(steps))) / np.sqrt(2.0) if len(steps) > 8 else 0.0
+            whole = ROBUST * float(np.median(np.abs(ratio)))
+            white = min(max(white, 0.3 * whole), whole) if white else whole
+            lasting = np.sqrt(max(whole**2 - white**2, 0.0))
+            found[channel] = max(
+                float(np.hypot(white, min(lasting, floor[channel] / typical))), LEAST[channel] / typical
+            )
+        score = np.abs(ratio) / found[channel]
+        wild = score > APART
+        sigma[channel] = found[channel] * r.shape * np.where(wild, (score / APART) ** 2 * APART, 1.0)
+        apart[channel] = int(np.count_nonzero(wild))
+    return found, sigma, apart
+
+
+def _leftover(rows: Mapping[str, Rows]) -> dict[str, np.ndarray]:
+    """Residuals by channel after a robust fit of all columns with wide Gaussian priors."""
+    names = {n: len(c) for r in rows.values() for n, c in r.columns.items()}
+    design, y = [], []
+    for r in rows.values():
+        parts = [
+            FREE[n] * r.columns[n] if n in r.columns else np.zeros((size, len(r.value)))
+            for n, size in names.items()
+        ]
+        design.append(np.concatenate(parts).T / r.shape[:, None])
+        y.append(r.value / r.shape)
+    left = list(y)
+    for _ in range(ROUNDS):
+        normal, moment = np.eye(design[0].shape[1]), np.zeros(design[0].shape[1])
+        for a, b, rest, channel in zip(design, y, left, rows, strict=True):
+            scale = max(ROBUST * float(np.median(np.abs(rest))), 1e-3 * LEAST[channel])
+            weight = 1.0 / (scale**2 * (1.0 + (rest / (2.5 * scale)) ** 2))
+            normal += (a * weight[:, None]).T @ a
+            moment += a.T @ (weight * b)
+        found = np.linalg.solve(normal, moment)
+        left = [b - a @ found for a, b in zip(design, y, strict=True)]
+    return {c: rest * r.shape for (c, r), rest in zip(rows.items(), left, strict=True)}

@@ -1,0 +1,92 @@
+"""Where the object stands: a nuisance that is solved at the nominal calibration and then stays open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from samrl_core.cell.types.image_recording import ImageTolerances
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.images.rows import LEAST_PIXELS, Frame, frame_rows
+from samrl_core.diagnosis.residuals.images.scene import OBJECT, ImageScene
+from samrl_core.diagnosis.residuals.poses import rigid
+
+COARSE_ROUNDS, FINE_ROUNDS = 4, 3
+FRAMES = 8  # that the pose is solved from
+PLACE, TURN = 0.05, 0.4  # [m] in the table's plane, [rad] about its normal: nobody states them
+NOISE = {"depth": 0.002, "mask": 0.6}
+
+
+def object_spreads(stated: ImageTolerances) -> np.ndarray:
+    """Standard deviations (6,) of the object's pose around where the task puts it."""
+    by = stated.deviation
+    tilt = by * stated.object_tilt
+    return np.array([PLACE, PLACE, by * stated.object_height, tilt, tilt, TURN])
+
+
+def solved_object(
+    scene: ImageScene, frames: Sequence[Frame], stated: ImageTolerances, noise_per_z2: float
+) -> np.ndarray:
+    """Transform (4, 4) about the object's origin, in world's axes.
+
+    Raises:
+        InputError: the object is in no image.
+    """
+    step = max(1, len(frames) // FRAMES)
+    used = list(frames[::step])[:FRAMES]
+    pose = np.eye(4)
+    for _ in range(COARSE_ROUNDS):
+        shift = _middle_shift(scene, used, pose)
+        pose[:2, 3] += shift[:2]
+    spread = object_spreads(stated)
+    for _ in range(FINE_ROUNDS):
+        design, y = [], []
+        for frame in used:
+            rows = frame_rows(scene, frame, pose, noise_per_z2)
+            for channel, noise in NOISE.items():
+                made = rows[channel]
+                if len(made.value):
+                    weight = 1.0 / (noise * made.shape / np.median(made.shape))
+                    weight = weight / np.sqrt(1.0 + (made.value * weight / 3.0) ** 2)
+                    design.append((made.columns["object"] * weight).T)
+                    y.append(made.value * weight)
+        a, b = np.concatenate(design) * spread, np.concatenate(y)
+        twist = spread * np.linalg.solve(a.T @ a + np.eye(6), a.T @ b)
+        small = rigid.exp(twist)[0]
+        turned = np.eye(4)
+        turned[:3, :3] = small[:3, :3] @ pose[:3, :3]
+        turned[:3, 3] = pose[:3, 3] + twist[:3]
+        pose = turned
+    return pose
+
+
+def _middle_shift(scene: ImageScene, frames: Sequence[Frame], pose: np.ndarray) -> np.ndarray:
+    """Mean difference (3,) between where the object's surface is seen and where the model has it [m]."""
+    import torch
+
+    k = scene.intrinsics
+    u, v = np.meshgrid((np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy)
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1)
+    shifts = []
+    for frame in frames:
+        seen = (frame.mask == scene.target_label) & np.isfinite(frame.depth)
+        with torch.no_grad():
+            vertices = scene.vertices(frame.view, pose)
+            rendered = scene.render(torch.from_numpy(vertices))
+        model = rendered.color.numpy()[..., 0] > 0.99
+        if min(seen.sum(), model.sum()) < LEAST_PIXELS:
+            continue
+        turn = frame.view.camera[:3, :3]
+        there = np.median((rays * frame.depth[..., None])[seen], axis=0)
+        here = np.median(rendered.xyz.numpy()[model], axis=0)
+        shifts.append(turn @ (there - here))
+    if not shifts:
+        raise InputError(
+            f"the object {scene.body} (label {scene.target_label}) is in no image, or not where the task may"
+            " put it; check the mask's labels, the calibration and --scene"
+        )
+    return np.median(shifts, axis=0)
+
+
+__all__ = ["OBJECT", "object_spreads", "solved_object"]

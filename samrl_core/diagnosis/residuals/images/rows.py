@@ -1,0 +1,254 @@
+"""Residuals of one frame, tile by tile, and what moves them.
+
+Depth is compared within surfaces, far from any edge. Outlines are compared across edges alone, as shifts in
+pixels along the image's two axes; what moves them comes from the renderer's adjoint, one image per row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+
+from samrl_core.diagnosis.residuals.images.flows import Flows, flows
+from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, ImageScene, View
+
+TILES = 8  # along each side of the image
+LEAST_PIXELS = 12  # of a tile that is compared
+EDGE_M = 0.01  # difference of depth between neighbours that is an edge
+FAR_PX = 2  # from any edge, of pixels within a surface
+BLUR = 0.016  # of outlines, share of the image's width: shifts up to it stay linear
+LEAST_OUTLINE = 0.3  # squared gradient of an outline in a tile, below which it says nothing
+ROBUST = 1.4826
+CHANNELS = ("depth", "mask", "color", "depth_noise")
+UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
+OF_CHANNEL = {  # columns that are no flow, by channel
+    "depth": ("depth_scale", "depth_offset"),
+    "mask": ("outline_object", "outline_tip"),
+    "color": ("light", "paint_object", "paint_static"),
+    "depth_noise": ("depth_noise",),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Residuals of one channel of one frame."""
+
+    value: np.ndarray  # (n,)
+    tile: np.ndarray  # (n,) index, row by row
+    shape: np.ndarray  # (n,) noise of each row against others of its channel
+    columns: dict[str, np.ndarray]  # name -> (p, n); a name that is missing moves nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame as recorded, in the size in which it is compared."""
+
+    color: np.ndarray  # (H, W, 3) 0..1
+    depth: np.ndarray  # (H, W) [m]
+    mask: np.ndarray  # (H, W)
+    view: View
+
+
+def frame_rows(
+    scene: ImageScene, frame: Frame, object_pose: np.ndarray, noise_per_z2: float
+) -> dict[str, Rows]:
+    """Rows of every channel with the object at a transform (4, 4); noise of depth at 1 m [m]."""
+    vertices = scene.vertices(frame.view, object_pose)
+    object_at = scene.origin + object_pose[:3, 3]
+    moving = flows(scene, frame.view, vertices, scene.group, object_at)
+    with torch.no_grad():
+        rendered = scene.render(torch.from_numpy(vertices))
+        shaded = scene.render(torch.from_numpy(vertices), shaded=True)
+    shares = rendered.color.numpy().astype(float)
+    points = rendered.xyz.numpy().astype(float)
+    label = rendered.label.numpy().copy()
+    label[~np.isfinite(rendered.depth.numpy())] = 255
+    inside = _inside(scene, frame, points[..., 2], label)
+    made = {
+        "depth": _depth_rows(scene, frame, points, inside, object_at),
+        "color": _color_rows(frame, shaded.color.numpy().astype(float), inside),
+        "depth_noise": _noise_rows(frame, points[..., 2], inside, noise_per_z2),
+        "mask": _mask_rows(scene, frame, shares, label, vertices, moving),
+    }
+    return made
+
+
+def _tiles(height: int, width: int) -> np.ndarray:
+    """(H, W) index of each pixel's tile."""
+    v, u = np.mgrid[0:height, 0:width]
+    return (v * TILES // height) * TILES + u * TILES // width
+
+
+def _inside(scene: ImageScene, frame: Frame, z: np.ndarray, label: np.ndarray) -> dict[int, np.ndarray]:
+    """Pixels (H, W) within the object and the table, far from edges of model and recording."""
+    clean = np.isfinite(frame.depth) & (frame.depth > 0)
+    kernel = np.ones((3, 3), np.uint8)
+    step = cv2.dilate(z.astype(np.float32), kernel) - cv2.erode(z.astype(np.float32), kernel)
+    tilt = ROBUST * float(np.median(step[label != 255])) if (label != 255).any() else 0.0
+    edge = (step > max(EDGE_M, 3.0 * tilt)) | (label == 255)
+    far = cv2.dilate(edge.astype(np.uint8), np.ones((2 * FAR_PX + 1,) * 2, np.uint8)) == 0
+    out = {}
+    for group, wanted in ((STATIC, 0), (OBJECT, scene.target_label)):
+        both = ((label == wanted) & (frame.mask == wanted)).astype(np.uint8)
+        both = cv2.erode(both, np.ones((2 * FAR_PX + 1,) * 2, np.uint8), borderValue=0) > 0
+        out[group] = both & far & clean
+    return out
+
+
+def _depth_rows(
+    scene: ImageScene, frame: Frame, points: np.ndarray, inside: dict[int, np.ndarray], object_at: np.ndarray
+) -> Rows:
+    k, z = scene.intrinsics, points[..., 2]
+    dv, du = np.gradient(z)
+    tiles = _tiles(*z.shape)
+    value, where, shape, columns = [], [], [], []
+    for group, mask in inside.items():
+        index = np.flatnonzero(mask)
+        if not len(index):
+            continue
+        at, zs = points.reshape(-1, 3)[index], z.ravel()[index]
+        slope_u, slope_v = du.ravel()[index], dv.ravel()[index]
+        error = frame.depth.ravel()[index] - zs
+        moves = flows(scene, frame.view, at, np.full(len(at), group), object_at)
+        along: Flows = {}
+        for name, d in moves.items():
+            shift_u = k.fx * (d[..., 0] - at[:, 0] / zs * d[..., 2]) / zs
+            shift_v = k.fy * (d[..., 1] - at[:, 1] / zs * d[..., 2]) / zs
+            along[name] = d[..., 2] - slope_u * shift_u - slope_v * shift_v
+        along["depth_scale"], along["depth_offset"] = zs[None], np.ones((1, len(zs)))
+        of_tile = tiles.ravel()[index]
+        for tile in np.unique(of_tile):
+            chosen = of_tile == tile
+            if chosen.sum() < LEAST_PIXELS:
+                continue
+            value.append(float(np.median(error[chosen])))
+            where.append(int(tile))
+            shape.append(float(np.mean(zs[chosen]) ** 2 * np.sqrt(64.0 / chosen.sum() + 0.15)))
+            columns.append({name: a[:, chosen].mean(axis=1) for name, a in along.items()})
+    return _stacked(value, where, shape, columns)
+
+
+def _color_rows(frame: Frame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
+    grey, expected = frame.color.mean(axis=2), model.mean(axis=2)
+    tiles = _tiles(*grey.shape)
+    value, where, shape, columns = [], [], [], []
+    for group, mask in inside.items():
+        for tile in np.unique(tiles[mask]):
+            chosen = mask & (tiles == tile)
+            if chosen.sum() < LEAST_PIXELS:
+                continue
+            e = float(expected[chosen].mean())
+            value.append(float(np.median(grey[chosen])) - e)
+            where.append(int(tile))
+            shape.append(1.0)
+            columns.append(
+                {
+                    "light": np.array([e]),
+                    "paint_object": np.array([float(group == OBJECT)]),
+                    "paint_static": np.array([float(group == STATIC)]),
+                }
+            )
+    return _stacked(value, where, shape, columns)
+
+
+def _noise_rows(frame: Frame, z: np.ndarray, inside: dict[int, np.ndarray], noise_per_z2: float) -> Rows:
+    """Logarithm of the spread of depth between neighbours, against what is stated of the sensor."""
+    error = (frame.depth - z) / (noise_per_z2 * np.maximum(z, 1e-3) ** 2)
+    step = (error[:, 1:] - error[:, :-1]) / np.sqrt(2.0)
+    ok = inside[STATIC][:, 1:] & inside[STATIC][:, :-1]
+    tiles = _tiles(*z.shape)[:, 1:]
+    value, where, shape, columns = [], [], [], []
+    for tile in np.unique(tiles[ok]):
+        chosen = step[ok & (tiles == tile)]
+        if len(chosen) < 4 * LEAST_PIXELS:
+            continue
+        spread = ROBUST * float(np.median(np.abs(chosen - np.median(chosen))))
+        value.append(float(np.log(max(spread, 1e-3))))
+        where.append(int(tile))
+        shape.append(1.0)
+        columns.append({"depth_noise": np.ones(1)})
+    return _stacked(value, where, shape, columns)
+
+
+def _mask_rows(
+    scene: ImageScene,
+    frame: Frame,
+    shares: np.ndarray,
+    label: np.ndarray,
+    vertices: np.ndarray,
+    moving: Flows,
+) -> Rows:
+    """Shifts of the outlines of object and tip along u and v."""
+    height, width = label.shape
+    sigma = BLUR * width
+    reach = int(np.ceil(2.0 * sigma))
+    kernel = np.ones((2 * reach + 1,) * 2, np.uint8)
+    tiles = _tiles(height, width)
+    wanted = {0: scene.target_label, 1: scene.tool_label}
+    # What the model knows roughly only (the arm, the hand) must not be near.
+    coarse = ((label == scene.tool_label) & (shares[..., 1] < 0.5)) | np.isin(label, (3,))
+    coarse |= np.isin(frame.mask, (3,))
+    border = np.ones((height, width), np.uint8)
+    border[reach:-reach, reach:-reach] = 0
+    value, where, shape, weights, growth = [], [], [], [], []
+    for channel, name in wanted.items():
+        modelled = shares[..., channel]
+        if modelled.sum() < LEAST_PIXELS:
+            continue
+        recorded = (frame.mask == name).astype(float)
+        other = wanted[1 - channel]
+        near_other = cv2.dilate((frame.mask == other).astype(np.uint8), kernel) > 0
+        unsure = cv2.dilate(coarse.astype(np.uint8), kernel) > 0
+        use = ~(near_other | unsure | (border > 0))
+        smooth, seen = _blurred(modelled, sigma), _blurred(recorded, sigma)
+        slope_v, slope_u = np.gradient(smooth)
+        steep = np.hypot(slope_u, slope_v)
+        for axis, slope in enumerate((slope_u, slope_v)):
+            for tile in np.unique(tiles[use & (steep > 0.02)]):
+                w = np.where(use & (tiles == tile), slope, 0.0)
+                strength = float((w * slope).sum())
+                if strength < LEAST_OUTLINE:
+                    continue
+                w = -w / strength
+                value.append(float((w * (seen - smooth)).sum()))
+                where.append(int(tile))
+                shape.append(float(np.sqrt(1.0 / strength + 0.1)))
+                image = np.zeros((height, width, 3), np.float32)
+                image[..., channel] = _blurred(w, sigma)
+                weights.append(image)
+                grown = [0.0, 0.0]
+                grown[channel] = float((w * steep).sum())
+                growth.append((axis, grown))
+    if not value:
+        return _stacked([], [], [], [])
+    gradients = _adjoint(scene, vertices, np.stack(weights))
+    columns = {name: np.einsum("pvi,nvi->pn", d, gradients, optimize=True) for name, d in moving.items()}
+    grown = np.array([g for _, g in growth])
+    columns["outline_object"], columns["outline_tip"] = grown[:, 0][None], grown[:, 1][None]
+    return Rows(np.array(value), np.array(where), np.array(shape), columns)
+
+
+def _adjoint(scene: ImageScene, vertices: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Gradients (n, V, 3) of sums of the shares under weights (n, H, W, 3), by the vertices."""
+    batch = torch.from_numpy(np.broadcast_to(vertices, (len(weights), *vertices.shape)).copy())
+    batch.requires_grad_(True)
+    (scene.render(batch).color * torch.from_numpy(weights)).sum().backward()
+    assert batch.grad is not None
+    return batch.grad.numpy()
+
+
+def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
+    return cv2.GaussianBlur(image.astype(np.float64), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+
+
+def _stacked(
+    value: list[float], where: list[int], shape: list[float], columns: list[dict[str, np.ndarray]]
+) -> Rows:
+    names = list(columns[0]) if columns else []
+    return Rows(
+        np.array(value, dtype=float), np.array(where, dtype=int), np.array(shape, dtype=float),
+        {name: np.stack([c[name] for c in columns], axis=1) for name in names},
+    )  # fmt: skip

@@ -1,0 +1,125 @@
+"""Bags of a cell's camera to recordings of images: colour, depth, mask, both arms' joints and calibration."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
+from samrl_core.cell.robots.robot import ROLES
+from samrl_core.cell.types.image_recording import ImageRecording, ImageTolerances
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.kinds.images import split_images
+from samrl_ros.bags.reader import Bag, open_bag
+from samrl_ros.conversions import from_message
+from samrl_ros.recordings.arrays_by_role import read_stated
+
+COLOR, DEPTH = "/cell/camera/color/image_raw", "/cell/camera/depth/image_rect_raw"
+INFO, MASK = "/cell/camera/color/camera_info", "/cell/camera/mask/image_raw"
+CALIBRATION = "/cell/camera/calibration"
+STATES = {role: f"/cell/{role}/joint_states" for role in ROLES}
+WANTED = (COLOR, DEPTH, INFO, MASK, CALIBRATION, *STATES.values())
+_MOST_BYTES = 3_000_000_000  # of images that are held at once
+
+
+def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageRecording:
+    """The frames that have colour, depth and mask of one stamp.
+
+    Raises:
+        InputError: a topic is missing, images of several sizes, or messages that are broken.
+    """
+    bag = open_bag(path)
+    present = {topic.name for topic in bag.topics if topic.count}
+    if missing := [name for name in WANTED if name not in present]:
+        raise InputError(
+            f"bag {path} lacks {', '.join(missing)}; images are compared with colour, depth, mask,"
+            " camera_info, calibration and the joint states of both arms. Record them, or diagnose the arms"
+            " without --camera"
+        )
+    spec = cell_named(cell)
+    images: dict[str, dict[int, np.ndarray]] = {COLOR: {}, DEPTH: {}, MASK: {}}
+    joints: dict[str, dict[int, np.ndarray]] = {role: {} for role in ROLES}
+    lens, poses, size = None, None, 0
+    roles = {name: role for role, name in STATES.items()}
+    for raw, message in bag.decoded(WANTED):
+        if raw.topic in images:
+            image = from_message.image(message)
+            size += image.nbytes
+            if size > _MOST_BYTES:
+                raise InputError(
+                    f"bag {path} holds more than {_MOST_BYTES / 1e9:g} GB of images; cut it to a minute"
+                )
+            images[raw.topic][from_message.stamp_ns(message)] = image
+        elif raw.topic in roles:
+            role = roles[raw.topic]
+            reading = from_message.arm_reading(message, spec.arm(role).joint_names)
+            joints[role][reading.stamp_ns] = reading.position
+        elif raw.topic == INFO:
+            lens = _same(lens, from_message.intrinsics(message), bag)
+        else:
+            poses = from_message.calibration(message.data)
+    assert lens is not None and poses is not None
+    stamps = sorted(set(images[COLOR]) & set(images[DEPTH]) & set(images[MASK]))
+    if not stamps:
+        raise InputError(
+            f"bag {path}: colour, depth and mask share no stamp; publish them aligned, as one frame"
+        )
+    expected = (lens.height, lens.width)
+    for topic, found in images.items():
+        if wrong := next((i.shape for i in found.values() if i.shape[:2] != expected), None):
+            raise InputError(
+                f"bag {path}: {topic} is {wrong[1]}x{wrong[0]}, camera_info says {expected[1]}x{expected[0]}"
+            )
+    start = min(joints["camera_arm"])
+
+    def seconds(values: Sequence[int]) -> np.ndarray:
+        return 1e-9 * (np.array(sorted(values), dtype=np.int64) - start)
+
+    def track(role: str) -> tuple[np.ndarray, np.ndarray]:
+        return seconds(list(joints[role])), np.stack([joints[role][t] for t in sorted(joints[role])])
+
+    return ImageRecording(
+        path.stem if path.suffix == ".mcap" else path.name, str(path), _sha256(bag), task, cell, lens,
+        poses["camera_in_flange"], poses["camera_arm"], poses["tool_arm"], seconds(stamps),
+        np.stack([images[COLOR][t] for t in stamps]), np.stack([images[DEPTH][t] for t in stamps]),
+        np.stack([images[MASK][t] for t in stamps]), *track("camera_arm"), *track("tool_arm"),
+    )  # fmt: skip
+
+
+def load_image_bags(
+    fit: Sequence[Path], held_out: Sequence[Path], task: str, tolerances: Path | None
+) -> tuple[list[ImageRecording], list[ImageRecording], list[str]]:
+    """Recordings by role, with notes; tolerances of a YAML file replace the defaults.
+
+    Raises:
+        InputError: as `read_image_bag`; too few images to hold any out.
+    """
+    groups = [[read_image_bag(path, task) for path in paths] for paths in (fit, held_out)]
+    if tolerances is not None:
+        stated = read_stated(ImageTolerances, tolerances)
+        groups = [[replace(r, tolerances=stated) for r in group] for group in groups]
+    fitted, held = groups
+    if held:
+        return fitted, held, []
+    first, last = split_images(fitted[0])
+    return [first], [last], [f"{fitted[0].name} is alone: its last part is held out"]
+
+
+def _same(before: Any, now: Any, bag: Bag) -> Any:
+    if before is not None and now != before:
+        raise InputError(f"bag {bag.path}: camera_info changes from {before} to {now}; record one resolution")
+    return now
+
+
+def _sha256(bag: Bag) -> str:
+    digest = hashlib.sha256()
+    for file in bag.files:
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()

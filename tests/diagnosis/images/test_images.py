@@ -1,0 +1,99 @@
+"""Images against the rendered scene: columns against differences, refusals, and effects that are named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.types.camera import Intrinsics
+from samrl_core.cell.types.image_recording import ImageRecording
+from samrl_core.cell.types.pose import Pose, rotation_vector
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.kinds.images import Images, split_images
+from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
+from samrl_core.diagnosis.residuals.images.image_trial import DEPTH_NOISE_PER_Z2, prepared
+from samrl_core.diagnosis.residuals.images.object_pose import solved_object
+from samrl_core.diagnosis.residuals.images.rows import frame_rows
+from samrl_core.diagnosis.residuals.images.scene import ImageScene
+
+MOVED = np.array([0.004, -0.003, 0.005])  # of the camera in its own axes [m]
+
+
+def _stated_elsewhere(recording: ImageRecording, moved: np.ndarray) -> ImageRecording:
+    """The same images, with a hand-eye stated that lacks a translation."""
+    away = Pose(-moved, np.array([0.0, 0.0, 0.0, 1.0]))
+    return replace(recording, camera_in_flange=recording.camera_in_flange @ away)
+
+
+def test_columns_are_what_a_moved_camera_changes(recordings: list[ImageRecording]) -> None:
+    """Rows before and after a small step, against the columns."""
+    recording, step = recordings[0], np.array([0.002, 0.001, -0.0015])
+    scene = ImageScene(recording, compared_size(recording.intrinsics)[0])
+    frames = chosen_frames(scene, recording)
+    pose = solved_object(scene, frames[:8], recording.tolerances, DEPTH_NOISE_PER_Z2)
+    twist = np.concatenate([step, [0.004, -0.002, 0.003]])
+    turned = Pose(twist[:3], rotation_vector(twist[3:]).quat_xyzw).matrix()
+    for channel, agreement in (("depth", 0.95), ("mask", 0.85)):
+        seen, expected = [], []
+        for frame in frames[::6]:
+            moved = replace(frame, view=replace(frame.view, camera=frame.view.camera @ turned))
+            before, after = (frame_rows(scene, f, pose, DEPTH_NOISE_PER_Z2)[channel] for f in (frame, moved))
+            keys = [list(zip(r.tile, np.round(r.shape, 9), strict=True)) for r in (before, after)]
+            same = len(keys[0]) == len(keys[1]) and np.array_equal(before.tile, after.tile)
+            if same:
+                seen.append(before.value - after.value)
+                expected.append(np.einsum("p,pn->n", twist, before.columns["hand_eye"]))
+        assert seen, "no frame keeps its tiles"
+        a, b = np.concatenate(seen), np.concatenate(expected)
+        assert np.corrcoef(a, b)[0, 1] > agreement, channel
+
+
+def test_a_nominal_cell_leaves_little(recordings: list[ImageRecording]) -> None:
+    """Another renderer's images of the nominal cell, within a millimetre of depth and a pixel of outline."""
+    trials, _ = prepared(recordings, 1)
+    for trial in trials:
+        assert {"depth", "mask", "color"} <= set(trial.channels)
+        assert float(np.sqrt(np.mean(trial.residual["depth"] ** 2))) < 0.001
+        assert abs(float(np.median(trial.residual["mask"]))) < 0.3
+
+
+def test_bad_images_are_refused(recordings: list[ImageRecording]) -> None:
+    first = recordings[0]
+    with pytest.raises(InputError, match="6 needed"):
+        first.part(np.arange(1))
+    with pytest.raises(InputError, match="shape"):
+        replace(first, depth=first.depth[:, :64])
+    with pytest.raises(InputError, match="is in 0 of"):
+        prepared([replace(first, mask=np.zeros_like(first.mask))], 1)
+    with pytest.raises(InputError, match="at least"):
+        split_images(first.part(np.arange(8)))
+    k = first.intrinsics
+    other = replace(recordings[1], intrinsics=Intrinsics(k.width, k.height, 2 * k.fx, k.fy, k.cx, k.cy))
+    with pytest.raises(InputError, match="one resolution"):
+        Images().alike([first, other])
+
+
+@pytest.mark.thorough
+def test_a_wrong_hand_eye_is_named(recordings: list[ImageRecording]) -> None:
+    fit, held = (_stated_elsewhere(r, MOVED) for r in recordings)
+    found, _ = diagnose([fit], [held])
+    assert found.verdict in ("effect", "ambiguous")
+    assert any(e.family == "hand_eye" for e in found.effects)
+    assert found.gap is not None and found.gap.shrink is not None and found.gap.shrink > 0.3
+
+
+@pytest.mark.thorough
+def test_a_wrong_depth_scale_is_named_with_its_size(recordings: list[ImageRecording]) -> None:
+    fit, held = (replace(r, depth=(1.03 * r.depth).astype(np.float32)) for r in recordings)
+    found, _ = diagnose([fit], [held])
+    assert found.verdict == "effect" and found.effects[0].family == "depth_scale"
+    assert found.effects[0].parameters["a"].value == pytest.approx(0.03, abs=0.006)
+
+
+@pytest.mark.thorough
+def test_nothing_is_named_in_a_nominal_cell(recordings: list[ImageRecording]) -> None:
+    found, _ = diagnose(recordings[:1], recordings[1:])
+    assert found.verdict == "no_gap", [e.name for e in found.effects]

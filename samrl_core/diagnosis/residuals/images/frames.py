@@ -42,7 +42,7 @@ def chosen_frames(scene: ImageScene, recording: ImageRecording) -> list[Frame]:
     views = [scene.view(recording, float(recording.time[i])) for i in candidates]
     labels = (scene.target_label,)
     shown = [bool(np.isin(recording.mask[i], labels).any()) for i in candidates]
-    pairs = [(i, v) for i, v, s in zip(candidates, views, shown, strict=True) if s]
+    pairs = [(int(i), v) for i, v, s in zip(candidates, views, shown, strict=True) if s]
     if not pairs:
         return []
     features = np.stack([_features(view) for _, view in pairs])

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import torch
 
 from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.images.rows import LEAST_PIXELS, Frame, frame_rows
-from samrl_core.diagnosis.residuals.images.scene import OBJECT, ImageScene
+from samrl_core.diagnosis.residuals.images.scene import ImageScene
 from samrl_core.diagnosis.residuals.poses import rigid
 
 COARSE_ROUNDS, FINE_ROUNDS = 4, 3
@@ -63,8 +64,6 @@ def solved_object(
 
 def _middle_shift(scene: ImageScene, frames: Sequence[Frame], pose: np.ndarray) -> np.ndarray:
     """Mean difference (3,) between where the object's surface is seen and where the model has it [m]."""
-    import torch
-
     k = scene.intrinsics
     u, v = np.meshgrid((np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy)
     rays = np.stack([u, v, np.ones_like(u)], axis=-1)
@@ -87,6 +86,3 @@ def _middle_shift(scene: ImageScene, frames: Sequence[Frame], pose: np.ndarray) 
             " put it; check the mask's labels, the calibration and --scene"
         )
     return np.median(shifts, axis=0)
-
-
-__all__ = ["OBJECT", "object_spreads", "solved_object"]

@@ -166,9 +166,6 @@ ROOMS: dict[str, tuple[str, ...]] = {
             "export",
             "report",
             "history",
-            "diagnose",
-            "two_logs",
-            "result",
         )
     },
     "samrl_core.diagnosis.effects": (

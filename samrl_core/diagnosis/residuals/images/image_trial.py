@@ -62,7 +62,7 @@ class ImageTrial(Observed):
         self._frame = {c: np.repeat(np.arange(len(made)), [len(m[c].value) for m in made]) for c in CHANNELS}
         self.channels = tuple(c for c in CHANNELS if len(self._rows[c].value))
         self.level, self._sigma, self.outliers = noise_of_rows(
-            {c: self._rows[c] for c in self.channels}, self._frame, recording.tolerances, constants.level
+            {c: self._rows[c] for c in self.channels}, constants.level
         )
 
     @property

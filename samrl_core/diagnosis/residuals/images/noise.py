@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.diagnosis.residuals.images.rows import Rows
 from samrl_core.diagnosis.residuals.poses.noise import ROBUST
 
@@ -25,8 +24,6 @@ LEAST = {"depth": 2e-4, "mask": 0.1, "color": 0.05, "depth_noise": 0.1}
 
 def noise_of_rows(
     rows: Mapping[str, Rows],
-    frames: Mapping[str, np.ndarray],
-    stated: ImageTolerances,
     level: Mapping[str, float],
 ) -> tuple[dict[str, float], dict[str, np.ndarray], dict[str, int]]:
     """Levels by channel, standard deviations (N,) of each row, and how many rows stand apart.
@@ -34,12 +31,6 @@ def noise_of_rows(
     `level` holds what another recording of the same camera gave; empty for this one's own. What stands apart
     counts as little as it is far off: clutter on the table is no gap of the camera.
     """
-    floor = {
-        "depth": stated.deviation * stated.depth_pattern,
-        "mask": stated.deviation * stated.outline_pattern,
-        "color": stated.deviation * stated.paint_pattern,
-        "depth_noise": 0.5 * stated.deviation * stated.depth_noise,
-    }
     left = _leftover(rows)
     found, sigma, apart = {}, {}, {}
     for channel, r in rows.items():
@@ -48,19 +39,12 @@ def noise_of_rows(
         if channel in level:
             found[channel] = level[channel]
         else:
-            order = np.lexsort((frames[channel], r.tile))
-            same = np.diff(r.tile[order]) == 0
-            steps = np.diff(ratio[order])[same]
-            white = ROBUST * float(np.median(np.abs(steps))) / np.sqrt(2.0) if len(steps) > 8 else 0.0
             whole = ROBUST * float(np.median(np.abs(ratio)))
-            white = min(max(white, 0.3 * whole), whole) if white else whole
-            lasting = np.sqrt(max(whole**2 - white**2, 0.0))
-            found[channel] = max(
-                float(np.hypot(white, min(lasting, floor[channel] / typical))), LEAST[channel] / typical
-            )
+            found[channel] = max(whole, LEAST[channel] / typical)
         score = np.abs(ratio) / found[channel]
         wild = score > APART
-        sigma[channel] = found[channel] * r.shape * np.where(wild, (score / APART) ** 2 * APART, 1.0)
+        # Tails are heavy: what lies beyond two deviations counts as two.
+        sigma[channel] = found[channel] * r.shape * np.maximum(1.0, 0.5 * score)
         apart[channel] = int(np.count_nonzero(wild))
     return found, sigma, apart
 

@@ -40,7 +40,8 @@ def solved_object(
     for _ in range(COARSE_ROUNDS):
         shift = _middle_shift(scene, used, pose)
         pose[:2, 3] += shift[:2]
-    spread = object_spreads(stated)
+    # What is stated (height, tilt) stays as stated: its prior must not follow what a wrong depth makes of it.
+    spread = object_spreads(stated) * np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
     for _ in range(FINE_ROUNDS):
         design, y = [], []
         for frame in used:

@@ -31,8 +31,8 @@ def flows(
         "base": moved(in_camera(eye, base, view.camera), points, ones),
         "camera_zeros": moved(view.camera_jacobian.T, points, ones),
         "camera_late": moved(view.camera_rate[None], points, ones),
-        "tool_zeros": moved(-_seen(view.tool_jacobian.T, view), points, on_tool),
-        "tool_late": moved(-_seen(view.tool_rate[None], view), points, on_tool),
+        "tool_zeros": moved(-_world_twists(view.tool_jacobian.T, view), points, on_tool),
+        "tool_late": moved(-_world_twists(view.tool_rate[None], view), points, on_tool),
         "held": moved(in_camera(eye, flange, view.camera), points, on_tool),
         "object": moved(in_camera(eye, _at(object_at), view.camera), points, on_object),
         "object_scale": ((points - origin) * on_object[:, None])[None],
@@ -74,7 +74,7 @@ def in_camera(twists: np.ndarray, frame: np.ndarray, camera: np.ndarray) -> np.n
     return np.concatenate([linear @ camera[:3, :3], angular @ camera[:3, :3]], axis=1)
 
 
-def _seen(twists: np.ndarray, view: View) -> np.ndarray:
+def _world_twists(twists: np.ndarray, view: View) -> np.ndarray:
     """Twists (p, 6) in world about its origin."""
     return in_camera(twists, np.eye(4), view.camera)
 

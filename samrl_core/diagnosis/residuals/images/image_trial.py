@@ -29,7 +29,7 @@ from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.phases import phases_of_speed
 
 DEPTH_NOISE_PER_Z2 = 0.08 / (447.0 * 0.05) * np.sqrt(0.5)  # [1/m] of neighbours, of a stereo camera's 0.08 px
-LEAST_ROWS = 40  # of depth, below which no camera is judged
+LEAST_ROWS = 40  # of depth, of a recording that tells of a camera
 SIZES = {  # how many columns each name has
     "hand_eye": 6, "base": 6, "camera_zeros": 7, "camera_late": 1, "tool_zeros": 7, "tool_late": 1, "held": 6,
     "object": 6, "object_scale": 1, "focal": 2, "centre": 2, "radial": 2, "tangential": 2,

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from samrl_core.cell.types.pose import Pose
-from samrl_core.diagnosis.effects.pose_forms import SIX
 from samrl_core.diagnosis.export.recalibration import Advice, CorrectedTransform, Recalibration
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 from samrl_core.diagnosis.residuals.poses import rigid
@@ -73,6 +72,3 @@ def _statement(h: Hypothesis, amplitudes: np.ndarray, trial: ImageTrial) -> str:
         return f"state fx {fx:.3f}, fy {fy:.3f}, cx {cx - 0.5:.3f}, cy {cy - 0.5:.3f} px in camera_info"
     listed = ", ".join(f"{n} {v:.5f}" for n, v in values.items())
     return f"set {listed} of {kind} {name}" if name else f"set {listed} of the {kind}"
-
-
-__all__ = ["SIX", "recalibration"]

@@ -19,7 +19,8 @@ from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial, prepar
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Fit
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
 _SAME_M, _SAME_RAD = 1e-6, 1e-6
 
@@ -96,8 +97,12 @@ class Images(Kind[ImageRecording]):
     ) -> tuple[NextExperiment | None, str]:
         return next_images(likelihood, fits, names)
 
-    def recalibration(self, likelihood: Likelihood, chosen: Fit) -> Recalibration:
-        return recalibration(chosen, [t for t in likelihood.trials if isinstance(t, ImageTrial)])
+    def correction(
+        self, evidence: Evidence, chosen: Fit, far: HowFar, sure: bool, rng: np.random.Generator
+    ) -> Recalibration | None:
+        if not sure:
+            return None
+        return recalibration(chosen, [t for t in evidence.likelihood.trials if isinstance(t, ImageTrial)])
 
 
 def split_images(

@@ -12,12 +12,16 @@ from samrl_core.cell.types.image_recording import ImageRecording
 from samrl_core.cell.types.pose import Pose, rotation_vector
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.effects.images.hand_eye import EFFECT as HAND_EYE
 from samrl_core.diagnosis.kinds.images import Images, split_images
 from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
 from samrl_core.diagnosis.residuals.images.image_trial import DEPTH_NOISE_PER_Z2, prepared
 from samrl_core.diagnosis.residuals.images.object_pose import solved_object
 from samrl_core.diagnosis.residuals.images.rows import frame_rows
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Evidence
 
 
 def test_columns_are_what_a_moved_camera_changes(recordings: list[ImageRecording]) -> None:
@@ -72,3 +76,25 @@ def test_bad_images_are_refused(recordings: list[ImageRecording]) -> None:
 def test_nothing_is_named_in_a_nominal_cell(recordings: list[ImageRecording]) -> None:
     found, _ = diagnose(recordings[:1], recordings[1:])
     assert found.verdict == "no_gap", [e.name for e in found.effects]
+
+
+@pytest.mark.thorough
+def test_a_fitted_hand_eye_corrects_the_calibration(recordings: list[ImageRecording]) -> None:
+    """What `--apply` writes lies nearer to the camera than what was stated."""
+    true = recordings[0].camera_in_flange
+    turn = np.array([0.004, -0.003, 0.005])
+    stated = true @ Pose(np.array([0.004, -0.003, 0.003]), rotation_vector(turn).quat_xyzw)
+    trials, _ = prepared([replace(recordings[0], camera_in_flange=stated)], 1)
+    evidence = Evidence(Likelihood(trials))
+    fitted = max((evidence.fit([h]) for h in evidence.screen([HAND_EYE])), key=lambda f: f.log_evidence)
+    far, rng = HowFar(None, ()), np.random.default_rng(0)
+    assert Images().correction(evidence, fitted, far, False, rng) is None
+    found = Images().correction(evidence, fitted, far, True, rng)
+    assert found is not None
+    (transform,) = found.transforms
+    assert transform.calibration == ("hand_eye", "camera_in_flange")
+    before, after = (
+        np.linalg.norm(p.position - true.position) + 0.35 * p.angle_to(true)
+        for p in (transform.stated, transform.found)
+    )
+    assert after < 0.5 * before

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 
 from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.common.errors import InputError
@@ -71,9 +70,7 @@ def _middle_shift(scene: ImageScene, frames: Sequence[Frame], pose: np.ndarray) 
     shifts = []
     for frame in frames:
         seen = (frame.mask == scene.target_label) & np.isfinite(frame.depth)
-        with torch.no_grad():
-            vertices = scene.vertices(frame.view, pose)
-            rendered = scene.render(torch.from_numpy(vertices))
+        rendered = scene.render(scene.vertices(frame.view, pose))
         model = rendered.color.numpy()[..., 0] > 0.99
         if min(seen.sum(), model.sum()) < LEAST_PIXELS:
             continue

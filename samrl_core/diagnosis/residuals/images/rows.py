@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import torch
 
 from samrl_core.diagnosis.residuals.images.flows import Flows, flows
 from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, ImageScene, View
@@ -59,9 +58,7 @@ def frame_rows(
     vertices = scene.vertices(frame.view, object_pose)
     object_at = scene.origin + object_pose[:3, 3]
     moving = flows(scene, frame.view, vertices, scene.group, object_at)
-    with torch.no_grad():
-        rendered = scene.render(torch.from_numpy(vertices))
-        shaded = scene.render(torch.from_numpy(vertices), shaded=True)
+    rendered, shaded = scene.render(vertices), scene.render(vertices, shaded=True)
     shares = rendered.color.numpy().astype(float)
     points = rendered.xyz.numpy().astype(float)
     label = rendered.label.numpy().copy()
@@ -224,20 +221,11 @@ def _mask_rows(
                 growth.append((axis, grown))
     if not value:
         return _stacked([], [], [], [])
-    gradients = _adjoint(scene, vertices, np.stack(weights))
+    gradients = scene.gradients(vertices, np.stack(weights))
     columns = {name: np.einsum("pvi,nvi->pn", d, gradients, optimize=True) for name, d in moving.items()}
     grown = np.array([g for _, g in growth])
     columns["outline_object"], columns["outline_tip"] = grown[:, 0][None], grown[:, 1][None]
     return Rows(np.array(value), np.array(where), np.array(shape), columns)
-
-
-def _adjoint(scene: ImageScene, vertices: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Gradients (n, V, 3) of sums of the shares under weights (n, H, W, 3), by the vertices."""
-    batch = torch.from_numpy(np.broadcast_to(vertices, (len(weights), *vertices.shape)).copy())
-    batch.requires_grad_(True)
-    (scene.render(batch).color * torch.from_numpy(weights)).sum().backward()
-    assert batch.grad is not None
-    return batch.grad.numpy()
 
 
 def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:

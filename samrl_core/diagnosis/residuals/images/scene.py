@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.cells import cell_named
@@ -13,10 +13,14 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.image_recording import ImageRecording
 from samrl_core.common.errors import InputError
-from samrl_core.model.rendering.renderer import Rendered, Renderer
-from samrl_core.model.scene.color_groups import lambert
-from samrl_core.model.scene.scene_mesh import build_scene_mesh
-from samrl_core.model.scene.settings import ModelSettings
+
+# Every diagnosis loads this file, few look at images: torch is loaded where a scene is built, since it takes
+# longer than a short log to diagnose.
+if TYPE_CHECKING:
+    import torch
+
+    from samrl_core.model.rendering.renderer import Rendered
+    from samrl_core.model.scene.settings import ModelSettings
 
 STATIC, OBJECT, TOOL, LINK = 0, 1, 2, 3  # what carries a vertex
 ABOUT_S = 0.01  # half the time over which velocities are taken
@@ -45,6 +49,12 @@ class ImageScene:
         Raises:
             InputError: an unknown task or cell, or a task whose target is no rigid body.
         """
+        import torch
+
+        from samrl_core.model.rendering.renderer import Renderer
+        from samrl_core.model.scene.scene_mesh import build_scene_mesh
+        from samrl_core.model.scene.settings import ModelSettings
+
         task = task_named(recording.task)
         cell = replace(
             cell_named(recording.cell),
@@ -134,14 +144,36 @@ class ImageScene:
         world[moved] = (world[moved] - self.origin) @ object_pose[:3, :3].T + self.origin + object_pose[:3, 3]
         return (world - view.camera[:3, 3]) @ view.camera[:3, :3]
 
-    def render(self, vertices: torch.Tensor, shaded: bool = False) -> Rendered:
+    def render(self, vertices: np.ndarray, shaded: bool = False) -> Rendered:
         """Shares of object and tip in `color`, or grey values; `xyz` in the camera's axes."""
+        import torch
+
+        with torch.no_grad():
+            return self._render(torch.from_numpy(vertices), self._shade if shaded else self._shares)
+
+    def gradients(self, vertices: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Gradients (n, V, 3) of sums of the shares under weights (n, H, W, 3), by the vertices."""
+        import torch
+
+        batch = torch.from_numpy(np.broadcast_to(vertices, (len(weights), *vertices.shape)).copy())
+        batch.requires_grad_(True)
+        (self._render(batch, self._shares).color * torch.from_numpy(weights)).sum().backward()
+        assert batch.grad is not None
+        return batch.grad.numpy()
+
+    def _render(self, vertices: torch.Tensor, colors: torch.Tensor) -> Rendered:
+        import torch
+
         zero = torch.zeros(len(self.group), dtype=torch.float32)
         eye, none = torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
-        return self._renderer(vertices, self._shade if shaded else self._shares, zero, eye, none)
+        return self._renderer(vertices, colors, zero, eye, none)
 
     def _shading(self, settings: ModelSettings) -> torch.Tensor:
         """CAD colours (V, 3) under the assumed light; those of moving parts as they stand at first."""
+        import torch
+
+        from samrl_core.model.scene.color_groups import lambert
+
         mesh = self.mesh
         normals = np.concatenate([p.normals for p in mesh.pieces])
         shade = lambert(normals, settings.ambient, np.array(settings.towards_light))

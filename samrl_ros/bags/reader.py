@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import heapq
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
@@ -66,6 +67,15 @@ class Bag:
         """One topic. Raises `InputError` listing those present."""
         require_topics(self, (name,))
         return next(topic for topic in self.topics if topic.name == name)
+
+    def sha256(self) -> str:
+        """Of the file; of all files one after the other where the bag is split."""
+        digest = hashlib.sha256()
+        for file in self.files:
+            with file.open("rb") as stream:
+                while block := stream.read(1 << 20):
+                    digest.update(block)
+        return digest.hexdigest()
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -84,7 +83,7 @@ def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageReco
         return seconds(list(joints[role])), np.stack([joints[role][t] for t in sorted(joints[role])])
 
     return ImageRecording(
-        path.stem if path.suffix == ".mcap" else path.name, str(path), _sha256(bag), task, cell, lens,
+        path.stem if path.suffix == ".mcap" else path.name, str(path), bag.sha256(), task, cell, lens,
         poses["camera_in_flange"], poses["camera_arm"], poses["tool_arm"], seconds(stamps),
         np.stack([images[COLOR][t] for t in stamps]), np.stack([images[DEPTH][t] for t in stamps]),
         np.stack([images[MASK][t] for t in stamps]), *track("camera_arm"), *track("tool_arm"),
@@ -114,12 +113,3 @@ def _same(before: Any, now: Any, bag: Bag) -> Any:
     if before is not None and now != before:
         raise InputError(f"bag {bag.path}: camera_info changes from {before} to {now}; record one resolution")
     return now
-
-
-def _sha256(bag: Bag) -> str:
-    digest = hashlib.sha256()
-    for file in bag.files:
-        with file.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -87,7 +86,7 @@ def load_recordings(
     damage = [*_damage_notes(bag), *bag.notes]
     if RAW in bag.custom_data:
         damage.append(f"the effort of {bag.custom_data[RAW]} is in raw units of the drive, not in N m")
-    digest = _sha256(bag)
+    digest = bag.sha256()
     recordings, notes = [], {}
     for role in roles:
         found = list(damage)
@@ -139,16 +138,6 @@ def _damage_notes(bag: Bag) -> list[str]:
         f"the bag is truncated: {'; '.join(bag.damage)}; {bag.lost_bytes} bytes at the end could not be read,"
         f" {bag.message_count} messages up to log time {bag.end_ns * 1e-9:.3f} s are used"
     ]
-
-
-def _sha256(bag: Bag) -> str:
-    """Of the file; of all files one after the other where the bag is split."""
-    digest = hashlib.sha256()
-    for file in bag.files:
-        with file.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()
 
 
 def _recording(

@@ -24,12 +24,9 @@ def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
     first = trials[0]
     transforms: list[CorrectedTransform] = []
     statements: list[Advice] = []
-    start = 0
-    for h, amplitudes in zip(chosen.hypotheses, chosen.amplitudes, strict=True):
-        block = slice(start, start + len(amplitudes))
-        start += len(amplitudes)
+    for h, amplitudes, covariance in chosen.parts():
         if h.effect.family in TRANSFORMS:
-            transforms.append(_transform(h, amplitudes, chosen.covariance[block, block], first))
+            transforms.append(_transform(h, amplitudes, covariance, first))
         else:
             statements.append(Advice(h.name, _statement(h, amplitudes, first)))
     sources = tuple((t.recording.source, t.recording.sha256) for t in trials)

@@ -22,13 +22,9 @@ def recalibration(chosen: Fit, trials: Sequence[PoseTrial]) -> Recalibration:
     first = trials[0]
     transforms: list[CorrectedTransform] = []
     statements: list[Advice] = []
-    start = 0
-    for h, amplitudes in zip(chosen.hypotheses, chosen.amplitudes, strict=True):
-        block = slice(start, start + len(amplitudes))
-        start += len(amplitudes)
+    for h, amplitudes, covariance in chosen.parts():
         link = LINK_OF.get(h.effect.family)
         if link is not None and not h.place.startswith("link:"):
-            covariance = chosen.covariance[block, block]
             transforms.append(_transform(h, link, amplitudes, covariance, first))
         else:
             statements.append(Advice(h.name, _statement(h, amplitudes, first)))

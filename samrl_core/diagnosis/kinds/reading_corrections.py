@@ -13,12 +13,10 @@ from samrl_core.diagnosis.selection.hypothesis import Fit
 
 def reading_recalibration(chosen: Fit, trials: Sequence[ReadingTrial]) -> Recalibration:
     """Turn the named effects into formulas for the mapping, in metres or seconds."""
-    first, advice, start = trials[0], list[Advice](), 0
-    for h, amplitudes in zip(chosen.hypotheses, chosen.amplitudes, strict=True):
-        block = slice(start, start + len(amplitudes))
-        start += len(amplitudes)
+    first, advice = trials[0], list[Advice]()
+    for h, amplitudes, covariance in chosen.parts():
         values = h.form.parameters(first, h.shape, amplitudes)
-        deviation = np.sqrt(np.diag(chosen.covariance[block, block]))
+        deviation = np.sqrt(np.diag(covariance))
         listed = ", ".join(
             f"{name} {value:.6g} +- {s:.2g}"
             for (name, value), s in zip(values.items(), deviation, strict=True)

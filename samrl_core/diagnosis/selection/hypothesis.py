@@ -7,7 +7,7 @@ data count is therefore divided by their correlation time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -59,6 +59,14 @@ class Fit:
     amplitudes: tuple[np.ndarray, ...]
     covariance: np.ndarray  # of all amplitudes in order
     log_evidence: float  # against no effect [nat]
+
+    def parts(self) -> Iterator[tuple[Hypothesis, np.ndarray, np.ndarray]]:
+        """Each hypothesis with its amplitudes (p,) and their covariance (p, p)."""
+        start = 0
+        for h, amplitudes in zip(self.hypotheses, self.amplitudes, strict=True):
+            block = slice(start, start + len(amplitudes))
+            start += len(amplitudes)
+            yield h, amplitudes, self.covariance[block, block]
 
 
 def hypothesis(

@@ -208,6 +208,7 @@ def test_gradient_of_a_whole_arm(kind: str) -> None:
     _check_all(_problem("panda", PLANTS[kind]))
 
 
+@pytest.mark.thorough
 def test_gradient_of_a_single_slide() -> None:
     _check_all(_problem("slide", replace(RICH, payload=None)))
 

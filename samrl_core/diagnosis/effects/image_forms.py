@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from samrl_core.diagnosis.effects.form import Form, Shape
-from samrl_core.diagnosis.effects.pose_forms import RADIAN_PER_METRE, SIX
+from samrl_core.diagnosis.effects.pose_forms import RADIAN_PER_METRE
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
@@ -57,4 +57,3 @@ class ZeroOfJoint(ImageColumns):
 
 
 SIX_SPREADS = (*(0.003,) * 3, *(0.003 * RADIAN_PER_METRE,) * 3)
-__all__ = ["SIX", "SIX_SPREADS", "ImageColumns", "LateImages", "ZeroOfJoint"]

@@ -22,6 +22,7 @@ from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
+LEAST_ROWS = 40  # of depth, of a recording that tells of a camera
 _SAME_M, _SAME_RAD = 1e-6, 1e-6
 
 
@@ -62,7 +63,7 @@ class Images(Kind[ImageRecording]):
     def trials(
         self, fit: Sequence[ImageRecording], held_out: Sequence[ImageRecording]
     ) -> tuple[list[Observed], list[Observed]]:
-        made, _ = prepared([*fit, *held_out], len(fit))
+        made = prepared([*fit, *held_out], len(fit))
         return list(made[: len(fit)]), list(made[len(fit) :])
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
@@ -73,6 +74,10 @@ class Images(Kind[ImageRecording]):
             out.append(
                 f"{trial.name}: {len(trial.frames)} of {len(trial.recording.time)} images are compared"
             )
+            if len(trial.residual.get("depth", ())) < LEAST_ROWS:
+                out.append(
+                    f"{trial.name}: hardly any tile has depth on table or object that model and mask agree on"
+                )
             for channel, count in trial.outliers.items():
                 total = len(trial.residual[channel])
                 if count > 0.02 * total:

@@ -63,9 +63,7 @@ class Selection:
     correlation_time: float
     held_out_gain: float = 0.0  # log likelihood [nat] that held-out recordings win by what was fitted
     held_out_expected: float = 0.0  # that they would win if it were exactly so
-    denied: frozenset[str] = (
-        frozenset()
-    )  # first effects that simulated motion contradicts, not the chosen one
+    denied: frozenset[str] = frozenset()  # other first effects, which simulated motion contradicts
     contenders: tuple[Fit, ...] = ()  # further first effects, in the order in which they are tried
     again: Callable[[Fit], Selection] | None = None  # the set that grows from another first effect
 

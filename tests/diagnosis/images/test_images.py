@@ -49,7 +49,7 @@ def test_columns_are_what_a_moved_camera_changes(recordings: list[ImageRecording
 
 def test_a_nominal_cell_leaves_little(recordings: list[ImageRecording]) -> None:
     """Another renderer's images of the nominal cell, within a millimetre of depth and a pixel of outline."""
-    trials, _ = prepared(recordings, 1)
+    trials = prepared(recordings, 1)
     for trial in trials:
         assert {"depth", "mask", "color"} <= set(trial.channels)
         assert float(np.sqrt(np.mean(trial.residual["depth"] ** 2))) < 0.001
@@ -84,7 +84,7 @@ def test_a_fitted_hand_eye_corrects_the_calibration(recordings: list[ImageRecord
     true = recordings[0].camera_in_flange
     turn = np.array([0.004, -0.003, 0.005])
     stated = true @ Pose(np.array([0.004, -0.003, 0.003]), rotation_vector(turn).quat_xyzw)
-    trials, _ = prepared([replace(recordings[0], camera_in_flange=stated)], 1)
+    trials = prepared([replace(recordings[0], camera_in_flange=stated)], 1)
     evidence = Evidence(Likelihood(trials))
     fitted = max((evidence.fit([h]) for h in evidence.screen([HAND_EYE])), key=lambda f: f.log_evidence)
     far, rng = HowFar(None, ()), np.random.default_rng(0)

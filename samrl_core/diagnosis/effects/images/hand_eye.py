@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.effects.form import Form, Place
-from samrl_core.diagnosis.effects.image_forms import SIX, SIX_SPREADS, ImageColumns
-from samrl_core.diagnosis.effects.pose_forms import six_parameters
+from samrl_core.diagnosis.effects.image_forms import SIX_SPREADS, ImageColumns
+from samrl_core.diagnosis.effects.pose_forms import SIX, six_parameters
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
 

@@ -29,7 +29,6 @@ from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.phases import phases_of_speed
 
 DEPTH_NOISE_PER_Z2 = 0.08 / (447.0 * 0.05) * np.sqrt(0.5)  # [1/m] of neighbours, of a stereo camera's 0.08 px
-LEAST_ROWS = 40  # of depth, of a recording that tells of a camera
 SIZES = {  # how many columns each name has
     "hand_eye": 6, "base": 6, "camera_zeros": 7, "camera_late": 1, "tool_zeros": 7, "tool_late": 1, "held": 6,
     "object": 6, "object_scale": 1, "focal": 2, "centre": 2, "radial": 2, "tangential": 2,
@@ -197,11 +196,11 @@ class ImageTrial(Observed):
         }
 
 
-def prepared(recordings: Sequence[ImageRecording], fitted: int) -> tuple[list[ImageTrial], list[str]]:
+def prepared(recordings: Sequence[ImageRecording], fitted: int) -> list[ImageTrial]:
     """Trials of recordings of one scene, of which the first `fitted` give the object's pose and the noise.
 
     Raises:
-        InputError: too few frames show the object, or too little of a frame can be compared.
+        InputError: too few frames show the object.
     """
     first = recordings[0]
     scene = ImageScene(first, compared_size(first.intrinsics)[0])
@@ -222,11 +221,7 @@ def prepared(recordings: Sequence[ImageRecording], fitted: int) -> tuple[list[Im
         if len(trials) == 0:
             constants = ImageConstants(scene, pose, trial.level)
         trials.append(trial)
-    short = [t.name for t in trials if len(t._rows["depth"].value) < LEAST_ROWS]
-    notes = [
-        f"{name}: hardly any tile has depth on table or object that model and mask agree on" for name in short
-    ]
-    return trials, notes
+    return trials
 
 
 def _joined(rows: Sequence[Rows]) -> Rows:

@@ -44,7 +44,7 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: setup cell test thorough live check slow fuzz faults soak bench bench-model docs clean
+.PHONY: setup cell test unit thorough live check slow fuzz faults soak bench bench-model docs clean
 .DELETE_ON_ERROR:
 
 setup: $(BUILT)
@@ -67,9 +67,13 @@ cell: $(BUILT)
 	set -- samrl cell --task $(TASK) --instance $(INSTANCE) --episodes $(EPISODES) --seed $(SEED) \
 	  --out out/cell-$$n; echo "$$@"; exec $(BIN)/"$$@"
 
+# Pyright runs beside the tests of one process each, and not beside those over DDS, which need the cores.
 test: $(BUILT)
+	$(MAKE) -j2 unit check
+	$(MAKE) live
+
+unit: $(BUILT)
 	$(BIN)/python -m pytest -q -m "not slow and not thorough and not live" -n $(WORKERS) --dist worksteal
-	$(MAKE) -j2 -Oline live check
 
 thorough: $(BUILT)
 	$(BIN)/python -m pytest -q -m "thorough and not slow and not live" -n $(WORKERS) --dist worksteal $(call MARKED,thorough)

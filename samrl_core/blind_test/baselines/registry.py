@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from samrl_core.blind_test.baselines.all_parameters import all_parameters
-from samrl_core.blind_test.baselines.argmin_rmse import argmin_rmse
 from samrl_core.blind_test.baselines.claim import Claim
+from samrl_core.blind_test.baselines.least_squares import all_parameters, argmin_rmse
 from samrl_core.blind_test.baselines.mujoco_sysid import mujoco_sysid
 from samrl_core.blind_test.baselines.sparse_regression import sparse_regression
 from samrl_core.cell.types.arm_recording import ArmRecording

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from samrl_core.blind_test.scores.parameters import comparable
+from samrl_core.blind_test.scores.effect_scores import comparable
 from samrl_core.blind_test.worlds import world
 from samrl_core.blind_test.worlds.nominal import nominal_arm
 from samrl_core.blind_test.worlds.plan import PlanItem, PlannedEffect, place_of

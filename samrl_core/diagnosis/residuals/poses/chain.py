@@ -60,7 +60,7 @@ class Arm:
 
     def __init__(self, poses: ArmPoses, timed: bool) -> None:
         """Interpolate the track, or the joints and the URDF's kinematics."""
-        self.role, self.joints, self._timed = poses.role, poses.joints, timed
+        self.role, self.joints = poses.role, poses.joints
         self._stamps = poses.stamps
         self._track = None if poses.flange is None else rigid.Interpolated(poses.flange, timed)
         self._rigid = None

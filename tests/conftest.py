@@ -8,6 +8,7 @@ slower on a busy machine.
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -67,3 +68,11 @@ def model() -> Model:
     from samrl_core.model.model import Model
 
     return Model(task_named("peg_insertion"), cell_named())
+
+
+@pytest.fixture
+def hangup() -> Iterator[None]:
+    """SIGHUP acts as by default; under `nohup` it is ignored, by children too, which would wait for ever."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)

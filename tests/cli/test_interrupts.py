@@ -17,6 +17,8 @@ from samrl_core.common import executor
 from samrl_ros.cli import commands, main
 from samrl_ros.contract import interrupts
 
+pytestmark = pytest.mark.usefixtures("hangup")
+
 # Sends a signal to itself when a module is about to be imported: the middle of a start, without a clock.
 INTERRUPTED_START = """
 import os, sys

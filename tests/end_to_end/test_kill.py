@@ -22,7 +22,13 @@ from tests.end_to_end.live_bag import count_actions
 from tests.waiting import PATIENCE_S, wait_for
 
 pytest.importorskip("rclpy")
-pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.live, pytest.mark.timeout(3600)]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.ros,
+    pytest.mark.live,
+    pytest.mark.timeout(3600),
+    pytest.mark.usefixtures("hangup"),
+]
 
 JOINTS = {role: arm_topic(role, "joint_states") for role in ("tool_arm", "camera_arm")}
 AT_REST = 0.02  # [rad/s], above the noise of a measured velocity

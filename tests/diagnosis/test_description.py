@@ -38,6 +38,7 @@ def test_columns_under_each_others_names_are_named() -> None:
     assert found.gap is not None and found.gap.shrink is not None and found.gap.shrink > 0.6
 
 
+@pytest.mark.thorough
 def test_torques_in_another_unit_are_named() -> None:
     def in_kgf(signal: JointSignal | None) -> JointSignal:
         assert signal is not None and signal.effort is not None
@@ -57,6 +58,7 @@ def test_masses_off_by_one_factor_are_named_as_that() -> None:
     assert size.value == pytest.approx(1.4, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_a_right_description_is_not_doubted() -> None:
     found = diagnosed(recordings(coulomb=np.array([0.0, 3.0, 0.0])))
     assert not {e.family for e in found.effects} & {"joint_order", "unit_error", "model_scale"}

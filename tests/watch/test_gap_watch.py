@@ -78,6 +78,7 @@ def whole_windows(messages: Stream, folder: Path, length_s: float) -> Iterator[P
         yield last.folder
 
 
+@pytest.mark.thorough
 def test_each_window_is_a_bag_of_its_own(changed: Stream, tmp_path: Path) -> None:
     folders = list(whole_windows(changed, tmp_path / "w", 5.0))
     assert len(folders) > 4
@@ -131,6 +132,7 @@ def test_a_machine_that_changes_is_told_with_the_time(changed: Stream, tmp_path:
     watch.close()
 
 
+@pytest.mark.thorough
 def test_an_arm_that_rests_is_not_judged_and_says_so(tmp_path: Path) -> None:
     (plain,) = world(1, "A")
     states = plain.states

@@ -40,6 +40,7 @@ def test_exact_pairs_give_the_poses() -> None:
     assert solution.inner.angle_to(INNER) < 1e-7 and solution.outer.angle_to(OUTER) < 1e-7
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [8, 25])
 def test_noise_averages_out_and_pairs_left_out_tell_what_is_left(count: int) -> None:
     """Errors of 60 calibrations, in units of their own standard deviations: 180 coordinates, 1 +- 0.053."""

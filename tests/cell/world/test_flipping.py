@@ -33,6 +33,7 @@ def test_expert_turns_the_pancake_over() -> None:
         assert episode.error < 0.015
 
 
+@pytest.mark.thorough
 def test_without_a_lip_the_pancake_is_only_pushed() -> None:
     """The same motion, with nothing that stops the pancake: the lip is what turns it."""
     (episode,) = episodes(

@@ -46,6 +46,7 @@ def test_the_thread_starts_at_rest_where_it_was_drawn() -> None:
     world.close()
 
 
+@pytest.mark.thorough
 def test_a_pulled_thread_swings_back_and_comes_to_rest() -> None:
     """Put straight, against its springs, it swings and settles where it had hung, within 0.3 mm after 2 s."""
     world = PyBulletWorld(TASK, CELL, NOISELESS)

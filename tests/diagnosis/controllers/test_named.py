@@ -60,6 +60,7 @@ def test_differences_are_named_with_their_size(kind: str) -> None:
         assert found.gap is not None and found.gap.shrink is not None and found.gap.shrink > 0.3, told
 
 
+@pytest.mark.thorough
 def test_a_servo_without_a_recorded_torque() -> None:
     """The law stands for it: nothing where nothing is, and a dead band where one is."""
     nominal, banded = worlds(MACHINES["position_servo"], [Differs(), Differs(dead_band=0.01)], 2, 6.0)

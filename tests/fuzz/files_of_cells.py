@@ -197,7 +197,7 @@ FILES_OF_CELLS: tuple[Reader, ...] = (
         lambda path: calibrated_cell(cell_named(), path, None),
     ),
     Reader("driver", "driver.yaml", _drivers, DriverFile.from_file),
-    Reader("xacro", "a.xacro", lambda: [XACRO.encode()], read_model),
+    Reader("xacro", "a.xacro", lambda: [XACRO.encode()], read_model, share=0.3),
     Reader("MJCF", "a.xml", lambda: [MJCF.encode()], read_model),
     *(
         Reader(f"mesh {kind}", f"a.{kind}", _mesh(kind), lambda path: load_mesh(path, 1.0))

@@ -10,6 +10,8 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.stated_tolerances import StatedTolerances
 from samrl_core.common.errors import InputError
 
+FARTHEST_M = 1000.0  # beyond it, rounding of a fit eats a millimetre; no camera sees so far
+
 
 @dataclass(frozen=True, eq=False)
 class PoseTrack:
@@ -26,6 +28,12 @@ class PoseTrack:
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
                 raise InputError(f"{name} of a pose track has shape {value.shape}, must be finite {shape}")
+        if count and float(np.max(np.abs(self.position))) > FARTHEST_M:
+            k = int(np.argmax(np.abs(self.position).max(axis=1)))
+            raise InputError(
+                f"position {k} of a pose track is {np.abs(self.position[k]).max():.3g} m from its frame, more "
+                f"than {FARTHEST_M:g} m; check the unit, or give positions in a nearer frame"
+            )
         if count > 1 and float(np.min(np.diff(self.time))) <= 0:
             raise InputError("stamps of a pose track must increase; leave out repeated poses")
         length = np.linalg.norm(self.quat_xyzw, axis=1)

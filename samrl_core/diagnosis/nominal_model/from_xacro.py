@@ -1,4 +1,4 @@
-"""xacro to URDF, by the xacro package of ROS itself.
+"""xacro to URDF, by the xacro package of ROS itself, in a process of its own: an expression may never end.
 
 `$(find PACKAGE)` is asked of ROS where there is one; otherwise a folder of that name with a package.xml is
 looked for beside the file and above it, where a checkout has it.
@@ -6,7 +6,12 @@ looked for beside the file and above it, where a checkout has it.
 
 from __future__ import annotations
 
+import json
 import re
+import resource
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +24,9 @@ from xacro import substitution_args
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 
+LONGEST_S = 20  # [s] of CPU; files of whole humanoids take one
+_MOST_BYTES = 4 * 2**30  # of memory
+_REFUSED = 3  # exit code of a file that cannot be expanded: standard output holds the reason
 _UPWARDS = 6  # folders above the file in which packages are looked for
 # What macros, properties and their expressions raise besides xacro's own.
 _UNREADABLE = (
@@ -30,6 +38,7 @@ _UNREADABLE = (
     AttributeError,
     ImportError,
     LookupError,
+    MemoryError,
     NameError,
     OSError,
     RuntimeError,  # RecursionError is one
@@ -39,24 +48,41 @@ _UNREADABLE = (
 )
 
 
-def expand(path: Path, arguments: Mapping[str, str]) -> str:
-    """The URDF that a xacro file makes with these arguments.
+def expand(path: Path, arguments: Mapping[str, str], longest_s: int = LONGEST_S) -> str:
+    """The URDF that a xacro file makes with these arguments, within so much time of a core [s].
 
     Raises:
         InputError: naming the file in which expansion stopped, what it was about, and what to do.
     """
+    command = [sys.executable, "-m", "samrl_core.diagnosis.nominal_model.from_xacro", str(path)]
+    command += [json.dumps(dict(arguments)), str(longest_s)]
+    run = subprocess.run(command, stdout=subprocess.PIPE, check=False)
+    said = run.stdout.decode(errors="replace")
+    if run.returncode == _REFUSED:
+        raise InputError(said)
+    if run.returncode == -signal.SIGXCPU:
+        raise InputError(
+            f"{path}: xacro has not expanded it within {longest_s} s; look for an expression as large as "
+            "9**99999999 or a macro that calls itself, or give the expanded URDF"
+        )
+    if run.returncode:
+        raise InputError(f"{path}: xacro died ({run.returncode}); give the expanded URDF")
+    return said
+
+
+def _expanded(path: Path, arguments: Mapping[str, str]) -> str:
     try:
         with _packages_beside(path):
             document: Any = xacro.process_file(str(path), mappings=dict(arguments))
+            return document.toprettyxml(indent="  ")
     except _UNREADABLE as error:
         raise InputError(_explained(path, error)) from error
-    return document.toprettyxml(indent="  ")
 
 
 def _explained(path: Path, error: BaseException) -> str:
     stack = [str(file) for file in xacro.filestack or () if file]
     where = stack[-1] if stack else str(path)
-    about = str(error) or type(error).__name__
+    about = " ".join(str(error).split()) or type(error).__name__
     macros = [str(m.body.getAttribute("name")) for m in xacro.macrostack or ()]
     inside = f" in macro {macros[-1]}" if macros else ""
     remedy = "mend the file, or expand it with the `xacro` command and give the URDF"
@@ -79,7 +105,7 @@ def _packages_beside(path: Path) -> Iterator[None]:
                     return str(place)
         try:
             return str(asked(package))
-        except (ImportError, LookupError) as error:
+        except (ImportError, LookupError, OSError) as error:  # OSError: no ROS is sourced
             raise LookupError(f"package {package!r} is not found") from error
 
     substitution_args._eval_find = find
@@ -95,3 +121,20 @@ def _names(file: Path, package: str) -> bool:
     return (
         re.search(rf"<name>\s*{re.escape(package)}\s*</name>", file.read_text(errors="replace")) is not None
     )
+
+
+def main() -> int:
+    """Expand here: a path, a JSON object of arguments and a limit [s] in, URDF or the reason out."""
+    longest_s = int(sys.argv[3])
+    resource.setrlimit(resource.RLIMIT_CPU, (longest_s, longest_s + 1))
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
+    try:
+        text, code = _expanded(Path(sys.argv[1]), json.loads(sys.argv[2])), 0
+    except InputError as error:
+        text, code = str(error), _REFUSED
+    sys.stdout.buffer.write(text.encode(errors="replace"))
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.nominal_model.from_xacro import expand
 from samrl_core.diagnosis.nominal_model.read_model import read_model
 
 FILE = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -69,3 +70,15 @@ def test_arguments_of_a_plain_urdf_are_refused(tmp_path: Path) -> None:
     path.write_text('<robot name="a"><link name="base"/></robot>')
     with pytest.raises(InputError, match=r"is no xacro file.*mass"):
         read_model(path, {"mass": "1"})
+
+
+def test_an_expression_that_does_not_end_is_refused(arm: Path) -> None:
+    arm.write_text(FILE.replace("$(arg mass)", "${9 ** 9 ** 9}"))
+    with pytest.raises(InputError, match=r"arm\.urdf\.xacro: xacro has not expanded it within 1 s"):
+        expand(arm, {}, longest_s=1)
+
+
+def test_an_expression_that_takes_all_memory_is_refused(arm: Path) -> None:
+    arm.write_text(FILE.replace("$(arg mass)", "${[1] * 10 ** 10}"))
+    with pytest.raises(InputError, match=r"xacro cannot be expanded: when evaluating expression .\[1\] \* 10"):
+        expand(arm, {})

@@ -18,6 +18,7 @@ from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.kinds.poses import split_poses
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.poses import rigid
+from samrl_core.diagnosis.residuals.poses.noise import leftover
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.solve import solved
 from samrl_core.diagnosis.result import Diagnosis
@@ -200,6 +201,19 @@ def test_poses_that_cannot_be_used_are_refused() -> None:
         split_poses(_first(recording, 10))
     with pytest.raises(InputError, match="at least 6"):
         PoseTrial(_first(recording, 4), solved([recording])[0])
+    seen = recording.seen
+    with pytest.raises(InputError, match=r"position \d+ .* more than 1000 m; check the unit"):
+        type(seen)(seen.time, seen.position * 1e6, seen.quat_xyzw)
+
+
+def test_poses_that_change_without_bounds_are_refused() -> None:
+    with pytest.raises(InputError, match=r"change by up to 1e\+160 m or rad; check the stamps"):
+        leftover(np.ones((20, 6)), [np.full((20, 6), 1e160)], [1.0])
+
+
+def test_what_moves_all_poses_alike_has_a_fit_even_where_rounding_hides_the_prior() -> None:
+    column = 1e13 * np.ones((20, 6))
+    assert np.abs(leftover(np.ones((20, 6)), [column, column], [1.0, 1.0])).max() < 1e-3
 
 
 def _first(recording: PoseRecording, count: int) -> PoseRecording:

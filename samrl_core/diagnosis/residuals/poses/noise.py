@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from samrl_core.common.errors import InputError
+
 ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
 OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target
 ROUNDS = 6
@@ -25,8 +27,14 @@ def leftover(residual: np.ndarray, columns: Sequence[np.ndarray], spread: Sequen
         weight = 1.0 / (1.0 + (left / (2.5 * level)) ** 2)
         root = (np.sqrt(weight) / level).reshape(-1)
         a, b = design * root[:, None], y * root
-        normal = a.T @ a
-        inverse = np.linalg.inv(normal + np.eye(len(normal)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            normal = a.T @ a
+        if not np.isfinite(normal).all():
+            raise InputError(
+                f"poses change by up to {np.abs(design).max():.3g} m or rad; check the stamps and the unit"
+            )
+        # Where all that can be off moves the poses alike, rounding may hide the prior: no inverse is there.
+        inverse = np.linalg.pinv(normal + np.eye(len(normal)), hermitian=True)
         left = (y - design @ (inverse @ (a.T @ b))).reshape(residual.shape)
         used = float(np.trace(inverse @ normal))
     return left * np.sqrt(y.size / max(y.size - used, 0.25 * y.size))

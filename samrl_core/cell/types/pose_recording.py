@@ -31,8 +31,8 @@ class PoseTrack:
         if count and float(np.max(np.abs(self.position))) > FARTHEST_M:
             k = int(np.argmax(np.abs(self.position).max(axis=1)))
             raise InputError(
-                f"position {k} of a pose track is {np.abs(self.position[k]).max():.3g} m from its frame, more "
-                f"than {FARTHEST_M:g} m; check the unit, or give positions in a nearer frame"
+                f"position {k} of a pose track is {np.abs(self.position[k]).max():.3g} m from its frame, "
+                f"more than {FARTHEST_M:g} m; check the unit, or give positions in a nearer frame"
             )
         if count > 1 and float(np.min(np.diff(self.time))) <= 0:
             raise InputError("stamps of a pose track must increase; leave out repeated poses")

@@ -80,5 +80,5 @@ def test_an_expression_that_does_not_end_is_refused(arm: Path) -> None:
 
 def test_an_expression_that_takes_all_memory_is_refused(arm: Path) -> None:
     arm.write_text(FILE.replace("$(arg mass)", "${[1] * 10 ** 10}"))
-    with pytest.raises(InputError, match=r"xacro cannot be expanded: when evaluating expression .\[1\] \* 10"):
+    with pytest.raises(InputError, match=r"cannot be expanded: when evaluating expression .\[1\] \* 10"):
         expand(arm, {})

@@ -19,6 +19,7 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError, SamrlError
+from samrl_core.policy.agent.policies import TOUCH
 from samrl_ros.cell.driver_check import check_drivers
 from samrl_ros.cell.options import CellOptions, prepare
 from samrl_ros.cell.reserve import Reserve
@@ -266,7 +267,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
         judge = "the operator's word" if options.hardware else "evaluation truth"
         console.print(f"{summary['successes']} of {n} episodes succeeded by {judge} ({interval})")
     for episode in summary["episodes"]:
-        console.print(_line(episode), highlight=False, soft_wrap=True)
+        console.print(_line(episode, options.policy == TOUCH), highlight=False, soft_wrap=True)
     timing = summary["timing"]
     if math.isfinite(timing["real_time_factor_median"]):
         console.print(
@@ -330,18 +331,22 @@ def _keep_visited(options: CellOptions, task: Task, console: Console) -> None:
         console.print(f"visited: {options.out / VISITED}", highlight=False)
 
 
-def _line(episode: dict[str, Any]) -> str:
+def _line(episode: dict[str, Any], by_touch: bool) -> str:
     success = {True: "success", False: "failure", None: "not judged"}[episode["success"]]
-    estimate, end = episode["estimate_error_before_contact_m"], episode["final_error_m"]
-    # Only a target that stands still has one error of its estimate; all tasks have one of their end.
-    how_near = (
-        f"estimate off by {1e3 * estimate:.2f} mm before contact"
-        if math.isfinite(estimate)
-        else f"ended {1e3 * end:.1f} mm from the goal"
-        if math.isfinite(end)
-        else episode["reason"]
-    )
     return (
         f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, "
-        f"{how_near}, {len(episode['views'])} views considered, {episode['wall_time_s']:.0f} s"
+        f"{_how_near(episode, by_touch)}, {len(episode['views'])} views considered, "
+        f"{episode['wall_time_s']:.0f} s"
     )
+
+
+def _how_near(episode: dict[str, Any], by_touch: bool) -> str:
+    """Only a target that stands still has one error of its estimate; all tasks have one of their end."""
+    estimate, end = episode["estimate_error_before_contact_m"], episode["final_error_m"]
+    if not math.isfinite(estimate):
+        return f"ended {1e3 * end:.1f} mm from the goal" if math.isfinite(end) else episode["reason"]
+    if not by_touch:
+        return f"estimate off by {1e3 * estimate:.2f} mm before contact"
+    # A calibrated cell leaves millimetres: what touch is for, and no fault.
+    found = ", touch found it" if episode["success"] else ""
+    return f"images put the target {1e3 * estimate:.2f} mm beside{found}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -47,16 +48,25 @@ def write_imported(made: Sequence[Any], out: Path, suffix: str, write: Callable[
         write: writes one imported recording to a path.
 
     Raises:
-        InputError: one of the files exists already; nothing was written.
+        InputError: one of the files exists already, or the disk has no room; nothing is left then.
     """
     files = [out / f"{each.recording.name}{suffix}" for each in made]
     if existing := [p for p in (*files, out / INDEX) if is_there(p)]:
         raise InputError(f"{existing[0]} exists already; choose another --out or move it away")
-    out.mkdir(parents=True, exist_ok=True)
-    for each, file in zip(made, files, strict=True):
-        write(each, file)
     roles = {
         role: [f.name for e, f in zip(made, files, strict=True) if e.role == role]
         for role in ("fit", "held_out")
     }
-    write_whole(out / INDEX, json.dumps(roles, indent=2) + "\n")
+    is_new = not is_there(out)
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        for each, file in zip(made, files, strict=True):
+            write(each, file)
+        write_whole(out / INDEX, json.dumps(roles, indent=2) + "\n")
+    except BaseException:
+        for file in files:  # none was there before; without its index none has a role
+            file.unlink(missing_ok=True)
+        if is_new:
+            with suppress(OSError):
+                out.rmdir()
+        raise

@@ -8,6 +8,7 @@ import resource
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from samrl_core.studies.experiment import CaseLog
 from samrl_ros.cell.reserve import Reserve
 from samrl_ros.cell.summary import write_json
 from samrl_ros.cli import commands, main
+from samrl_ros.log_import.imported_files import write_imported
 
 LIMIT = 40_000  # [bytes]
 NOISE = np.random.default_rng(0).normal(size=20_000)  # no packing makes it small
@@ -141,3 +143,18 @@ def test_a_library_s_own_writer_shows_no_traceback(
     monkeypatch.setattr(commands, "app", full)
     assert main.run(["effects"]) == 3
     assert "No space left on device" in (said := capsys.readouterr().err) and "bytes are free at" in said
+
+
+def test_an_import_without_room_leaves_nothing(tmp_path: Path) -> None:
+    """Recordings without their index would be read as if all of them could be fitted."""
+    made = [SimpleNamespace(recording=SimpleNamespace(name=n), role="fit") for n in "ab"]
+    sizes = {"a": 10, "b": LIMIT + 1}
+    kept = tmp_path / "mine"
+    kept.mkdir()
+    (kept / "notes.txt").write_text("mine")
+    for out in (tmp_path / "new", kept):
+        with no_room(), pytest.raises(InputError, match=r"b\.txt: File too large; \d+ bytes are free"):
+            write_imported(
+                made, out, ".txt", lambda each, file: write_whole(file, "x" * sizes[each.recording.name])
+            )
+    assert sorted(tmp_path.rglob("*")) == [kept, kept / "notes.txt"]

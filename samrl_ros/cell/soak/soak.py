@@ -28,7 +28,7 @@ from samrl_ros.cell.soak.process_watch import ProcessWatch
 from samrl_ros.contract.exit_codes import INTERRUPTED, OK
 
 SAMPLE_S = 5.0  # wall time from one sample of the processes to the next
-STOP_S = 120.0  # wall time in which a cell that is asked to stop sums up
+STOP_S = 600.0  # wall time in which a cell that is asked to stop sums up; seconds, minutes beside other work
 
 
 def run_soak(options: SoakOptions, stop: threading.Event, say: Callable[[str], None]) -> list[Path]:

@@ -45,6 +45,7 @@ class Draft:
     xacro_args: dict[str, str] = field(default_factory=dict)
     sources: dict[str, dict[str, Any]] = field(default_factory=dict)
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
+    poses: dict[str, Any] = field(default_factory=dict)  # of a log of poses, which has no joints
     recordings: list[dict[str, Any]] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)  # columns that went nowhere, and why
@@ -64,15 +65,14 @@ class Draft:
 
     def as_mapping(self) -> dict[str, Any]:
         """As a mapping file holds it; `questions` keeps it from being used before they are answered."""
-        content: dict[str, Any] = {"about": self.about, "joints": self.joints}
+        content: dict[str, Any] = {"about": self.about}
+        if not self.poses:
+            content["joints"] = self.joints
         if self.questions:
             content = {"questions": self.questions, **content}
         if self.urdf is not None:
             content["urdf"] = self.urdf
         if self.xacro_args:
             content["xacro_args"] = self.xacro_args
-        return content | {
-            "sources": self.sources,
-            "channels": self.channels,
-            "recordings": self.recordings,
-        }
+        described = {"poses": self.poses} if self.poses else {"channels": self.channels}
+        return content | {"sources": self.sources} | described | {"recordings": self.recordings}

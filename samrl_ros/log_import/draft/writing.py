@@ -26,9 +26,12 @@ def as_yaml(draft: Draft) -> str:
             continue
         if key == "urdf" and isinstance(value, str) and value.lstrip().startswith("<"):
             lines += [*_reasons(draft, "urdf"), "urdf: |", *(f"  {line}" for line in value.splitlines())]
-        elif isinstance(value, dict):  # sources, channels
-            lines.append(f"{key}:")
+        elif isinstance(value, dict):  # sources, channels, poses
+            lines += [*_reasons(draft, key), f"{key}:"]
             for name, entry in value.items():
+                if not isinstance(entry, dict):
+                    lines += _dumped({name: entry}, 2)
+                    continue
                 lines.append(f"  {name}:")
                 lines += _entry(draft, f"{key}.{name}", entry)
         else:

@@ -196,3 +196,24 @@ def _thinner(recording: PoseRecording) -> PoseRecording:
     seen = recording.seen
     track = type(seen)(seen.time[::every], seen.position[::every], seen.quat_xyzw[::every])
     return replace(recording, seen=track)
+
+
+def closing_error(recording: PoseRecording) -> float:
+    """How far the chain stays open with the best constants and clock offset [m], median over the poses.
+
+    Turns count with `LENGTH_PER_RADIAN`. Millimetres where the description is right, decimetres where an
+    inverse, a unit, the order of a quaternion or who carries the camera is not.
+
+    Raises:
+        InputError: as `solved`.
+    """
+    constants, _ = solved([recording])
+    chain = Chain(_thinner(recording), constants)
+    longest = 0.2 * (chain.time[-1] - chain.time[0]) if recording.timed else 0.0
+    tried = np.arange(-LONGEST_OFFSET_S, LONGEST_OFFSET_S, 0.02) if recording.timed else np.zeros(1)
+    left = np.inf
+    for offset in tried[np.abs(tried) <= longest]:
+        twist = rigid.log(chain.seen @ rigid.inverse(chain.predicted((offset, offset))))
+        size = np.linalg.norm(twist * ([1.0] * 3 + [LENGTH_PER_RADIAN] * 3), axis=1)
+        left = min(left, float(np.median(size)))
+    return left

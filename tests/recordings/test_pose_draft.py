@@ -1,0 +1,166 @@
+"""Drafted mappings of pose logs of different make: who moves and what stands where, or a question."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.poses import rigid
+from samrl_ros.cli.main import run
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.pose_draft import draft_poses
+from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.pose_importer import import_pose_logs
+from tests.diagnosis.poses.pose_worlds import PoseWorld, record
+
+
+def made(at_rest: bool = False) -> tuple[PoseTrack, PoseTrack]:
+    """The target in a camera that rides on the arm, and the flange in its base."""
+    recording = record(PoseWorld(at_rest=at_rest, seconds=8.0))
+    assert recording.camera_arm is not None and recording.camera_arm.flange is not None
+    return recording.seen, recording.camera_arm.flange
+
+
+def still_camera() -> tuple[PoseTrack, PoseTrack]:
+    """The same with the arm carrying the target: what was seen from the flange, seen from the table."""
+    seen, flange = made()
+    poses = rigid.inverse(rigid.transforms(flange.position, flange.quat_xyzw))
+    turned = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    return seen, PoseTrack(flange.time, poses[:, :3, 3], turned)
+
+
+def write_csv(path: Path, columns: dict[str, np.ndarray]) -> Path:
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns),
+               comments="", fmt="%.9f")  # fmt: skip
+    return path
+
+
+def named(pattern: str, letters: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    return {pattern.format(letter): values[:, k] for k, letter in enumerate(letters)}
+
+
+def one_csv(folder: Path) -> list[Path]:
+    seen, flange = made()
+    columns = {"timestamp": seen.time}
+    columns |= named("tag_{}", "xyz", seen.position) | named("tag_q{}", "xyzw", seen.quat_xyzw)
+    columns |= named("ee_{}", "xyz", flange.position) | named("ee_q{}", "xyzw", flange.quat_xyzw)
+    return [write_csv(folder / "run.csv", columns)]
+
+
+def two_files(folder: Path) -> list[Path]:
+    seen, flange = made()
+    out = []
+    for name, track in (("run_robot", flange), ("run_tag", seen)):
+        columns = {"time_ms": 1e3 * track.time} | named("{}", "xyz", 1e3 * track.position)
+        columns |= named("q{}", "wxyz", track.quat_xyzw[:, [3, 0, 1, 2]])
+        out.append(write_csv(folder / f"{name}.csv", columns))
+    return out
+
+
+def opencv(folder: Path) -> list[Path]:
+    seen, flange = made(at_rest=True)
+    arrays = {}
+    for name, track in (("gripper2base", flange), ("target2cam", seen)):
+        arrays[f"R_{name}"] = Rotation.from_quat(track.quat_xyzw).as_matrix()
+        arrays[f"t_{name}"] = track.position
+    np.savez(folder / "calib.npz", **arrays)
+    return [folder / "calib.npz"]
+
+
+def arrays_to_hand(folder: Path) -> list[Path]:
+    seen, flange = still_camera()
+    first = [3, 0, 1, 2]
+    np.savez(
+        folder / "log.npz",
+        t=seen.time,
+        marker_pos=seen.position,
+        marker_quat=seen.quat_xyzw[:, first],
+        flange_pos=flange.position,
+        flange_quat=flange.quat_xyzw[:, first],
+    )
+    return [folder / "log.npz"]
+
+
+def vectors(folder: Path) -> list[Path]:
+    seen, flange = made()
+    columns = {"stamp_ns": 1e9 * seen.time}
+    columns |= named("board_tvec_{}", "xyz", seen.position)
+    columns |= named("board_rvec_{}", "xyz", Rotation.from_quat(seen.quat_xyzw).as_rotvec())
+    columns |= named("tcp_{}_mm", "xyz", 1e3 * flange.position)
+    turned = np.degrees(Rotation.from_quat(flange.quat_xyzw).as_euler("xyz"))
+    columns |= {f"tcp_{n}_deg": turned[:, k] for k, n in enumerate(("roll", "pitch", "yaw"))}
+    return [write_csv(folder / "board.csv", columns)]
+
+
+LOGS: dict[str, tuple[Callable[[Path], list[Path]], Callable[[], tuple[PoseTrack, PoseTrack]], str, int]] = {
+    "one CSV": (one_csv, made, "camera_arm", 1),
+    "two files": (two_files, made, "camera_arm", 1),
+    "OpenCV": (opencv, lambda: made(at_rest=True), "camera_arm", 0),
+    "arrays": (arrays_to_hand, still_camera, "tool_arm", 1),
+    "vectors": (vectors, made, "camera_arm", 1),
+}
+
+
+def imported(draft: Draft, folder: Path) -> PoseRecording:
+    """By the draft, with its questions answered as they stand."""
+    content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
+    (folder / "m.yaml").write_text(yaml.safe_dump(content))
+    return import_pose_logs(folder / "m.yaml", folder, None)[0].recording
+
+
+@pytest.mark.parametrize(
+    "log", [pytest.param(n, marks=pytest.mark.thorough) if n in ("arrays", "vectors") else n for n in LOGS]
+)
+def test_each_log_is_read_as_it_was_made(log: str, tmp_path: Path) -> None:
+    write, true, arm, asked = LOGS[log]
+    draft = draft_poses(write(tmp_path))
+    assert draft is not None
+    assert len(draft.questions) == asked, draft.questions
+    got = imported(draft, tmp_path)
+    seen, flange = true()
+    carried = getattr(got, arm)
+    assert carried is not None and carried.flange is not None
+    for a, b in ((got.seen, seen), (carried.flange, flange)):
+        assert np.allclose(a.position, b.position, atol=1e-6)
+        turned = Rotation.from_quat(a.quat_xyzw).inv() * Rotation.from_quat(b.quat_xyzw)
+        assert float(turned.magnitude().max()) < 1e-6
+    assert "closes to" in as_yaml(draft) and "your calibration" in as_yaml(draft)
+
+
+def test_poses_of_two_things_are_asked_about(tmp_path: Path) -> None:
+    """Two tracks that have nothing to do with each other close no chain."""
+    seen, flange = made()
+    order = np.random.default_rng(0).permutation(len(seen.time))
+    columns = {"timestamp": seen.time}
+    columns |= named("tag_{}", "xyz", seen.position[order]) | named("tag_q{}", "xyzw", seen.quat_xyzw[order])
+    columns |= named("ee_{}", "xyz", flange.position) | named("ee_q{}", "xyzw", flange.quat_xyzw)
+    draft = draft_poses([write_csv(tmp_path / "a.csv", columns)])
+    assert draft is not None and any("no description closes" in q for q in draft.questions)
+
+
+def test_a_log_of_joints_is_none_of_poses(tmp_path: Path) -> None:
+    time = np.arange(60.0)
+    assert draft_poses([write_csv(tmp_path / "a.csv", {"t": time, "q1": time, "q2": time})]) is None
+
+
+def test_the_command_writes_a_mapping_that_waits_for_the_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (log,) = one_csv(tmp_path)
+    out = tmp_path / "m.yaml"
+    assert run(["bag", "draft", str(log), "--out", str(out)]) == 0
+    assert "1 ask" in capsys.readouterr().out
+    with pytest.raises(InputError, match="questions"):
+        import_pose_logs(out, tmp_path, None)
+    text = out.read_text()
+    content = yaml.safe_load(text)
+    del content["questions"]
+    out.write_text(yaml.safe_dump(content))
+    assert run(["bag", "import", str(out), "--out", str(tmp_path / "bags")]) == 0

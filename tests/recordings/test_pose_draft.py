@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
@@ -99,11 +101,31 @@ def vectors(folder: Path) -> list[Path]:
     return [write_csv(folder / "board.csv", columns)]
 
 
+def ros2_bag(folder: Path) -> list[Path]:
+    """Stamped poses whose headers name the parent."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    make, kind = types.types, "geometry_msgs/msg/PoseStamped"
+    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, frame, track in zip(
+            ("/tag_pose", "/ee_pose"), ("camera_color_optical_frame", "panda_link0"), made(), strict=True
+        ):
+            connection = writer.add_connection(topic, kind, typestore=types)
+            for time, position, q in zip(track.time, track.position, track.quat_xyzw, strict=True):
+                ns = round(1e9 * (1000.0 + time))
+                stamp = make["builtin_interfaces/msg/Time"](ns // 10**9, ns % 10**9)
+                point, turn = make["geometry_msgs/msg/Point"], make["geometry_msgs/msg/Quaternion"]
+                pose = make["geometry_msgs/msg/Pose"](point(*position), turn(*q))
+                message = make[kind](make["std_msgs/msg/Header"](stamp, frame), pose)
+                writer.write(connection, ns, types.serialize_cdr(message, kind))
+    return [folder / "bag"]
+
+
 LOGS: dict[str, tuple[Callable[[Path], list[Path]], Callable[[], tuple[PoseTrack, PoseTrack]], str, int]] = {
     "one CSV": (one_csv, made, "camera_arm", 1),
     "two files": (two_files, made, "camera_arm", 1),
     "OpenCV": (opencv, lambda: made(at_rest=True), "camera_arm", 0),
     "arrays": (arrays_to_hand, still_camera, "tool_arm", 1),
+    "ROS 2 bag": (ros2_bag, made, "camera_arm", 0),
     "vectors": (vectors, made, "camera_arm", 1),
 }
 

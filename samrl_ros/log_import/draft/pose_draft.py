@@ -8,6 +8,7 @@ user is asked.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -22,7 +23,8 @@ from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.column_names import is_time, meaning
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.pose_tracks import FoundTrack, find_tracks, named_frames, position_of
+from samrl_ros.log_import.draft.pose_tracks import LEAST, FoundTrack, find_tracks, named_frames, position_of
+from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
 from samrl_ros.log_import.specs import CsvOptions
@@ -35,6 +37,11 @@ SEEN = frozenset(
 )
 CARRIED = frozenset(
     "robot flange ee eef tcp tool tool0 gripper hand effector fk arm wrist base link7 link8 body".split()
+)
+CAMERAS = frozenset("cam camera optical rgb".split())
+BASES = frozenset("base world link0 root origin".split())
+POSES = frozenset(
+    f"geometry_msgs/msg/{name}" for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped")
 )
 FAR = 20.0  # of a position: no arm and no camera is so far off in metres
 CLEARLY = 4.0  # times better than the next description: that is proof
@@ -50,16 +57,28 @@ class _Placed:
     path: Path
     table: Table
     track: FoundTrack
+    part: str = ""  # of a bag: the topic
+    header: tuple[str, str] = ("", "")  # child and parent frame, of a bag
+
+    @property
+    def frames(self) -> tuple[frozenset[str], frozenset[str]] | None:
+        """Words of the child's and of the parent's name, where the log names them."""
+        named = named_frames(self.track.stem)
+        if named is None and self.header[1]:
+            named = (self.header[0] or self.part, self.header[1])
+        return None if named is None else (_words(named[0]), _words(named[1]))
 
     @property
     def words(self) -> set[str]:
         """Of its name; of the file where the columns say nothing."""
+        if self.part:
+            return set(_words(self.part))
         return set(self.track.stem) or set(self.path.stem.lower().replace("-", "_").split("_"))
 
     @property
     def name(self) -> str:
         """For sentences."""
-        return f"{self.path.name}: {self.track.names}"
+        return f"{self.path.name}: {self.part or self.track.names}"
 
 
 def draft_poses(paths: Sequence[Path]) -> Draft | None:
@@ -69,8 +88,11 @@ def draft_poses(paths: Sequence[Path]) -> Draft | None:
         InputError: a file that cannot be read.
     """
     placed: list[_Placed] = []
-    files = [f for path in paths for f in (sorted(path.iterdir()) if is_folder(path) else [path])]
+    files = [f for path in paths for f in _files(path)]
     for path in files:
+        if is_bag(path):
+            placed += _topics(path)
+            continue
         if not is_file(path) or path.suffix.lower() not in SUFFIXES:
             return None
         table = read_table(path, CsvOptions(), "the log", "")
@@ -88,12 +110,30 @@ def draft_poses(paths: Sequence[Path]) -> Draft | None:
     return draft
 
 
+def _files(path: Path) -> list[Path]:
+    return sorted(path.iterdir()) if is_folder(path) and not is_bag(path) else [path]
+
+
+def _topics(path: Path) -> list[_Placed]:
+    """Topics of a bag that are poses of one thing."""
+    out = []
+    for topic in list_topics(path, "the log"):
+        if topic.type in POSES and topic.count >= LEAST:
+            table = read_table(path, CsvOptions(), "the log", topic.name)
+            header = read_frames(path, topic.name, "the log")
+            out += [_Placed(path, table, track, topic.name, header) for track in find_tracks(table)[:1]]
+    return out
+
+
+def _words(name: str) -> frozenset[str]:
+    return frozenset(re.findall(r"[a-z]+\d*", name.lower()))
+
+
 def _roles(placed: list[_Placed], draft: Draft) -> tuple[_Placed, _Placed]:
     """The target's poses and the flange's, by their names."""
 
     def says(each: _Placed) -> int:
-        frames = named_frames(each.track.stem)
-        words = set(" ".join(frames).split()) if frames else each.words
+        words = each.words | set().union(*each.frames or ())
         return bool(words & SEEN) - bool(words & CARRIED and not words & SEEN)
 
     ranked = sorted(placed, key=says, reverse=True)
@@ -108,9 +148,11 @@ def _add_sources(seen: _Placed, carried: _Placed, draft: Draft) -> bool:
     """The files with their times; whether poses were taken at rest."""
     at_rest = False
     for key, each in {"target": seen, "flange": carried}.items():
-        if key == "flange" and each.path == seen.path:
+        if key == "flange" and (each.path, each.part) == (seen.path, seen.part):
             continue
         source: dict[str, Any] = {"file": each.path.name}
+        if each.part:
+            source["part"] = each.part
         used = {n for one in (seen, carried) for names in one.track.columns.values() for n in names}
         times = [n for n in each.table.columns if is_time(n) and n not in used]
         path = f"sources.{key}.time"
@@ -140,10 +182,8 @@ def _slow(time: np.ndarray) -> bool:
 
 def _entry(each: _Placed, draft: Draft) -> dict[str, Any]:
     """A track as the mapping names it, as far as its own names and numbers say."""
-    key = (
-        "flange"
-        if "flange" in draft.sources and draft.sources["flange"]["file"] == each.path.name
-        else "target"
+    key = next(
+        k for k, s in draft.sources.items() if (s["file"], s.get("part", "")) == (each.path.name, each.part)
     )
     columns: dict[str, str] = draft.sources[key]["columns"]
     entry: dict[str, Any] = {"source": key}
@@ -223,11 +263,9 @@ def _describe(
 
 def _asked_of_frames(seen: _Placed, carried: _Placed, arm: str) -> str:
     """What only names say: that no track is given the other way round."""
-    frames = [named_frames(each.track.stem) for each in (seen, carried)]
-    if all(frames):
-        (child, parent), (flange, base) = (f for f in frames if f)
-        plain = not set(child.split()) & {"cam", "camera"} and flange != "base"
-        if plain and set(parent.split()) & {"cam", "camera", "optical"} and "base" in base:
+    if seen.frames and carried.frames:
+        (child, parent), (flange, base) = seen.frames, carried.frames
+        if parent & CAMERAS and not child & CAMERAS and base & BASES and not flange & BASES:
             return ""
     other = "stands still" if arm == "camera_arm" else "rides on the arm"
     return (

@@ -56,6 +56,14 @@ def read_text_topic(path: Path, topic: str, where: str) -> str | None:
     return last if isinstance(last, str) else None
 
 
+def read_frames(path: Path, topic: str, where: str) -> tuple[str, str]:
+    """(child, parent) that the first message of a topic names; empty where it names none."""
+    for _, message in _messages(path, topic, where):
+        parent = getattr(getattr(message, "header", None), "frame_id", "")
+        return str(getattr(message, "child_frame_id", "")), str(parent)
+    return "", ""
+
+
 def read_topic_table(path: Path, topic: str, where: str) -> Table:
     """A topic's numbers by field, such as `position.JOINT` or `feedback.velocities.JOINT`.
 

@@ -18,6 +18,7 @@ REMAINDER_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
 REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
 SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
+SAME_DESCRIPTION = 0.25  # the same of what a text says, which no motion changes
 HIDDEN = 2.0  # standard deviations of tolerances that may hide a prediction
 LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 
@@ -139,6 +140,7 @@ def invariance_alarms(
     whole = [*zip(likelihood.trials, ["fitted"] * len(likelihood.trials), strict=True)]
     whole += [*zip(held_out.trials, ["held-out"] * len(held_out.trials), strict=True)]
     for index, h in enumerate(fit.hypotheses):
+        same = SAME_DESCRIPTION if h.effect.of_description else SAME_WITHIN
         sizes: list[tuple[str, float, float, float]] = []
         for trial, kind in whole:
             got = _size_alone(trial, fit, index, k)
@@ -150,7 +152,7 @@ def invariance_alarms(
                 if min(wa, wb) < LEAST_WEIGHT:
                     continue
                 difference, typical = abs(va - vb), max(abs(va), abs(vb), 1e-12)
-                if difference > 3.0 * np.hypot(ea, eb) and difference > SAME_WITHIN * typical:
+                if difference > 3.0 * np.hypot(ea, eb) and difference > same * typical:
                     alarms.append(
                         f"{h.name} would have {va:.2f} times its fitted size in {first}"
                         f" but {vb:.2f} in {second}"

@@ -21,6 +21,9 @@ from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 LEAST_EVIDENCE = 0.2  # of the best one's: below it a candidate is out of reach
 REACH = 2.0  # times the share of the equation that the best leaves, likewise
+ALIKE = 6.0  # [nat] that two formulas may differ by and be within reach of each other, whatever they leave
+WAITING = 3  # candidates beyond reach that are tried after all within it were refused
+NEXT = 0.75  # of the best evidence, that those need: what the refused ones explained is there to be explained
 MOST = 6  # candidates that are simulated
 OF_A_FAMILY = 2  # of them
 CLEARLY = 0.75  # times what the best by evidence leaves: from here on another one goes first
@@ -50,13 +53,24 @@ class Contender:
         return any(on_bound(h) for h in self.fit.hypotheses)
 
 
-def contend(evidence: Evidence, singles: Sequence[Fit], excess: float) -> list[Contender]:
+def contend(evidence: Evidence, singles: Sequence[Fit], excess: float, least: float) -> list[Contender]:
     """Candidates for the first effect, in the order in which they are tried; never empty.
 
     The best by evidence stays first unless another leaves clearly less. A shape on the bound of its search
-    means another formula: such candidates come last.
+    means another formula: such candidates come last. Behind all that are within reach wait the next ones,
+    which are not simulated here: where what is ahead of them is refused, nearness to it says nothing.
+
+    Args:
+        evidence: of the fitted recordings.
+        singles: best fit of each family and place, best first; not empty.
+        excess: log likelihood [nat] that a perfect explanation would win.
+        least: log evidence [nat] below which nothing is a candidate.
     """
     within = _within_reach(evidence, singles, excess)
+    return [*_ranked(evidence, within, singles), *_waiting(evidence, within, singles, least)]
+
+
+def _ranked(evidence: Evidence, within: list[Contender], singles: Sequence[Fit]) -> list[Contender]:
     if len(within) < 2:
         return within or [Contender(singles[0], 1.0)]
     lefts = motion_left(evidence.likelihood.trials, [c.fit for c in within])
@@ -142,10 +156,29 @@ def _within_reach(evidence: Evidence, singles: Sequence[Fit], excess: float) -> 
             continue
         left = likelihood.deficit(evidence.remainder(fit), k)
         left = max(left, singles[0].log_evidence - fit.log_evidence) / whole  # at least what the best adds
-        if out and left > REACH * out[0].equation_left:
+        # An equation that is met to the last makes nobody else impossible: no formula is so exact.
+        apart = singles[0].log_evidence - fit.log_evidence
+        if out and left > REACH * max(out[0].equation_left, LEAST_LEFT) and apart > ALIKE:
             continue
         families[family] = families.get(family, 0) + 1
         if not np.isfinite(fit.log_evidence):
             continue
         out.append(Contender(evidence.refine(fit, 0) if out else fit, left))
     return out
+
+
+def _waiting(
+    evidence: Evidence, within: Sequence[Contender], singles: Sequence[Fit], least: float
+) -> list[Contender]:
+    """The best of further families, with at least `NEXT` of the best evidence, refined."""
+    enough = max(least, NEXT * singles[0].log_evidence)
+    there = {c.fit.hypotheses[0].effect.family for c in within}
+    out: list[Contender] = []
+    for fit in singles[1:]:
+        family = fit.hypotheses[0].effect.family
+        if fit.log_evidence < enough or len(out) == WAITING:
+            break
+        if family not in there and np.isfinite(fit.log_evidence):
+            there.add(family)
+            out.append(Contender(evidence.refine(fit, 0), 1.0))
+    return [c for c in out if not c.on_bound]

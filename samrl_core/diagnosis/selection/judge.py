@@ -2,8 +2,8 @@
 
 The first is the set that the search preferred. If only a further member of it is contradicted, the set
 without that member is tried; if the whole is refused, the set that grows from the next candidate for the
-first effect. What comes later must bring held-out recordings as close as the refused one did. Where all are
-refused, the first is the nearest.
+first effect. What comes later must bring held-out recordings as close as the refused one did, and what was
+refused is no rival of it. Where all are refused, the first is the nearest.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from samrl_core.diagnosis.selection.selection import Selection, with_chosen, wit
 from samrl_core.diagnosis.selection.twins import find_twins
 
 RUNNER_UPS = 5
-ATTEMPTS = 4  # sets that are judged at most
+ATTEMPTS = 5  # sets that are judged at most
 LATER_LEAVES = 0.25  # of the torque, at most, unless it shrinks the held-out gap by
 LATER_SHRINKS = 0.5  # where a known effect is the second choice, an unknown one is more probable
 ABOUT = 0.05  # difference of two shrinks that says nothing
@@ -63,11 +63,13 @@ def judge_sets(
     nearest: Judged | None = None
     attempts = _attempts(likelihood, held, selection)
     contradicted: tuple[int, ...] = ()
+    refused: set[str] = set()
     for _ in range(ATTEMPTS):
         try:
             tried = attempts.send(contradicted if nearest is not None else None)
         except StopIteration:
             break
+        tried = replace(tried, denied=tried.denied | refused)
         one, contradicted = judge_set(likelihood, held, tried, settings, simulate, seed, progress, doubts)
         if (plainer := _plainer(likelihood, held, one)) is not None:
             simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress, doubts)
@@ -76,6 +78,8 @@ def judge_sets(
         if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
             return one
         nearest = nearest or one
+        if one.named and (0 in contradicted or len(one.named) == 1):
+            refused.add(one.named[0].name)
     assert nearest is not None
     if nearest.selection.chosen is not None and nearest.outcome.verdict == "none_of_mine":
         quiet = rules.unconfirmed(nearest.outcome, nearest.selection, nearest.named[0], settings)
@@ -131,7 +135,8 @@ def _replaces(one: Judged, nearest: Judged) -> bool:
         if left > LATER_LEAVES and (a is None or a.shrink is None or a.shrink < LATER_SHRINKS):
             return False
     if a is None or b is None or a.shrink is None or b.shrink is None:
-        return one.named[0].name == first  # without a member that was contradicted
+        left, before = (j.selection.held_out_unexplained for j in (one, nearest))
+        return one.named[0].name == first or left <= before + ABOUT
     return a.shrink >= b.shrink - ABOUT
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.selection.contenders import Contender, contend, denied_by_motion
+from samrl_core.diagnosis.selection.contenders import NEXT, Contender, contend, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
 from samrl_core.diagnosis.selection.search import (
@@ -28,6 +28,7 @@ MOST_EFFECTS = 3
 CLEARLY_MORE = 1.5  # times what the first member adds to the others
 SURELY = 8.0  # times the threshold: beyond, no width of tolerances explains it
 WIDE = 2.0  # times the stated tolerances: many a machine is so far off, and that alone is no effect
+TRIED_WIDE = 6  # effects, at most, of which one may be believed with wider tolerances
 SEEN_THERE = 0.1  # of the fitted excess: held-out recordings with less hardly show the effect
 
 
@@ -114,6 +115,7 @@ def select(
         singles = best_singles(evidence, pool)
     k = evidence.correlation_time
     excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
+    singles = _standing_first(evidence, singles, least, settings)
     if not singles or singles[0].log_evidence < least or not _stands_wide(evidence, singles[0], settings):
         # Nothing explains it: then all that lasts counts as one, as in any residual of unknown cause.
         k = max(2.0, min(likelihood.correlation_time(likelihood.y), 25.0))
@@ -123,7 +125,9 @@ def select(
             evidence.correlation_time,
         )  # fmt: skip
     progress("weighing candidates")
-    contenders = contend(evidence, singles, excess) if settings.simulate else [Contender(singles[0], 1.0)]
+    contenders = (
+        contend(evidence, singles, excess, least) if settings.simulate else [Contender(singles[0], 1.0)]
+    )
     firsts = [c.fit for c in contenders]
     chosen = firsts[0]
     singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
@@ -152,6 +156,21 @@ def select(
         )
 
     return grown(firsts[0])
+
+
+def _standing_first(
+    evidence: Evidence, singles: list[Fit], least: float, settings: SelectionSettings
+) -> list[Fit]:
+    """The same; if wider tolerances swallow the best, with the best one in front that they do not swallow.
+
+    Only one with nearly its evidence: else the gap is mostly the swallowed one's.
+    """
+    for k, fit in enumerate(singles[:TRIED_WIDE]):
+        if fit.log_evidence < max(least, NEXT * singles[0].log_evidence):
+            break
+        if _stands_wide(evidence, fit, settings):
+            return [fit, *singles[:k], *singles[k + 1 :]]
+    return singles
 
 
 def _stands_wide(evidence: Evidence, fit: Fit, settings: SelectionSettings) -> bool:

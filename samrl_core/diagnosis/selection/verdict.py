@@ -77,8 +77,7 @@ def decide(
                 "no_gap",
                 (
                     "nothing beyond sensor noise and the stated tolerances was found",
-                    f"the best effect gains {_best(selection):.1f} of log evidence,"
-                    f" {selection.threshold:.1f} are needed",
+                    _not_enough(selection),
                 ),
             )
         return Decision(
@@ -182,7 +181,9 @@ def unconfirmed(
     A gap that no effect explains must be seen without one: in more than noise and tolerances leave.
     """
     most = max(selection.excess, selection.held_out_excess)
-    if not refused.contradicted or most >= settings.no_gap:
+    # So much evidence is in the recordings, whoever is wrong about its cause: tolerances do not explain it.
+    clear = named.gain > settings.clearly * selection.threshold
+    if not refused.contradicted or most >= settings.no_gap or clear:
         return None
     return Decision(
         "no_gap",
@@ -259,5 +260,11 @@ def only_held_out(selection: Selection, settings: VerdictSettings) -> bool:
     return quiet and selection.held_out_excess > settings.no_gap
 
 
-def _best(selection: Selection) -> float:
-    return selection.singles[0].log_evidence if selection.singles else 0.0
+def _not_enough(selection: Selection) -> str:
+    best = selection.singles[0].log_evidence if selection.singles else 0.0
+    if best >= selection.threshold:
+        return (
+            f"the best effect, {selection.singles[0].hypotheses[0].name}, gains {best:.1f} of log evidence"
+            " with the tolerances as stated, and too little if they are twice as wide"
+        )
+    return f"the best effect gains {best:.1f} of log evidence, {selection.threshold:.1f} are needed"

@@ -1,0 +1,182 @@
+"""A candidate that is refused gives way to the next one: who is next, who is no rival any more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import pytest
+
+from samrl_core.diagnosis.selection import judge, selection
+from samrl_core.diagnosis.selection.confidence import SAME_DESCRIPTION, invariance_alarms
+from samrl_core.diagnosis.selection.contenders import contend
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.selection.judge import Judged, judge_sets
+from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings
+from samrl_core.diagnosis.selection.verdict import Decision, VerdictSettings, unconfirmed
+
+if TYPE_CHECKING:
+    from samrl_core.diagnosis.residuals.likelihood import Likelihood
+    from samrl_core.diagnosis.result import NamedEffect
+
+
+def fit(name: str, gain: float) -> Fit:
+    """A fit that has a name and evidence and nothing else."""
+    family = name.partition("@")[0]
+    kinds = {"of_description": False, "contains": (), "parameters": (), "renamed_shapes": ()}
+    effect = SimpleNamespace(family=family, **kinds)
+    form = SimpleNamespace(refine={})
+    one = SimpleNamespace(name=name, place=name.partition("@")[2], effect=effect, form=form, shape={})
+    return Fit(cast("Any", (one,)), (np.zeros(1),), np.eye(1), gain)
+
+
+@dataclass
+class StatedEvidence:
+    """Evidence whose remainders are stated, by name [nat]."""
+
+    left: dict[str, float]
+    correlation_time: float = 1.0
+
+    @property
+    def likelihood(self) -> Any:
+        return SimpleNamespace(deficit=lambda y, k: float(y), trials=())
+
+    def remainder(self, of: Fit) -> float:
+        return self.left[of.hypotheses[0].name]
+
+    def refine(self, of: Fit, index: int) -> Fit:
+        return of
+
+
+def order_of(singles: list[Fit], left: dict[str, float], excess: float) -> list[str]:
+    evidence = cast("Evidence", StatedEvidence(left))
+    return [c.fit.hypotheses[0].name for c in contend(evidence, singles, excess, 12.0)]
+
+
+def test_an_equation_met_to_the_last_leaves_others_within_reach() -> None:
+    """A controller's gain left nothing of 34 nat; delay and friction with 30 and 29 were out of reach."""
+    singles = [
+        fit("controller_gain@joint:x", 34.0),
+        fit("command_delay@joint:x", 30.0),
+        fit("b@joint:x", 29.0),
+    ]
+    names = [f.hypotheses[0].name for f in singles]
+    assert order_of(singles, dict.fromkeys(names, 0.0), 34.0) == names
+
+
+def test_what_is_beyond_reach_waits_behind_if_it_explains_most_of_what_the_best_does() -> None:
+    """A dead band with 0.76 of a saturation's evidence was never tried; what has 0.4 of it is not."""
+    singles = [
+        fit("torque_saturation@joint:z", 9081.0),
+        fit("dead_band@joint:z", 6882.0),
+        fit("c@joint:z", 3600.0),
+    ]
+    left = {"torque_saturation@joint:z": 500.0, "dead_band@joint:z": 2000.0, "c@joint:z": 5000.0}
+    assert order_of(singles, left, 9081.0) == ["torque_saturation@joint:z", "dead_band@joint:z"]
+
+
+def test_below_the_threshold_nothing_waits() -> None:
+    singles = [fit("a@joint:x", 14.0), fit("b@joint:x", 11.0)]
+    assert order_of(singles, {"a@joint:x": 0.0, "b@joint:x": 9.0}, 60.0)[0] == "a@joint:x"
+    singles = [fit("a@joint:x", 40.0), fit("b@joint:x", 31.0), fit("b@joint:y", 31.0)]
+    assert order_of(singles, {"a@joint:x": 0.0, "b@joint:x": 9.0, "b@joint:y": 9.0}, 40.0) == [
+        "a@joint:x", "b@joint:x",
+    ]  # fmt: skip
+
+
+def a_selection(first: Fit, others: tuple[Fit, ...]) -> Selection:
+    def again(other: Fit) -> Selection:
+        rest = tuple(f for f in (first, *others) if f is not other)
+        return replace(made, chosen=other, rivals=rest, again=again, denied=frozenset())
+
+    made = Selection(
+        first, (first, *others), others, 12.0, 50.0, 1.0, 50.0, 1.0, 1.0, contenders=others, again=again
+    )
+    return made
+
+
+def judged_by(monkeypatch: pytest.MonkeyPatch, refused: set[str]) -> list[Selection]:
+    """The selections that are judged, where first effects of these names are refused."""
+    seen: list[Selection] = []
+
+    def judge_set(likelihood: Any, held: Any, tried: Selection, *rest: Any) -> tuple[Judged, tuple[int, ...]]:
+        assert tried.chosen is not None
+        name = tried.chosen.hypotheses[0].name
+        verdict = "none_of_mine" if name in refused else "effect"
+        named = cast("NamedEffect", SimpleNamespace(name=name, gain=tried.chosen.log_evidence))
+        seen.append(tried)
+        one = Judged(tried, (named,), (), (), HowFar(None, ()), Decision(verdict, ()))
+        return one, (0,) if name in refused else ()
+
+    monkeypatch.setattr(judge, "judge_set", judge_set)
+    return seen
+
+
+def test_what_was_refused_is_no_rival_of_the_next_candidate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction was said to be tied with the saturation that had been refused, itself at 0 %."""
+    first, second = fit("torque_saturation@joint:x", 2371.0), fit("viscous_friction@joint:x", 2000.0)
+    seen = judged_by(monkeypatch, {first.hypotheses[0].name})
+    empty = cast("Likelihood", None)
+    found = judge_sets(
+        empty, empty, a_selection(first, (second,)), VerdictSettings(), False, 0, lambda _: None
+    )
+    assert found.outcome.verdict == "effect" and found.named[0].name == "viscous_friction@joint:x"
+    assert [s.denied for s in seen] == [frozenset(), {"torque_saturation@joint:x"}]
+
+
+def test_without_simulation_held_out_torque_says_who_comes_as_close(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Next candidates were never named where nothing could be simulated."""
+    first, second = fit("a@joint:x", 34.0), fit("b@joint:x", 30.0)
+    judged_by(monkeypatch, {"a@joint:x"})
+    one = a_selection(first, (second,))
+    worse = replace(one, again=lambda other: replace(a_selection(other, ()), held_out_remaining=10.0))
+    empty = cast("Likelihood", None)
+    for made, name in ((one, "b@joint:x"), (worse, "a@joint:x")):
+        assert (
+            judge_sets(empty, empty, made, VerdictSettings(), False, 0, lambda _: None).named[0].name == name
+        )
+
+
+def test_a_cause_that_wider_tolerances_swallow_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    swallowed, stands, weak = fit("a@joint:x", 34.0), fit("b@joint:x", 30.0), fit("c@joint:x", 20.0)
+    standing = {"b@joint:x", "c@joint:x"}
+    monkeypatch.setattr(selection, "_stands_wide", lambda e, f, s: f.hypotheses[0].name in standing)
+
+    def order(singles: list[Fit]) -> list[str]:
+        nobody = cast("Evidence", None)
+        out = selection._standing_first(nobody, singles, 12.0, SelectionSettings())
+        return [f.hypotheses[0].name for f in out]
+
+    assert order([swallowed, stands, weak]) == ["b@joint:x", "a@joint:x", "c@joint:x"]
+    assert order([swallowed, weak]) == ["a@joint:x", "c@joint:x"]  # the gap is mostly the swallowed one's
+
+
+def test_a_gap_of_much_evidence_is_none_of_mine_when_its_cause_is_denied() -> None:
+    """A slipping clutch: 1250 nat, tolerances swallow all but 173, the nearest effect is contradicted."""
+    chosen = a_selection(fit("encoder_eccentricity@joint:x", 1250.0), ())
+    refused = Decision("none_of_mine", (), contradicted=True)
+    for gain, verdict in ((1250.0, None), (40.0, "no_gap")):
+        named = cast("NamedEffect", SimpleNamespace(name="encoder_eccentricity@joint:x", gain=gain))
+        found = unconfirmed(refused, chosen, named, VerdictSettings())
+        assert (None if found is None else found.verdict) == verdict
+
+
+def test_a_factor_of_the_description_is_the_same_in_every_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A weak supply was named a scale of the model: 1.33 times in a slow recording, 1.0 in a fast one."""
+    sizes = {"slow": (1.33, 0.04, 300.0), "fast": (0.95, 0.04, 350.0)}
+    monkeypatch.setattr(
+        "samrl_core.diagnosis.selection.confidence._size_alone",
+        lambda trial, fit, index, k: sizes[trial.name],
+    )
+    trials = SimpleNamespace(trials=[SimpleNamespace(name="slow"), SimpleNamespace(name="fast")])
+    nothing = SimpleNamespace(trials=[])
+    evidence = cast("Evidence", SimpleNamespace(correlation_time=1.0))
+    scale = fit("model_scale@arm:tool_arm", 500.0)
+    both = cast("Any", trials), cast("Any", nothing)
+    assert invariance_alarms(*both, evidence, scale) == []  # of a machine, whose formula is not exact
+    scale.hypotheses[0].effect.of_description = True  # type: ignore[misc]
+    (alarm,) = invariance_alarms(*both, evidence, scale)
+    assert "1.33 times its fitted size in slow" in alarm and SAME_DESCRIPTION < 0.38 / 1.33

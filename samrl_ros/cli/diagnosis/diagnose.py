@@ -15,9 +15,7 @@ from rich.markup import escape
 from samrl_core.cell.tasks import DEFAULT_TASK
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
-from samrl_core.cell.types.image_recording import ImageRecording
-from samrl_core.cell.types.pose_recording import PoseRecording
-from samrl_core.cell.types.reading_recording import ReadingRecording
+from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there
@@ -88,7 +86,7 @@ class DiagnoseOptions:
     keep: Annotated[int, typer.Option(help="With --watch: newest bags without a gap that stay.", min=0)] = 10
     apply: Annotated[
         bool,
-        typer.Option("--apply", help="Of poses, readings, images: write the corrections into OUT/apply."),
+        typer.Option("--apply", help="Write corrected description or calibration into OUT/apply."),
     ] = False
     camera: Annotated[
         bool, typer.Option("--camera", help="Diagnose the camera's images of these bags, not an arm.")
@@ -159,11 +157,8 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         with screen.status("reading recordings") as status:
             model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
             fit, held_out, notes = load(options, model)
-            told = PoseRecording | ReadingRecording | ImageRecording
-            if options.apply and not all(isinstance(r, told) for r in fit):
-                raise InputError(
-                    "--apply is for poses, readings, images; what an arm shows goes into --export"
-                )
+            if options.apply and any(isinstance(r, BodyRecording) for r in fit):
+                raise InputError("--apply is for arms, poses, readings, images; of a body read report.json")
             for note in notes:
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)

@@ -19,10 +19,8 @@ from samrl_core.diagnosis.kinds.poses import split_poses
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.cli.main import run
-from samrl_ros.recordings import write_recording
 from samrl_ros.recordings.pose_file import write_pose_file
 from tests.diagnosis.poses.pose_worlds import CAMERA, SMALL, PoseWorld, record, record_two_arms
-from tests.diagnosis.worlds import world
 
 
 def found(recording: PoseRecording) -> tuple[Diagnosis, Recalibration | None]:
@@ -113,10 +111,3 @@ def test_the_command_applies_or_says_why_not(tmp_path: Path, capsys: pytest.Capt
     assert "nothing was applied: several causes fit alike" in said
     assert (tmp_path / "off" / "apply" / "hand_eye" / "calibration.json").exists()
     assert not (tmp_path / "late" / "apply").exists()
-
-
-def test_an_arms_bags_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for recording in world(1, "AB"):
-        write_recording(recording, tmp_path / f"{recording.name}.mcap")
-    assert run(["diagnose", str(tmp_path), "--out", str(tmp_path / "why"), "--apply"]) == 3
-    assert "--export" in capsys.readouterr().err and not (tmp_path / "why").exists()

@@ -36,6 +36,17 @@ POINTS: dict[str, tuple[str, float]] = {  # group and scale by the condition's n
     **{f"{group}_x{scale:g}": (group, scale) for scale in SCALES for group in GROUPS},
 }
 DEFAULT = "peg_insertion_hard"
+WHAT = {  # a group holds, for whoever reads the picture alone
+    "calibration": "hand-eye, base to base",
+    "optics": "focal length, lens",
+    "depth": "scale, offset, noise, edges",
+    "timing": "latency, clocks, exposure",
+    "arms": "friction, torques, joint zeros",
+    "parts": "sizes, clearance, tilt, friction",
+    "grip": "how the tool sits in the hand",
+    "look": "light, texture, clutter",
+    "segmentation": "misses, wrong outlines",
+}
 
 
 def run(options: Options, progress: Progress) -> dict[str, Any]:
@@ -90,7 +101,8 @@ def draw_sensitivity(task: str, points: dict[str, dict[str, Any]], path: Path) -
         axis.errorbar(scale, share, yerr=errors, marker="o", capsize=3, color="#1f5fa8")
         axis.set_xscale("log", base=2)
         axis.set_xticks((0.5, 1, 2, 4), ("0.5", "1", "2", "4"))
-        axis.set(ylim=(-4, 104), title=group)
+        axis.set(ylim=(-4, 104))
+        axis.set_title(f"{group}: {WHAT[group]}", fontsize=9)
         axis.grid(alpha=0.3)
     trials = sorted({row["trials"] for row in points.values()})
     least = f"{trials[0]}" if len(trials) == 1 else f"{trials[0]} to {trials[-1]}"

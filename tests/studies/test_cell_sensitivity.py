@@ -13,6 +13,7 @@ from samrl_core.studies.cell_sensitivity import (
     FIRST_CELL,
     POINTS,
     TYPICAL,
+    WHAT,
     draw_sensitivity,
     job_of,
 )
@@ -24,6 +25,7 @@ OPTIONS = Options(Path("out"))
 
 def test_it_is_registered_and_has_every_group_at_every_scale() -> None:
     assert experiment_named("cell_sensitivity") is EXPERIMENT
+    assert set(WHAT) == set(GROUPS), "every group is told what it holds"
     for group in GROUPS:
         assert sorted(scale for one, scale in POINTS.values() if one == group) == [0.5, 2.0, 4.0]
 

@@ -8,9 +8,7 @@ user is asked.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -18,18 +16,14 @@ from typing import Any
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_file, is_folder
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.column_names import is_time, meaning
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.pose_tracks import LEAST, FoundTrack, find_tracks, named_frames, position_of
-from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
+from samrl_ros.log_import.draft.logged_poses import LoggedPose, read_logged_poses
+from samrl_ros.log_import.draft.pose_tracks import position_of
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
-from samrl_ros.log_import.specs import CsvOptions
-from samrl_ros.log_import.table import Table
-from samrl_ros.log_import.tables import SUFFIXES, read_table
 
 SEEN = frozenset(
     "tag tags marker markers target aruco apriltag april board charuco checkerboard chessboard object cam"
@@ -40,45 +34,11 @@ CARRIED = frozenset(
 )
 CAMERAS = frozenset("cam camera optical rgb".split())
 BASES = frozenset("base world link0 root origin".split())
-POSES = frozenset(
-    f"geometry_msgs/msg/{name}" for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped")
-)
 FAR = 20.0  # of a position: no arm and no camera is so far off in metres
 CLEARLY = 4.0  # times better than the next description: that is proof
 CLOSES_M = 0.05  # beyond it no description fits
 FULL_TURN = 2.0 * np.pi + 0.1
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-
-
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """A track in its file."""
-
-    path: Path
-    table: Table
-    track: FoundTrack
-    part: str = ""  # of a bag: the topic
-    header: tuple[str, str] = ("", "")  # child and parent frame, of a bag
-
-    @property
-    def frames(self) -> tuple[frozenset[str], frozenset[str]] | None:
-        """Words of the child's and of the parent's name, where the log names them."""
-        named = named_frames(self.track.stem)
-        if named is None and self.header[1]:
-            named = (self.header[0] or self.part, self.header[1])
-        return None if named is None else (_words(named[0]), _words(named[1]))
-
-    @property
-    def words(self) -> set[str]:
-        """Of its name; of the file where the columns say nothing."""
-        if self.part:
-            return set(_words(self.part))
-        return set(self.track.stem) or set(self.path.stem.lower().replace("-", "_").split("_"))
-
-    @property
-    def name(self) -> str:
-        """For sentences."""
-        return f"{self.path.name}: {self.part or self.track.names}"
 
 
 def draft_poses(paths: Sequence[Path]) -> Draft | None:
@@ -87,17 +47,8 @@ def draft_poses(paths: Sequence[Path]) -> Draft | None:
     Raises:
         InputError: a file that cannot be read.
     """
-    placed: list[_Placed] = []
-    files = [f for path in paths for f in _files(path)]
-    for path in files:
-        if is_bag(path):
-            placed += _topics(path)
-            continue
-        if not is_file(path) or path.suffix.lower() not in SUFFIXES:
-            return None
-        table = read_table(path, CsvOptions(), "the log", "")
-        placed += [_Placed(path, table, track) for track in find_tracks(table)]
-    if len(placed) < 2:
+    placed = read_logged_poses(paths)
+    if placed is None or len(placed) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     seen, carried = _roles(placed, draft)
@@ -105,34 +56,15 @@ def draft_poses(paths: Sequence[Path]) -> Draft | None:
     at_rest = _add_sources(seen, carried, draft)
     tracks = {"seen": _entry(seen, draft), "carried": _entry(carried, draft)}
     _describe(seen, carried, tracks, at_rest, draft)
-    names = [path.stem for path in files]
+    names = list(dict.fromkeys(each.path.stem for each in (seen, carried)))
     draft.recordings = [{"name": names[0] if len(names) == 1 else _common(names), "role": "fit"}]
     return draft
 
 
-def _files(path: Path) -> list[Path]:
-    return sorted(path.iterdir()) if is_folder(path) and not is_bag(path) else [path]
-
-
-def _topics(path: Path) -> list[_Placed]:
-    """Topics of a bag that are poses of one thing."""
-    out = []
-    for topic in list_topics(path, "the log"):
-        if topic.type in POSES and topic.count >= LEAST:
-            table = read_table(path, CsvOptions(), "the log", topic.name)
-            header = read_frames(path, topic.name, "the log")
-            out += [_Placed(path, table, track, topic.name, header) for track in find_tracks(table)[:1]]
-    return out
-
-
-def _words(name: str) -> frozenset[str]:
-    return frozenset(re.findall(r"[a-z]+\d*", name.lower()))
-
-
-def _roles(placed: list[_Placed], draft: Draft) -> tuple[_Placed, _Placed]:
+def _roles(placed: list[LoggedPose], draft: Draft) -> tuple[LoggedPose, LoggedPose]:
     """The target's poses and the flange's, by their names."""
 
-    def says(each: _Placed) -> int:
+    def says(each: LoggedPose) -> int:
         words = each.words | set().union(*each.frames or ())
         return bool(words & SEEN) - bool(words & CARRIED and not words & SEEN)
 
@@ -144,7 +76,7 @@ def _roles(placed: list[_Placed], draft: Draft) -> tuple[_Placed, _Placed]:
     return seen, carried
 
 
-def _add_sources(seen: _Placed, carried: _Placed, draft: Draft) -> bool:
+def _add_sources(seen: LoggedPose, carried: LoggedPose, draft: Draft) -> bool:
     """The files with their times; whether poses were taken at rest."""
     at_rest = False
     for key, each in {"target": seen, "flange": carried}.items():
@@ -180,7 +112,7 @@ def _slow(time: np.ndarray) -> bool:
     return bool(np.median(np.diff(time)) > 1.0 / SLOW_HZ)
 
 
-def _entry(each: _Placed, draft: Draft) -> dict[str, Any]:
+def _entry(each: LoggedPose, draft: Draft) -> dict[str, Any]:
     """A track as the mapping names it, as far as its own names and numbers say."""
     key = next(
         k for k, s in draft.sources.items() if (s["file"], s.get("part", "")) == (each.path.name, each.part)
@@ -210,7 +142,7 @@ def _entry(each: _Placed, draft: Draft) -> dict[str, Any]:
 
 
 def _describe(
-    seen: _Placed, carried: _Placed, tracks: dict[str, dict[str, Any]], at_rest: bool, draft: Draft
+    seen: LoggedPose, carried: LoggedPose, tracks: dict[str, dict[str, Any]], at_rest: bool, draft: Draft
 ) -> None:
     """Who carries the camera and what the log leaves open, by which description closes the chain."""
     options = [
@@ -261,7 +193,7 @@ def _describe(
     )
 
 
-def _asked_of_frames(seen: _Placed, carried: _Placed, arm: str) -> str:
+def _asked_of_frames(seen: LoggedPose, carried: LoggedPose, arm: str) -> str:
     """What only names say: that no track is given the other way round."""
     if seen.frames and carried.frames:
         (child, parent), (flange, base) = seen.frames, carried.frames
@@ -274,7 +206,7 @@ def _asked_of_frames(seen: _Placed, carried: _Placed, arm: str) -> str:
     )
 
 
-def _closing(poses: dict[str, Any], seen: _Placed, draft: Draft) -> float | None:
+def _closing(poses: dict[str, Any], seen: LoggedPose, draft: Draft) -> float | None:
     """Of one description [m]; None where it cannot be read or solved."""
     content = {"name": "drafted", "sources": draft.sources, "poses": poses}
     try:

@@ -116,6 +116,7 @@ def draft_command(
     from samrl_core.diagnosis.nominal_model.read_model import read_model
     from samrl_ros.log_import.draft.draft import draft_mapping
     from samrl_ros.log_import.draft.pose_draft import draft_poses
+    from samrl_ros.log_import.draft.reading_draft import draft_readings
     from samrl_ros.log_import.draft.writing import as_yaml
     from samrl_ros.recordings.described import xacro_values
 
@@ -125,7 +126,7 @@ def draft_command(
         given = xacro_values(xacro_arg or ())
         text = read_model(urdf, given).urdf if urdf is not None else None
         # Without a robot two poses beside each other are a camera's and its arm's.
-        drafted = draft_poses(logs) if urdf is None else None
+        drafted = draft_poses(logs) or draft_readings(logs) if urdf is None else None
         drafted = drafted or draft_mapping(logs, text, None if urdf is None else str(urdf.resolve()), effort)
         drafted.xacro_args = dict(given)
         if out is not None:

@@ -1,0 +1,66 @@
+"""Drafts of depth logs: what names and numbers prove, what is asked, and that the draft is a mapping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from samrl_ros.cli.main import run
+from samrl_ros.log_import.draft.reading_draft import draft_readings
+from samrl_ros.recordings.reading_file import read_reading_file
+
+
+def log(path: Path, **columns: np.ndarray) -> Path:
+    names = ",".join(columns)
+    np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header=names, comments="")
+    return path
+
+
+def distances(factor: float = 1.0) -> np.ndarray:
+    return factor * np.repeat([0.4, 0.7, 1.0, 1.3], 30)
+
+
+@pytest.mark.parametrize(
+    "factor, unit, names",
+    [(1.0, "m", ("depth_measured", "depth_true")), (1000.0, "mm", ("depth_mm", "distance_mm"))],
+)
+def test_a_depth_log_is_drafted_and_imported(
+    tmp_path: Path, factor: float, unit: str, names: tuple[str, str]
+) -> None:
+    true = distances(factor)
+    path = log(tmp_path / "run.csv", **dict(zip(names, (1.01 * true, true), strict=True)))
+    draft = draft_readings([path])
+    assert draft is not None and not draft.questions
+    assert draft.readings["unit"] == unit
+    assert run(["bag", "draft", str(path), "--out", str(tmp_path / "mapping.yaml")]) == 0
+    assert run(["bag", "import", str(tmp_path / "mapping.yaml"), "--out", str(tmp_path / "bags")]) == 0
+    read = read_reading_file(tmp_path / "bags" / "run.readings.npz")
+    np.testing.assert_allclose(read.reading, 1.01 * distances())
+    np.testing.assert_allclose(read.reference, distances())
+
+
+def test_two_depths_are_asked_for(tmp_path: Path) -> None:
+    true = distances()
+    path = log(tmp_path / "run.csv", depth_left=1.01 * true, depth_right=0.99 * true, distance=true)
+    draft = draft_readings([path])
+    assert draft is not None
+    (question,) = draft.questions
+    assert "'depth_right' against 'distance'" in question
+
+
+def test_what_is_no_depth_against_a_distance_is_left_to_others(tmp_path: Path) -> None:
+    true, noise = distances(), np.random.default_rng(0).standard_normal(120)
+    for columns in (
+        {"q1": true, "q1_ref": true},  # a joint and its set point
+        {"depth": true, "temperature": true},  # no truth
+        {"depth": true, "distance": noise},  # of something else
+    ):
+        assert draft_readings([log(tmp_path / "run.csv", **columns)]) is None
+
+
+def test_millimetres_that_might_be_centimetres_are_asked_for(tmp_path: Path) -> None:
+    true = distances(1000.0)
+    draft = draft_readings([log(tmp_path / "run.csv", depth=1.01 * true, distance=true)])
+    assert draft is not None and len(draft.questions) == 1 and " cm" in draft.questions[0]

@@ -98,6 +98,7 @@ class Overlay:
     nominal: np.ndarray  # (N,)
     with_effect: np.ndarray | None  # (N,)
     runner_up: np.ndarray | None = None  # (N,)
+    tiles: np.ndarray | None = None  # (N,) of images, index of each sample's tile, row by row of a square
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,9 @@ class ImageTolerances(StatedTolerances):
     tangential: float = 0.0009  # Brown's p1 and p2
     depth_scale: float = 0.007  # as a fraction
     depth_offset: float = 0.0018  # [m]
+    depth_shift: float = 0.007  # of depth against colour, per image axis, as a fraction of the width
     depth_noise: float = 0.4  # of its standard deviation, logarithm
-    depth_pattern: float = 0.001  # errors of depth that last over frames, per tile [m]
+    depth_pattern: float = 0.004  # the same per tile, lasting over frames: depth is read at whole pixels
     stamp: float = 0.005  # of images against joint readings, constant [s]
     held_position: float = 0.001  # of the held part in the flange, per axis [m]
     held_rotation: float = 0.014  # per axis [rad]

@@ -12,6 +12,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from samrl_core.diagnosis.report import words
+from samrl_core.diagnosis.report.tile_map import tile_figure
 from samrl_core.diagnosis.result import Curve, Heatmap, Overlay, Timeline
 
 # Colours of Okabe and Ito (2008), told apart with every kind of colour blindness; lines differ in dash too.
@@ -112,7 +113,9 @@ def curve_figure(c: Curve) -> go.Figure:
 
 
 def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
-    """The signal above, its error below: measured, nominal, with the effect, runner-up."""
+    """The signal above, its error below: measured, nominal, with the effect, runner-up; a map of an image."""
+    if o.tiles is not None:
+        return go.Figure(tile_figure(o, effect_label))
     keep = decimated(o, points)
     time, measured = _small(o.time[keep]), o.measured[keep]
     traces = [_line(time, measured, "measured", MEASURED, "solid", 2.4)]

@@ -8,7 +8,7 @@ from textwrap import fill
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 
 from samrl_core.common.figure_file import picture_bytes
@@ -24,6 +24,7 @@ from samrl_core.diagnosis.report.figures import (
     heat_tone,
     rms,
 )
+from samrl_core.diagnosis.report.tile_map import SHADES, darkest, tile_maps
 from samrl_core.diagnosis.result import Diagnosis, Heatmap, Overlay
 
 WIDTH, DPI = 9.6, 125  # [inch], dots per inch
@@ -40,7 +41,7 @@ def to_png(diagnosis: Diagnosis) -> bytes:
     if rows:
         heights.append(0.9 + 0.27 * rows)
     if overlay is not None:
-        heights += [2.0, 1.4]
+        heights += [2.0, 1.4] if overlay.tiles is None else [3.6]
     # Without pyplot: no global figures, no display.
     fig = Figure(figsize=(WIDTH, sum(heights)), dpi=DPI, layout="constrained", facecolor="white")
     FigureCanvasAgg(fig)
@@ -48,7 +49,9 @@ def to_png(diagnosis: Diagnosis) -> bytes:
     _headline(axes.pop(0), d, title)
     if d.heatmap is not None:
         _heatmap(axes.pop(0), d.heatmap)
-    if overlay is not None:
+    if overlay is not None and overlay.tiles is not None:
+        _tile_maps(axes[0], overlay, words.effect_label(d))
+    elif overlay is not None:
         _overlay(axes[0], axes[1], overlay, words.effect_label(d))
     return picture_bytes(fig, metadata={"Software": None})
 
@@ -133,6 +136,29 @@ def _overlay(signal: Axes, error: Axes, o: Overlay, label: str) -> None:
         ax.tick_params(labelsize=8.5)
         ax.margins(x=0.005)
         ax.spines[["top", "right"]].set_visible(False)
+
+
+def _tile_maps(ax: Axes, o: Overlay, label: str) -> None:
+    """Maps of the image's tiles side by side, with one scale."""
+    maps = tile_maps(o, label)
+    shades = LinearSegmentedColormap.from_list("error", [c for _, c in SHADES])
+    drawn = None
+    for k, (name, values) in enumerate(maps):
+        side, left = len(values), k * (len(values) + 1.0)
+        edges = np.arange(side + 1.0)
+        masked = np.ma.masked_invalid(values)
+        drawn = ax.pcolormesh(
+            left + edges, edges, masked, cmap=shades, vmin=0.0, vmax=darkest(maps), edgecolors="#d9dee3",
+            linewidth=0.5,
+        )  # fmt: skip
+        ax.text(left, -0.25, _literal(name), fontsize=9, va="bottom", color=INK)
+    ax.set_aspect("equal", anchor="W")
+    ax.invert_yaxis()
+    ax.set_axis_off()
+    what = f"{words.quantity(o.quantity)}: median error per tile of the image, {o.recording} (held out)"
+    ax.set_title(_literal(what), fontsize=9.5, loc="left", pad=20)
+    if drawn is not None and ax.figure is not None:
+        ax.figure.colorbar(drawn, ax=ax, label=_literal(o.unit), shrink=0.8)
 
 
 def _literal(text: str) -> str:

@@ -82,6 +82,10 @@ class Observed(ABC):
         """Rows of a place: its own, or all where it has none of its own."""
         return (self.places.index(place),) if place in self.places else tuple(range(len(self.places)))
 
+    def tiles_of(self, channel: str) -> np.ndarray | None:
+        """Index (N,) of each sample's tile of the image, row by row of a square; None of what is no image."""
+        return None
+
     def spacing(self, channel: str) -> float:
         """Typical time between samples of a channel [s]."""
         times = self.elapsed(channel)

@@ -102,7 +102,7 @@ def _overlays(held_out: Likelihood, before: np.ndarray, after: np.ndarray | None
         out.append(
             Overlay(
                 trial.name, place, channel, trial.units[channel], trial.elapsed(channel), seen,
-                np.zeros(len(seen)), predicted,
+                np.zeros(len(seen)), predicted, tiles=trial.tiles_of(channel),
             )
         )  # fmt: skip
     return tuple(out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +13,7 @@ from samrl_core.cell.types.image_recording import LEAST_FRAMES, ImageRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
+from samrl_core.diagnosis.residuals.images.linearisation import Point, linearised, rows_at
 from samrl_core.diagnosis.residuals.images.noise import noise_of_rows
 from samrl_core.diagnosis.residuals.images.object_pose import solved_object
 from samrl_core.diagnosis.residuals.images.rows import (
@@ -21,8 +22,7 @@ from samrl_core.diagnosis.residuals.images.rows import (
     TILES,
     UNITS,
     Frame,
-    Rows,
-    frame_rows,
+    joined,
 )
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
 from samrl_core.diagnosis.residuals.observed import Observed
@@ -33,7 +33,9 @@ SIZES = {  # how many columns each name has
     "hand_eye": 6, "base": 6, "camera_zeros": 7, "camera_late": 1, "tool_zeros": 7, "tool_late": 1, "held": 6,
     "object": 6, "object_scale": 1, "focal": 2, "centre": 2, "radial": 2, "tangential": 2,
     **{name: 1 for names in OF_CHANNEL.values() for name in names},
+    "depth_shift": 2, "depth_pattern": 2 * TILES**2,
 }  # fmt: skip
+LINEARISED = 16  # frames of all fitted recordings, from which the point of linearisation is found
 MOVING_RAD_S = 0.03  # of the camera or the tool in the image, below which nothing is said of clocks
 
 
@@ -44,6 +46,7 @@ class ImageConstants:
     scene: ImageScene
     object_pose: np.ndarray  # (4, 4) about the object's origin
     level: Mapping[str, float]
+    point: Point = field(default_factory=dict)  # about which rows are linear
 
 
 class ImageTrial(Observed):
@@ -56,8 +59,11 @@ class ImageTrial(Observed):
         """Form the residuals of chosen frames at the given constants."""
         self.recording, self.constants, self.frames = recording, constants, tuple(frames)
         self.cached: dict[tuple[str, str], Any] = {}
-        made = [frame_rows(constants.scene, f, constants.object_pose, DEPTH_NOISE_PER_Z2) for f in frames]
-        self._rows = {c: _joined([m[c] for m in made]) for c in CHANNELS}
+        made = [
+            rows_at(constants.scene, f, constants.object_pose, DEPTH_NOISE_PER_Z2, constants.point)
+            for f in frames
+        ]
+        self._rows = {c: joined([m[c] for m in made]) for c in CHANNELS}
         self._frame = {c: np.repeat(np.arange(len(made)), [len(m[c].value) for m in made]) for c in CHANNELS}
         self.channels = tuple(c for c in CHANNELS if len(self._rows[c].value))
         self.level, self._sigma, self.outliers = noise_of_rows(
@@ -97,6 +103,10 @@ class ImageTrial(Observed):
     def tiles(self, channel: str) -> np.ndarray:
         """(N,) index of each sample's tile, row by row of `TILES` x `TILES`."""
         return self._rows[channel].tile
+
+    def tiles_of(self, channel: str) -> np.ndarray | None:
+        """As `tiles`."""
+        return self.tiles(channel)
 
     def frame_index(self, channel: str) -> np.ndarray:
         """(N,) which of `frames` each sample is of."""
@@ -214,24 +224,12 @@ def prepared(recordings: Sequence[ImageRecording], fitted: int) -> list[ImageTri
             )
     known = [f for kept in frames[:fitted] for f in kept]
     pose = solved_object(scene, known, first.tolerances, DEPTH_NOISE_PER_Z2)
-    constants = ImageConstants(scene, pose, {})
+    few = known[:: max(1, len(known) // LINEARISED)][:LINEARISED]
+    constants = ImageConstants(scene, pose, {}, linearised(scene, few, pose, DEPTH_NOISE_PER_Z2))
     trials: list[ImageTrial] = []
     for recording, kept in zip(recordings, frames, strict=True):
         trial = ImageTrial(recording, constants, kept)
         if len(trials) == 0:
-            constants = ImageConstants(scene, pose, trial.level)
+            constants = replace(constants, level=trial.level)
         trials.append(trial)
     return trials
-
-
-def _joined(rows: Sequence[Rows]) -> Rows:
-    filled = [r for r in rows if len(r.value)]
-    if not filled:
-        return Rows(np.zeros(0), np.zeros(0, dtype=int), np.zeros(0), {})
-    names = [n for n in filled[0].columns if all(n in r.columns for r in filled)]
-    return Rows(
-        np.concatenate([r.value for r in filled]),
-        np.concatenate([r.tile for r in filled]),
-        np.concatenate([r.shape for r in filled]),
-        {n: np.concatenate([r.columns[n] for r in filled], axis=1) for n in names},
-    )

@@ -37,6 +37,7 @@ def _opened(trial: ImageTrial, widened: float) -> list[tuple[str, np.ndarray]]:
         "camera_zeros": s.encoder, "tool_zeros": s.encoder, "camera_late": s.stamp, "tool_late": s.stamp,
         "object_scale": s.object_size, "focal": s.focal, "centre": s.centre, "radial": s.radial,
         "tangential": s.tangential, "depth_scale": s.depth_scale, "depth_offset": s.depth_offset,
+        "depth_shift": s.depth_shift, "depth_pattern": s.depth_pattern,
         "outline_object": s.outline, "outline_tip": s.outline, "light": s.brightness,
         "paint_object": s.paint, "paint_static": s.paint, "depth_noise": s.depth_noise,
     }  # fmt: skip

@@ -6,6 +6,7 @@ pixels along the image's two axes; what moves them comes from the renderer's adj
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -24,7 +25,7 @@ ROBUST = 1.4826
 CHANNELS = ("depth", "mask", "color", "depth_noise")
 UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
 OF_CHANNEL = {  # columns that are no flow, by channel
-    "depth": ("depth_scale", "depth_offset"),
+    "depth": ("depth_scale", "depth_offset", "depth_shift", "depth_pattern"),
     "mask": ("outline_object", "outline_tip"),
     "color": ("light", "paint_object", "paint_static"),
     "depth_noise": ("depth_noise",),
@@ -52,10 +53,17 @@ class Frame:
 
 
 def frame_rows(
-    scene: ImageScene, frame: Frame, object_pose: np.ndarray, noise_per_z2: float
+    scene: ImageScene,
+    frame: Frame,
+    object_pose: np.ndarray,
+    noise_per_z2: float,
+    vertices: np.ndarray | None = None,
 ) -> dict[str, Rows]:
-    """Rows of every channel with the object at a transform (4, 4); noise of depth at 1 m [m]."""
-    vertices = scene.vertices(frame.view, object_pose)
+    """Rows of every channel with the object at a transform (4, 4); noise of depth at 1 m [m].
+
+    `vertices` (V, 3) in the camera's axes stand in for those of the stated cell.
+    """
+    vertices = scene.vertices(frame.view, object_pose) if vertices is None else vertices
     object_at = scene.origin + object_pose[:3, 3]
     moving = flows(scene, frame.view, vertices, scene.group, object_at)
     rendered, shaded = scene.render(vertices), scene.render(vertices, shaded=True)
@@ -116,6 +124,7 @@ def _depth_rows(
             shift_v = k.fy * (d[..., 1] - at[:, 1] / zs * d[..., 2]) / zs
             along[name] = d[..., 2] - slope_u * shift_u - slope_v * shift_v
         along["depth_scale"], along["depth_offset"] = zs[None], np.ones((1, len(zs)))
+        along["depth_shift"] = -k.width * np.stack([slope_u, slope_v])  # depth beside the colours
         of_tile = tiles.ravel()[index]
         for tile in np.unique(of_tile):
             chosen = of_tile == tile
@@ -124,7 +133,10 @@ def _depth_rows(
             value.append(float(np.median(error[chosen])))
             where.append(int(tile))
             shape.append(float(np.mean(zs[chosen]) ** 2 * np.sqrt(64.0 / chosen.sum() + 0.15)))
-            columns.append({name: a[:, chosen].mean(axis=1) for name, a in along.items()})
+            of_row = {name: a[:, chosen].mean(axis=1) for name, a in along.items()}
+            of_row["depth_pattern"] = np.zeros(2 * TILES**2)
+            of_row["depth_pattern"][2 * tile : 2 * tile + 2] = of_row["depth_shift"]
+            columns.append(of_row)
     return _stacked(value, where, shape, columns)
 
 
@@ -226,6 +238,20 @@ def _mask_rows(
     grown = np.array([g for _, g in growth])
     columns["outline_object"], columns["outline_tip"] = grown[:, 0][None], grown[:, 1][None]
     return Rows(np.array(value), np.array(where), np.array(shape), columns)
+
+
+def joined(rows: Sequence[Rows]) -> Rows:
+    """Rows of several frames, one after the other."""
+    filled = [r for r in rows if len(r.value)]
+    if not filled:
+        return Rows(np.zeros(0), np.zeros(0, dtype=int), np.zeros(0), {})
+    names = [n for n in filled[0].columns if all(n in r.columns for r in filled)]
+    return Rows(
+        np.concatenate([r.value for r in filled]),
+        np.concatenate([r.tile for r in filled]),
+        np.concatenate([r.shape for r in filled]),
+        {n: np.concatenate([r.columns[n] for r in filled], axis=1) for n in names},
+    )
 
 
 def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:

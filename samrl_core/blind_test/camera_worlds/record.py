@@ -1,0 +1,69 @@
+"""Makes a world's recordings and keeps them in a folder: two motions of both arms, images and joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from samrl_core.blind_test.camera_worlds.plan import CameraWorld, instance_of
+from samrl_core.cell.excitation.camera_views import CameraMotion, camera_motion
+from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks.task import Task
+from samrl_core.cell.types.image_recording import ImageRecording
+from samrl_core.cell.world import make_world
+from samrl_core.cell.world.camera_recording import record_camera
+
+TASK = "peg_insertion"
+ARRAYS = (
+    "time", "color", "depth", "mask", "camera_joint_time", "camera_joints", "tool_joint_time", "tool_joints",
+)  # fmt: skip
+MOTIONS = (("A", 100), ("C", 101))  # name and seed: fitted, held out
+SECONDS = 6.0
+
+
+class Recorder:
+    """Records worlds with motions that are planned once."""
+
+    def __init__(self) -> None:
+        self.task: Task = task_named(TASK)
+        self.cell: CellSpec = cell_named(DEFAULT_CELL)
+        tool = self.task.scene(self.cell).tool
+        loads = {
+            "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
+            "camera_arm": Payload(
+                self.cell.camera_mass, self.cell.camera_center_of_mass, self.cell.camera_inertia
+            ),
+        }
+        self._motions: list[tuple[str, CameraMotion]] = [
+            (name, camera_motion(self.task, self.cell, loads, seed, SECONDS)) for name, seed in MOTIONS
+        ]
+
+    def recordings(self, world: CameraWorld, folder: Path) -> list[ImageRecording]:
+        """Of a world; read from `folder` where they are already."""
+        return [self._one(world, name, motion, folder) for name, motion in self._motions]
+
+    def _one(self, world: CameraWorld, name: str, motion: CameraMotion, folder: Path) -> ImageRecording:
+        path = folder / f"{world.name}_{name}.npz"
+        cell = self.cell
+        if not path.is_file():
+            instance, _ = instance_of(world, cell)
+            simulated = make_world("pybullet", self.task, cell, instance=instance)
+            try:
+                simulated.reset(world.seed)
+                made = record_camera(simulated, TASK, cell, motion, name)
+            finally:
+                simulated.close()
+            folder.mkdir(parents=True, exist_ok=True)
+            part = path.with_suffix(".part.npz")
+            np.savez_compressed(part, **{key: getattr(made, key) for key in ARRAYS})
+            part.replace(path)
+        with np.load(path) as kept:
+            arrays = {key: kept[key] for key in ARRAYS}
+        return ImageRecording(
+            name, str(path), "", TASK, cell.name, cell.intrinsics, cell.camera_in_flange,
+            cell.camera_base_in_world, cell.tool_base_in_world, **arrays,
+        )  # fmt: skip

@@ -29,12 +29,11 @@ def test_a_map_has_the_typical_error_of_each_tile() -> None:
 
 
 def test_images_are_drawn_as_maps_and_signals_as_lines() -> None:
-    kinds = {t.type for t in overlay_figure(_overlay(), 100, "with it").data}
-    assert kinds == {"heatmap"}
-    lines = {t.type for t in overlay_figure(replace(_overlay(), tiles=None), 100, "with it").data}
-    assert lines == {"scatter"}
+    for tiles, kind in ((_overlay().tiles, "heatmap"), (None, "scatter")):
+        drawn = overlay_figure(replace(_overlay(), tiles=tiles), 100, "with it").to_plotly_json()
+        assert {t["type"] for t in drawn["data"]} == {kind}
 
 
 def test_a_map_without_anything_compared_is_drawn() -> None:
     nothing = replace(_overlay(), measured=np.full(9, np.nan), with_effect=None)
-    assert len(overlay_figure(nothing, 100, "").data) == 1
+    assert len(overlay_figure(nothing, 100, "").to_plotly_json()["data"]) == 1

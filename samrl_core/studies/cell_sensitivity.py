@@ -1,7 +1,8 @@
 """Success against the size of each group of a cell's differences, one group at a time.
 
 It tells whoever installs a cell which of its tolerances matters for a task. Every episode has a cell of its
-own, and the same episodes are run at every size: a point differs from the next by the group's scale alone.
+own, and the same episodes are run at every size: a point differs from the next by the group's scale alone,
+and is compared with the typical one in pairs.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from samrl_core.cell.tasks import EVERY_TASK, task_named
 from samrl_core.common.figure_file import save_figure
 from samrl_core.common.streams import DEVELOPMENT, seed_of
 from samrl_core.policy.agent.policies import TOUCH
-from samrl_core.studies.episodes.success_rates import rates
+from samrl_core.studies.episodes.success_rates import compared, rates
 from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob, run_episodes
-from samrl_core.studies.experiment import CaseLog, Experiment, Options, Progress
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress
 from samrl_core.studies.purpose import keep_purpose
 
 NAME = "cell_sensitivity"
@@ -37,16 +38,18 @@ POINTS: dict[str, tuple[str, float]] = {  # group and scale by the condition's n
 }
 DEFAULT = "peg_insertion_hard"
 WHAT = {  # a group holds, for whoever reads the picture alone
-    "calibration": "hand-eye, base to base",
-    "optics": "focal length, lens",
+    "calibration": "hand-eye, bases, encoder zeros",
+    "optics": "focal length, lens, exposure",
     "depth": "scale, offset, noise, edges",
-    "timing": "latency, clocks, exposure",
-    "arms": "friction, torques, joint zeros",
+    "timing": "latency, clocks, command delay",
+    "arms": "friction, torques, payload",
     "parts": "sizes, clearance, tilt, friction",
     "grip": "how the tool sits in the hand",
     "look": "light, texture, clutter",
     "segmentation": "misses, wrong outlines",
 }
+LEVEL = 0.05  # of the claim that a group matters, shared among the groups that are compared (Bonferroni)
+MATTERS, OTHER = "#b3261e", "#1f5fa8"  # curves of groups that matter, of the others
 
 
 def run(options: Options, progress: Progress) -> dict[str, Any]:
@@ -57,10 +60,7 @@ def run(options: Options, progress: Progress) -> dict[str, Any]:
     # Episodes in turn: what is interrupted has something of every point.
     jobs = [job_of(options, task, n, k) for k in numbers for task in options.tasks for n in names]
     found = run_episodes(CaseLog(options.out), jobs, options.spread, progress)
-    summary = {
-        task: {n: rates([c for c in found if (c["task"], c["condition"]) == (task, n)]) for n in names}
-        for task in options.tasks
-    }
+    summary = {task: points_of([c for c in found if c["task"] == task], names) for task in options.tasks}
     for task, points in summary.items():
         draw_sensitivity(task, points, options.out / f"{NAME}_{task}.png")
     return {"count": len(numbers), "first_cell": FIRST_CELL, "tasks": summary}
@@ -83,31 +83,62 @@ def job_of(options: Options, task: str, point: str, number: int) -> EpisodeJob:
     )
 
 
+def points_of(cases: list[Case], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """`rates` of each point of one task and, where the typical point was run, `against_typical` in pairs."""
+    at = {name: [c for c in cases if c["condition"] == name] for name in names}
+    points = {name: rates(some) for name, some in at.items()}
+    for name in names:
+        if name != TYPICAL and TYPICAL in at:
+            points[name]["against_typical"] = compared(at[name], at[TYPICAL])
+    return points
+
+
+def ranked(points: dict[str, dict[str, Any]]) -> list[tuple[str, float, bool]]:
+    """Groups by what their largest size costs, the costliest first: group, lost share, whether it matters.
+
+    One matters if its largest size fails more often than the typical one, in pairs, at `LEVEL` over all.
+    A group that was not compared comes last, with a loss of nan.
+    """
+    largest: dict[str, dict[str, Any]] = {}
+    for name, (group, scale) in POINTS.items():  # from the largest scale down
+        if scale > 1.0 and "against_typical" in points.get(name, {}):
+            largest.setdefault(group, points[name]["against_typical"])
+    there = [(g, -one["gain"], one["p_less_often"] * len(largest) < LEVEL) for g, one in largest.items()]
+    there.sort(key=lambda one: -one[1])
+    return there + [(g, float("nan"), False) for g in GROUPS if g not in largest]
+
+
 def draw_sensitivity(task: str, points: dict[str, dict[str, Any]], path: Path) -> None:
-    """A panel for each group: success over its scale, with Wilson intervals; `points` as from `rates`."""
+    """A panel for each group, costliest first: success over its scale, with Wilson intervals.
+
+    `points` as from `points_of`. Groups that matter are red; a panel's title has the points of success lost.
+    """
     columns = 3
     rows = -(-len(GROUPS) // columns)
-    size = (3.1 * columns, 2.0 * rows + 0.6)
+    size = (3.1 * columns, 2.1 * rows + 0.8)
     figure, axes = plt.subplots(rows, columns, figsize=size, sharex=True, sharey=True, layout="constrained")
     for axis in axes.ravel()[len(GROUPS) :]:
         axis.set_axis_off()
-    for axis, group in zip(axes.ravel(), GROUPS, strict=False):
+    for axis, (group, lost, matters) in zip(axes.ravel(), ranked(points), strict=False):
         there = [(s, points[n]) for n, (g, s) in POINTS.items() if n in points and g in ("", group)]
         there.sort(key=lambda one: one[0])
         scale = np.array([s for s, _ in there])
         share = 100 * np.array([row["value"] for _, row in there])
         ends = 100 * np.array([row["ci95"] for _, row in there])
         errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
-        axis.errorbar(scale, share, yerr=errors, marker="o", capsize=3, color="#1f5fa8")
+        axis.errorbar(scale, share, yerr=errors, marker="o", capsize=3, color=MATTERS if matters else OTHER)
         axis.set_xscale("log", base=2)
         axis.set_xticks((0.5, 1, 2, 4), ("0.5", "1", "2", "4"))
         axis.set(ylim=(-4, 104))
-        axis.set_title(f"{group}: {WHAT[group]}", fontsize=9)
+        lead = group if np.isnan(lost) else f"{group} {100 * -lost:+.0f} points"
+        axis.set_title(f"{lead}\n{WHAT[group]}", fontsize=9, color=MATTERS if matters else "black")
         axis.grid(alpha=0.3)
     trials = sorted({row["trials"] for row in points.values()})
     least = f"{trials[0]}" if len(trials) == 1 else f"{trials[0]} to {trials[-1]}"
     figure.suptitle(
-        f"{task.replace('_', ' ')}: one group of differences at a time, {least} episodes per point"
+        f"{task.replace('_', ' ')}: one group of differences at a time, {least} episodes per point\n"
+        f"red: fails more often at its largest size than at typical (paired, {LEVEL:g} over all groups)",
+        fontsize="medium",
     )
     figure.supxlabel("times the typical size")
     figure.supylabel("success by truth [%], 95 % intervals")

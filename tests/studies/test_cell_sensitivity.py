@@ -16,7 +16,10 @@ from samrl_core.studies.cell_sensitivity import (
     WHAT,
     draw_sensitivity,
     job_of,
+    points_of,
+    ranked,
 )
+from samrl_core.studies.episodes.stopwatch import GROUPS as CPU
 from samrl_core.studies.experiment import Options
 from samrl_core.studies.registry import experiment_named
 
@@ -53,3 +56,43 @@ def test_a_picture_is_drawn_of_what_there_is(tmp_path: Path) -> None:
     some = {name: row for name in POINTS if not name.endswith("_x0.5")}
     draw_sensitivity(DEFAULT, some, tmp_path / "picture.png")
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def _against(lost: float, p: float) -> dict[str, object]:
+    row = {"value": 0.9 - lost, "ci95": (0.0, 1.0), "trials": 20}
+    return {**row, "against_typical": {"gain": -lost, "p_less_often": p}}
+
+
+def test_the_costliest_group_comes_first_and_chance_is_shared_among_the_groups() -> None:
+    points = {
+        TYPICAL: {"value": 0.9, "ci95": (0.7, 1.0), "trials": 20},
+        "depth_x4": _against(0.05, 0.5),
+        "grip_x4": _against(0.6, 0.001),
+        "grip_x2": _against(0.1, 0.2),
+        "optics_x4": _against(0.2, 0.03),  # below 0.05, but one of three groups
+    }
+    order = ranked(points)
+    assert [group for group, *_ in order[:3]] == ["grip", "optics", "depth"]
+    assert [matters for _, _, matters in order[:3]] == [True, False, False]
+    assert order[0][1] == pytest.approx(0.6)
+    assert {group for group, *_ in order} == set(GROUPS)
+
+
+def test_a_size_below_typical_is_no_loss() -> None:
+    assert not any(matters for _, _, matters in ranked({"grip_x0.5": _against(0.9, 1e-6)}))
+
+
+def test_points_are_compared_with_the_typical_one_in_pairs() -> None:
+    case = {
+        "believed": True, "why": "", "actions": 20, "camera_moves": 0, "simulated_s": 2.0,
+        "final_error": 0.001, "cpu_s": dict.fromkeys(CPU, 0.1), "wall_s": dict.fromkeys(CPU, 0.1),
+    }  # fmt: skip
+    cases = [
+        {**case, "condition": name, "seed": seed, "success": name == TYPICAL or seed > 6}
+        for name in (TYPICAL, "grip_x4")
+        for seed in range(10)
+    ]
+    points = points_of(cases, (TYPICAL, "grip_x4"))
+    assert points["grip_x4"]["against_typical"]["gain"] == pytest.approx(-0.7)
+    assert ranked(points)[0] == ("grip", pytest.approx(0.7), True)  # seven of seven pairs, p = 0.008
+    assert "against_typical" not in points[TYPICAL]

@@ -55,6 +55,12 @@ class TorqueSaturation(DriveEffect):
         )
 
 
+def unknown_torque(trial: Trial, joint: int) -> float:
+    """What the drive's torque may be off by within tolerances [N m]."""
+    share = np.broadcast_to(np.asarray(trial.recording.arm.tolerances.torque_offset), (trial.joints,))
+    return float(share[joint] * trial.scale[joint])
+
+
 class LimitedTorque(PresentForm):
     """A torque that stays below a limit `L`."""
 
@@ -74,6 +80,9 @@ class LimitedTorque(PresentForm):
         return (u - self.given(u, shape))[None]
 
     def is_possible(self, trial: Trial, shape: Shape) -> bool:
+        # What a drive's torque may be off by anyway is no limit of it: then something holds the joint.
+        if shape["L"] <= unknown_torque(trial, self.joint):
+            return False
         # A drive that were in its limit nearly all of the time would not be a limit, but another law.
         asked = self.asked(trial)
         return asked is not None and bool(np.mean(np.abs(asked[:, self.joint]) > shape["L"]) <= MOST_LIMITED)

@@ -8,7 +8,7 @@ import pytest
 from samrl_core.diagnosis.diagnose import library
 from samrl_core.diagnosis.effects import Effect
 from samrl_core.diagnosis.effects.drive.torque_saturation import EFFECT as SATURATION
-from samrl_core.diagnosis.effects.drive.torque_saturation import unknown_torque
+from samrl_core.diagnosis.effects.drive.torque_saturation import DriveClip, unknown_torque
 from samrl_core.diagnosis.effects.form import Shape
 from samrl_core.diagnosis.residuals.basis_functions import bristle, travel
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
@@ -121,9 +121,11 @@ def test_a_limit_below_what_the_drives_torque_may_be_off_by_is_none() -> None:
     """A brake that grabs at times was named a limit of 0.02 N m on a drive of 39 N m."""
     trial = worlds.trials(worlds.world(3, "A"))[0]
     form = find_form(SATURATION, trial, "joint:turn", "drive")
-    known, asked = unknown_torque(trial, 0), form.asked(trial)
-    assert known == pytest.approx(0.004 * 40.0) and asked is not None
+    assert isinstance(form, DriveClip)
+    known = unknown_torque(trial, 0)
+    assert known == pytest.approx(0.004 * 40.0)
     trial.motion.sure_torque[::2, 0] = 0.0  # half of the time nothing is asked for: it is not in its limit
-    assert np.mean(np.abs(form.asked(trial)[:, 0]) > 0.9 * known) < 0.75
+    asked = trial.motion.sure_torque[:, 0]
+    assert np.mean(np.abs(asked) > 0.9 * known) < 0.75
     assert not form.is_possible(trial, {"L": 0.9 * known})
     assert form.is_possible(trial, {"L": 1.1 * known})

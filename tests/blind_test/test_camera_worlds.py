@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.blind_test.camera_worlds.bench import Answer, rates
+from samrl_core.blind_test.camera_worlds.bench import CameraAnswer, rates
 from samrl_core.blind_test.camera_worlds.plan import (
     CAUSES,
     NOTHING,
     OUTSIDE,
     UNKNOWN,
+    CameraTruth,
     CameraWorld,
-    Truth,
     instance_of,
     planned,
 )
@@ -56,14 +56,14 @@ def test_worlds_are_cells_of_their_own() -> None:
 
 def test_answers_are_right_only_where_they_are() -> None:
     world = CameraWorld("004", 1, "typical", "hand_eye", 1.0)
-    known = Truth("hand_eye@sensor:camera", (0.005,))
-    said = Answer(world, known, "effect", "hand_eye@sensor:camera", (), {"x": 0.004}, 0.7, 0.1)
+    known = CameraTruth("hand_eye@sensor:camera", (0.005,))
+    said = CameraAnswer(world, known, "effect", "hand_eye@sensor:camera", (), {"x": 0.004}, 0.7, 0.1)
     assert said.right and "right" in said.line()
     assert not replace(said, named="base_to_base@cell").right
     assert not replace(said, verdict="none_of_mine").right
     assert replace(said, verdict="ambiguous", among=("base_to_base@cell", known.answer)).right
-    assert not replace(said, truth=Truth(NOTHING, ())).right
-    assert not replace(said, truth=Truth(UNKNOWN, ())).right
-    nothing = replace(said, truth=Truth(NOTHING, ()), verdict="no_gap", named="")
+    assert not replace(said, truth=CameraTruth(NOTHING, ())).right
+    assert not replace(said, truth=CameraTruth(UNKNOWN, ())).right
+    nothing = replace(said, truth=CameraTruth(NOTHING, ()), verdict="no_gap", named="")
     assert nothing.right
     assert rates([said, nothing]) == ["nothing: no gap 1 of 1", "known, severity 1: family and place 1 of 1"]

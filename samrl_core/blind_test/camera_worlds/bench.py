@@ -13,22 +13,22 @@ from pathlib import Path
 from samrl_core.blind_test.camera_worlds.plan import (
     NOTHING,
     UNKNOWN,
+    CameraTruth,
     CameraWorld,
-    Truth,
     instance_of,
     planned,
 )
-from samrl_core.blind_test.camera_worlds.record import Recorder
+from samrl_core.blind_test.camera_worlds.record import CameraRecorder
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.result import Diagnosis
 
 
 @dataclass(frozen=True)
-class Answer:
+class CameraAnswer:
     """What was said of one world."""
 
     world: CameraWorld
-    truth: Truth
+    truth: CameraTruth
     verdict: str
     named: str  # `family@place` of what was named first, or of the nearest
     among: tuple[str, ...]  # the ambiguity set
@@ -61,10 +61,10 @@ class Answer:
         )
 
 
-def answer(world: CameraWorld, truth: Truth, found: Diagnosis) -> Answer:
+def answer(world: CameraWorld, truth: CameraTruth, found: Diagnosis) -> CameraAnswer:
     """From a diagnosis."""
     first = found.effects[0] if found.effects else found.nearest
-    return Answer(
+    return CameraAnswer(
         world, truth, found.verdict, first.name if first else "",
         tuple(name for group in found.ambiguity_set for name in group),
         {k: p.value for k, p in first.parameters.items()} if first else {},
@@ -72,7 +72,7 @@ def answer(world: CameraWorld, truth: Truth, found: Diagnosis) -> Answer:
     )  # fmt: skip
 
 
-def rates(answers: Sequence[Answer]) -> list[str]:
+def rates(answers: Sequence[CameraAnswer]) -> list[str]:
     """One line for each kind of world."""
     groups = {
         "nothing: no gap": [a for a in answers if a.truth.answer == NOTHING],
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--first-seed", type=int, default=500, help="of the cells; 500 is for development")
     parser.add_argument("--only", nargs="*", help="names of worlds, as 004")
     given = parser.parse_args(arguments)
-    recorder, answers = Recorder(), []
+    recorder, answers = CameraRecorder(), []
     for world in planned(given.nothing, given.seeds, tuple(given.severities), given.first_seed):
         if given.only and world.name not in given.only:
             continue

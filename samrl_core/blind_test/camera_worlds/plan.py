@@ -31,14 +31,14 @@ class CameraWorld:
 
 
 @dataclass(frozen=True)
-class Truth:
+class CameraTruth:
     """What a diagnosis of the world should say."""
 
     answer: str  # `family@place`, NOTHING or UNKNOWN
     values: tuple[float, ...]  # sizes in the units of the effect's parameters
 
 
-def instance_of(world: CameraWorld, cell: CellSpec) -> tuple[CellInstance, Truth]:
+def instance_of(world: CameraWorld, cell: CellSpec) -> tuple[CellInstance, CameraTruth]:
     """The cell instance and the truth; the same whenever it is asked.
 
     Raises:
@@ -47,12 +47,12 @@ def instance_of(world: CameraWorld, cell: CellSpec) -> tuple[CellInstance, Truth
     name = world.background if world.background == "nominal" else f"{world.background}:{world.seed}"
     instance = instance_named(name, cell)
     if world.cause == NOTHING:
-        return instance, Truth(NOTHING, ())
+        return instance, CameraTruth(NOTHING, ())
     if world.cause not in CAUSES:
         raise InputError(f"no cause is called {world.cause!r}; there are: {', '.join(CAUSES)}")
     rng = stream(world.seed, STREAM, world.cause)
     changed, answer, values = CAUSES[world.cause](instance, world.severity, rng)
-    return changed, Truth(answer, values)
+    return changed, CameraTruth(answer, values)
 
 
 def _with(instance: CellInstance, group: str, **values: object) -> CellInstance:

@@ -25,7 +25,7 @@ MOTIONS = (("A", 100), ("C", 101))  # name and seed: fitted, held out
 SECONDS = 6.0
 
 
-class Recorder:
+class CameraRecorder:
     """Records worlds with motions that are planned once."""
 
     def __init__(self) -> None:

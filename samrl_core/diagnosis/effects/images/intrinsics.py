@@ -8,7 +8,7 @@ from samrl_core.diagnosis.effects.image_forms import ImageColumns
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
 
-class Intrinsics(Effect[ImageTrial]):
+class IntrinsicsByImages(Effect[ImageTrial]):
     """Focal lengths or the image's centre differ from the calibration."""
 
     family, number, title = "intrinsics", 40, "Camera intrinsics"
@@ -49,4 +49,4 @@ class Intrinsics(Effect[ImageTrial]):
         return (focal, centre, both)
 
 
-EFFECT = Intrinsics()
+EFFECT = IntrinsicsByImages()

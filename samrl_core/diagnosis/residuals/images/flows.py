@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.cell.types.camera import Intrinsics
-from samrl_core.diagnosis.residuals.images.scene import OBJECT, TOOL, ImageScene, View
+from samrl_core.diagnosis.residuals.images.scene import OBJECT, TOOL, FrameGeometry, ImageScene
 
 Flows = dict[str, np.ndarray]  # name -> (p, N, 3) [m per unit]
 
 
 def flows(
-    scene: ImageScene, view: View, points: np.ndarray, group: np.ndarray, object_at: np.ndarray
+    scene: ImageScene, view: FrameGeometry, points: np.ndarray, group: np.ndarray, object_at: np.ndarray
 ) -> Flows:
     """Of points (N, 3) in the camera's axes that belong to `group` (N,); the object stands at `object_at`."""
     turn, place = view.camera[:3, :3], view.camera[:3, 3]
@@ -74,7 +74,7 @@ def in_camera(twists: np.ndarray, frame: np.ndarray, camera: np.ndarray) -> np.n
     return np.concatenate([linear @ camera[:3, :3], angular @ camera[:3, :3]], axis=1)
 
 
-def _world_twists(twists: np.ndarray, view: View) -> np.ndarray:
+def _world_twists(twists: np.ndarray, view: FrameGeometry) -> np.ndarray:
     """Twists (p, 6) in world about its origin."""
     return in_camera(twists, np.eye(4), view.camera)
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.image_recording import ImageRecording
-from samrl_core.diagnosis.residuals.images.rows import Frame
-from samrl_core.diagnosis.residuals.images.scene import ImageScene, View
+from samrl_core.diagnosis.residuals.images.rows import ComparedFrame
+from samrl_core.diagnosis.residuals.images.scene import FrameGeometry, ImageScene
 
 MOST_FRAMES = 24  # of one recording
 CANDIDATES = 150
@@ -27,7 +27,7 @@ def compared_size(k: Intrinsics) -> tuple[Intrinsics, int]:
     return Intrinsics(k.width // factor, k.height // factor, k.fx / f, k.fy / f, k.cx / f, k.cy / f), factor
 
 
-def chosen_frames(scene: ImageScene, recording: ImageRecording) -> list[Frame]:
+def chosen_frames(scene: ImageScene, recording: ImageRecording) -> list[ComparedFrame]:
     """Frames that differ most in where camera and tool are and how fast they move, in order of time.
 
     Farthest points first (Gonzalez 1985): each next frame is the one that is least like those before.
@@ -54,7 +54,7 @@ def chosen_frames(scene: ImageScene, recording: ImageRecording) -> list[Frame]:
     return [_reduced(scene, recording, *pairs[k]) for k in sorted(set(picked))]
 
 
-def _features(view: View) -> np.ndarray:
+def _features(view: FrameGeometry) -> np.ndarray:
     rate = view.camera_rate.copy()
     rate[:3] += np.cross(rate[3:], [0.0, 0.0, 0.35])
     tool = view.tool_rate[:3] + np.cross(view.tool_rate[3:], view.flange[:3, 3])
@@ -64,7 +64,7 @@ def _features(view: View) -> np.ndarray:
     )  # fmt: skip
 
 
-def _reduced(scene: ImageScene, recording: ImageRecording, index: int, view: View) -> Frame:
+def _reduced(scene: ImageScene, recording: ImageRecording, index: int, view: FrameGeometry) -> ComparedFrame:
     """Colours averaged, depth and labels of the middle pixel: nobody mixes those."""
     k = scene.intrinsics
     factor = recording.intrinsics.width // k.width
@@ -74,4 +74,4 @@ def _reduced(scene: ImageScene, recording: ImageRecording, index: int, view: Vie
         color = cv2.resize(color, (k.width, k.height), interpolation=cv2.INTER_AREA)
     depth = recording.depth[index][middle::factor, middle::factor]
     mask = recording.mask[index][middle::factor, middle::factor]
-    return Frame(color, np.asarray(depth, dtype=float), mask, view)
+    return ComparedFrame(color, np.asarray(depth, dtype=float), mask, view)

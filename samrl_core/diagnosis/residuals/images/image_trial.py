@@ -21,7 +21,7 @@ from samrl_core.diagnosis.residuals.images.rows import (
     OF_CHANNEL,
     TILES,
     UNITS,
-    Frame,
+    ComparedFrame,
     joined,
 )
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
@@ -55,7 +55,9 @@ class ImageTrial(Observed):
     kind = "images"
     exact = True
 
-    def __init__(self, recording: ImageRecording, constants: ImageConstants, frames: Sequence[Frame]) -> None:
+    def __init__(
+        self, recording: ImageRecording, constants: ImageConstants, frames: Sequence[ComparedFrame]
+    ) -> None:
         """Form the residuals of chosen frames at the given constants."""
         self.recording, self.constants, self.frames = recording, constants, tuple(frames)
         self.cached: dict[tuple[str, str], Any] = {}

@@ -16,8 +16,8 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.images.flows import flows
 from samrl_core.diagnosis.residuals.images.noise import fitted_errors
-from samrl_core.diagnosis.residuals.images.rows import CHANNELS, Frame, Rows, frame_rows, joined
-from samrl_core.diagnosis.residuals.images.scene import ImageScene, View
+from samrl_core.diagnosis.residuals.images.rows import CHANNELS, ComparedFrame, Rows, frame_rows, joined
+from samrl_core.diagnosis.residuals.images.scene import FrameGeometry, ImageScene
 from samrl_core.diagnosis.residuals.poses import rigid
 
 ROUNDS = 3
@@ -30,12 +30,12 @@ OF_CAMERA = ("hand_eye", "base", "camera_zeros", "camera_late")  # move every po
 class Displaced:
     """A frame's scene with errors applied."""
 
-    view: View
+    view: FrameGeometry
     vertices: np.ndarray  # (V, 3) in the camera's axes
 
 
-def displaced(scene: ImageScene, view: View, object_pose: np.ndarray, point: Point) -> Displaced:
-    """View and vertices with the errors of a point applied: the camera's exactly, the others as flows."""
+def displaced(scene: ImageScene, view: FrameGeometry, object_pose: np.ndarray, point: Point) -> Displaced:
+    """Geometry and vertices with the errors of a point applied: the camera's exactly, the others as flows."""
     if not point:
         return Displaced(view, scene.vertices(view, object_pose))
     object_at = scene.origin + object_pose[:3, 3]
@@ -60,7 +60,7 @@ def _twist(shifts: np.ndarray | int) -> np.ndarray:
 
 
 def rows_at(
-    scene: ImageScene, frame: Frame, object_pose: np.ndarray, noise_per_z2: float, point: Point
+    scene: ImageScene, frame: ComparedFrame, object_pose: np.ndarray, noise_per_z2: float, point: Point
 ) -> dict[str, Rows]:
     """Rows of every channel, linear about a point and counted from the stated cell."""
     at = displaced(scene, frame.view, object_pose, point)
@@ -71,7 +71,7 @@ def rows_at(
 
 
 def linearised(
-    scene: ImageScene, frames: Sequence[Frame], object_pose: np.ndarray, noise_per_z2: float
+    scene: ImageScene, frames: Sequence[ComparedFrame], object_pose: np.ndarray, noise_per_z2: float
 ) -> dict[str, np.ndarray]:
     """The point at which the rendered scene looks like the frames."""
     point: dict[str, np.ndarray] = {}

@@ -8,7 +8,7 @@ import numpy as np
 
 from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.residuals.images.rows import LEAST_PIXELS, Frame, frame_rows
+from samrl_core.diagnosis.residuals.images.rows import LEAST_PIXELS, ComparedFrame, frame_rows
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
 from samrl_core.diagnosis.residuals.poses import rigid
 
@@ -26,7 +26,7 @@ def object_spreads(stated: ImageTolerances) -> np.ndarray:
 
 
 def solved_object(
-    scene: ImageScene, frames: Sequence[Frame], stated: ImageTolerances, noise_per_z2: float
+    scene: ImageScene, frames: Sequence[ComparedFrame], stated: ImageTolerances, noise_per_z2: float
 ) -> np.ndarray:
     """Transform (4, 4) about the object's origin, in world's axes.
 
@@ -62,7 +62,7 @@ def solved_object(
     return pose
 
 
-def _middle_shift(scene: ImageScene, frames: Sequence[Frame], pose: np.ndarray) -> np.ndarray:
+def _middle_shift(scene: ImageScene, frames: Sequence[ComparedFrame], pose: np.ndarray) -> np.ndarray:
     """Mean difference (3,) between where the object's surface is seen and where the model has it [m]."""
     k = scene.intrinsics
     u, v = np.meshgrid((np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy)

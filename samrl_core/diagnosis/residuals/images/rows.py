@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from samrl_core.diagnosis.residuals.images.flows import Flows, flows
-from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, ImageScene, View
+from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, FrameGeometry, ImageScene
 
 TILES = 8  # along each side of the image
 LEAST_PIXELS = 12  # of a tile that is compared
@@ -43,18 +43,18 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class ComparedFrame:
     """One frame as recorded, in the size in which it is compared."""
 
     color: np.ndarray  # (H, W, 3) 0..1
     depth: np.ndarray  # (H, W) [m]
     mask: np.ndarray  # (H, W)
-    view: View
+    view: FrameGeometry
 
 
 def frame_rows(
     scene: ImageScene,
-    frame: Frame,
+    frame: ComparedFrame,
     object_pose: np.ndarray,
     noise_per_z2: float,
     vertices: np.ndarray | None = None,
@@ -87,7 +87,9 @@ def _tiles(height: int, width: int) -> np.ndarray:
     return (v * TILES // height) * TILES + u * TILES // width
 
 
-def _inside(scene: ImageScene, frame: Frame, z: np.ndarray, label: np.ndarray) -> dict[int, np.ndarray]:
+def _inside(
+    scene: ImageScene, frame: ComparedFrame, z: np.ndarray, label: np.ndarray
+) -> dict[int, np.ndarray]:
     """Pixels (H, W) within the object and the table, far from edges of model and recording."""
     clean = np.isfinite(frame.depth) & (frame.depth > 0)
     kernel = np.ones((3, 3), np.uint8)
@@ -104,7 +106,11 @@ def _inside(scene: ImageScene, frame: Frame, z: np.ndarray, label: np.ndarray) -
 
 
 def _depth_rows(
-    scene: ImageScene, frame: Frame, points: np.ndarray, inside: dict[int, np.ndarray], object_at: np.ndarray
+    scene: ImageScene,
+    frame: ComparedFrame,
+    points: np.ndarray,
+    inside: dict[int, np.ndarray],
+    object_at: np.ndarray,
 ) -> Rows:
     k, z = scene.intrinsics, points[..., 2]
     dv, du = np.gradient(z)
@@ -140,7 +146,7 @@ def _depth_rows(
     return _stacked(value, where, shape, columns)
 
 
-def _color_rows(frame: Frame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
+def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
     grey, expected = frame.color.mean(axis=2), model.mean(axis=2)
     tiles = _tiles(*grey.shape)
     value, where, shape, columns = [], [], [], []
@@ -163,7 +169,9 @@ def _color_rows(frame: Frame, model: np.ndarray, inside: dict[int, np.ndarray]) 
     return _stacked(value, where, shape, columns)
 
 
-def _noise_rows(frame: Frame, z: np.ndarray, inside: dict[int, np.ndarray], noise_per_z2: float) -> Rows:
+def _noise_rows(
+    frame: ComparedFrame, z: np.ndarray, inside: dict[int, np.ndarray], noise_per_z2: float
+) -> Rows:
     """Logarithm of the spread of depth between neighbours, against what is stated of the sensor."""
     error = (frame.depth - z) / (noise_per_z2 * np.maximum(z, 1e-3) ** 2)
     step = (error[:, 1:] - error[:, :-1]) / np.sqrt(2.0)
@@ -184,7 +192,7 @@ def _noise_rows(frame: Frame, z: np.ndarray, inside: dict[int, np.ndarray], nois
 
 def _mask_rows(
     scene: ImageScene,
-    frame: Frame,
+    frame: ComparedFrame,
     shares: np.ndarray,
     label: np.ndarray,
     vertices: np.ndarray,

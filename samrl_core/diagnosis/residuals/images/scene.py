@@ -27,7 +27,7 @@ ABOUT_S = 0.01  # half the time over which velocities are taken
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class FrameGeometry:
     """One frame's geometry."""
 
     time: float  # [s]
@@ -107,7 +107,7 @@ class ImageScene:
         self._shares = torch.from_numpy(shares.astype(np.float32))
         self._shade = self._shading(settings)
 
-    def view(self, recording: ImageRecording, time: float) -> View:
+    def view(self, recording: ImageRecording, time: float) -> FrameGeometry:
         """Where camera and tool were, by the stamps as they stand."""
         camera_joints, tool_joints = (recording.joints_at(a, time) for a in ("camera", "tool"))
         before, after = (
@@ -127,11 +127,11 @@ class ImageScene:
         jacobian = arm.jacobian(tool_joints)
         linear, angular = base[:3, :3] @ jacobian[:3], base[:3, :3] @ jacobian[3:]
         about_origin = np.concatenate([linear - np.cross(angular.T, tool[:3, 3]).T, angular])
-        return View(
+        return FrameGeometry(
             time, camera, own @ rates[0], own, about_origin @ rates[1], about_origin, tool_joints, tool
         )
 
-    def vertices(self, view: View, object_pose: np.ndarray) -> np.ndarray:
+    def vertices(self, view: FrameGeometry, object_pose: np.ndarray) -> np.ndarray:
         """Vertices (V, 3) in the camera's axes, the object moved by a transform (4, 4) about its origin."""
         links = self._arms["tool"].link_poses_in_world(view.tool_joints)
         world = np.concatenate(

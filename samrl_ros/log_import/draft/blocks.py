@@ -115,7 +115,7 @@ def _parts(path: Path) -> list[str]:
 
 def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     table = read_table(path, CsvOptions(), "the log", part)
-    arrays = {name: values for name in table.columns if (values := _numbers(table, name)) is not None}
+    arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
     long = {name: values for name, values in arrays.items() if len(values) >= _LEAST}
     flat = [name for name, values in long.items() if values.ndim == 1]
     times = tuple(name for name in flat if is_time(name) and name not in _STAMPS)
@@ -148,7 +148,7 @@ def _is_index(stem: str) -> bool:
     return stem.rpartition(".")[2] in ("index", "frame_index", "episode_index", "task_index", "seq", "step")
 
 
-def _numbers(table: Table, name: str) -> np.ndarray | None:
+def numbers_of(table: Table, name: str) -> np.ndarray | None:
     """A column as numbers; None where its cells are text."""
     cells = table.columns[name]
     if isinstance(cells, pd.Series):

@@ -7,9 +7,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
-import pandas as pd
 
-from samrl_core.common.errors import InputError
+from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.table import Table
 
 LEAST = 6  # rows, below which no pair of poses says anything
@@ -57,7 +56,7 @@ def find_tracks(table: Table) -> list[FoundTrack]:
     single: dict[tuple[tuple[str, ...], str], dict[str, str]] = defaultdict(dict)
     units: dict[tuple[tuple[str, ...], str], str] = {}
     for name in table.columns:
-        values = _numbers(table, name)
+        values = numbers_of(table, name)
         if values is None or len(values) < LEAST:
             continue
         words = [w.lower() for w in _WORD.findall(name)]
@@ -129,16 +128,6 @@ def _add_array(
         track.unit = unit
     elif kind == "quaternion":
         track.order = next((o for o in ("wxyz", "xyzw") if o in words), "")
-
-
-def _numbers(table: Table, name: str) -> np.ndarray | None:
-    cells = table.columns[name]
-    if isinstance(cells, pd.Series):
-        try:
-            return table.numbers(name, "the log")
-        except InputError:
-            return None
-    return cells
 
 
 def position_of(table: Table, track: FoundTrack) -> np.ndarray:

@@ -167,6 +167,18 @@ def test_poses_of_two_things_are_asked_about(tmp_path: Path) -> None:
     assert draft is not None and any("no description closes" in q for q in draft.questions)
 
 
+def test_poses_that_stand_still_prove_nothing(tmp_path: Path) -> None:
+    """Any chain closes, and steps of 1 are seconds between poses at rest as well as milliseconds."""
+    still = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0], (20, 1))
+    columns = {"t": np.arange(20.0)}
+    for name in ("tag", "ee"):
+        columns |= named(f"{name}_{{}}", "xyz", still) | named(f"{name}_q{{}}", "xyzw", still[:, 3:])
+    draft = draft_poses([write_csv(tmp_path / "a.csv", columns)])
+    assert draft is not None
+    assert any("is 't' in ms, and not in s?" in q for q in draft.questions), draft.questions
+    assert any("is it so, and not that" in q for q in draft.questions), draft.questions
+
+
 def test_a_log_of_joints_is_none_of_poses(tmp_path: Path) -> None:
     time = np.arange(60.0)
     assert draft_poses([write_csv(tmp_path / "a.csv", {"t": time, "q1": time, "q2": time})]) is None

@@ -36,6 +36,8 @@ CAMERAS = frozenset("cam camera optical rgb".split())
 BASES = frozenset("base world link0 root origin".split())
 FAR = 20.0  # of a position: no arm and no camera is so far off in metres
 CLEARLY = 4.0  # times better than the next description: that is proof
+NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that stand still close any chain
+LONGEST_REST_S = 600.0  # from one pair of poses at rest to the next
 CLOSES_M = 0.05  # beyond it no description fits
 FULL_TURN = 2.0 * np.pi + 0.1
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -96,8 +98,11 @@ def _add_sources(seen: LoggedPose, carried: LoggedPose, draft: Draft) -> bool:
             said = meaning(times[0]).unit
             units = evidence.time_unit(np.diff(values))
             unit = said if said in _SECONDS else (units[0] if units else "s")
-            question = "" if said in _SECONDS or len(units) == 1 else f"is {times[0]!r} in {unit}?"
-            draft.note(path, f"{times[0]!r} in {unit}: steps of {np.median(np.diff(values)):g}", question)
+            step = float(np.median(np.diff(values)))
+            # Poses at rest may be seconds apart: steps of 1 are as good 1 s as 1 ms.
+            open_ = len(units) != 1 or (unit != "s" and 1.0 / SLOW_HZ < step < LONGEST_REST_S)
+            question = f"is {times[0]!r} in {unit}, and not in s?" if open_ and said not in _SECONDS else ""
+            draft.note(path, f"{times[0]!r} in {unit}: steps of {step:g}", question)
             source["time"] = {"column": times[0], "unit": unit}
             at_rest |= _slow(values * _SECONDS[unit])
         else:
@@ -176,7 +181,7 @@ def _describe(
     draft.poses = poses
     if left > CLOSES_M:
         question = "no description closes the chain; are these one target and one flange, in these units?"
-    elif len(found) > 1 and found[1][0] < CLEARLY * left:
+    elif len(found) > 1 and found[1][0] < CLEARLY * left + NOTHING_M:
         question = f"is it so, and not that {found[1][2]}?"
     else:
         question = _asked_of_frames(seen, carried, arm)

@@ -24,7 +24,7 @@ ONLY     ?=
 JOBS     ?= 1
 HOURS    ?= 2
 SOAK     ?= out/soak
-WORKERS  ?= $(shell n=$$(nproc); echo $$((n < 8 ? n : 8)))
+WORKERS  ?= $(shell n=$$(env -u OMP_NUM_THREADS nproc); echo $$((n < 8 ? n : 8)))
 
 VENV  := .venv
 BIN   := $(VENV)/bin

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
+from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.formats.rosbag import is_bag
@@ -81,15 +80,11 @@ def _drafted(path: Path, columns: dict[str, np.ndarray], pairs: list[tuple[str, 
 
 
 def _numbers(table: Table, name: str) -> np.ndarray | None:
-    cells = table.columns[name]
-    if is_time(name):
+    """A column (N,) of enough numbers that is no time."""
+    values = None if is_time(name) else numbers_of(table, name)
+    if values is None or values.ndim != 1 or np.isfinite(values).sum() < LEAST:
         return None
-    try:
-        values = table.numbers(name, "the log") if isinstance(cells, pd.Series) else np.asarray(cells)
-        values = np.asarray(values, dtype=float)
-    except (InputError, ValueError):
-        return None
-    return values if values.ndim == 1 and np.isfinite(values).sum() >= LEAST else None
+    return values
 
 
 def _says_depth(name: str) -> bool:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from samrl_ros.contract.topics import cell_topic
+from samrl_ros.contract.topics import arm_topic, cell_topic
 
 SETTLE_NS = 200_000_000  # robot time after a change in which every node hears of it
 MOVED_M = 0.005  # farther than this is not where the tool stood, only a hand moves it so [m]
@@ -16,11 +17,19 @@ AT_REST = 0.02  # below this an arm stands [rad/s], as for the command guard
 ESTOP = "ESTOP"  # of the command guard's states
 STOPPED = ("FAULT", ESTOP)  # in which it follows no commands until a reset
 LATCHED = f"an emergency stop is latched; call {cell_topic('estop_reset')} first"  # why no episode starts
+ONE_COMMANDER = "one commander at a time: stop the others"  # why no episode starts, too
+HOLDS_BACK = (LATCHED, ONE_COMMANDER)  # refusals of an episode that somebody can mend while the run waits
 
 
 def stopped_arms(message: Any, states: tuple[str, ...]) -> tuple[str, ...]:
     """Arms that a `safety_state` message shows in one of the guard's states."""
     return tuple(value.key for value in message.values if value.value in states)
+
+
+def why_rivals(role: str, publishers: Sequence[str]) -> str:
+    """Sentence about several nodes that publish an arm's commands."""
+    topic = arm_topic(role, "command")
+    return f"{len(publishers)} publishers on {topic} ({', '.join(publishers)}); {ONE_COMMANDER}"
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,7 @@ class Standstill:
         self.estop = ""  # reason of the emergency stop in force
         self.away: dict[str, str] = {}  # why, by node
         self._changed_ns = 0
+        self._refusal = ""
         self._stood: np.ndarray | None = None  # tip when the arm came to rest [m]
         self.displacement = 0.0  # of the tip since then [m]
 
@@ -51,9 +61,15 @@ class Standstill:
                 self._stood, self.displacement = None, 0.0
         self.estop = estop
 
-    def hear_refusal(self, now_ns: int) -> None:
-        """The cell says that a stop is latched; an all-clear on `safety_state` was not its own."""
-        self._changed_ns = now_ns
+    def hear_answer(self, refusal: str, now_ns: int) -> bool:
+        """The cell begins an episode (empty), or says what holds it back; returns whether that is news.
+
+        An all-clear on `safety_state` before a refusal was not the cell's own.
+        """
+        news, self._refusal = refusal != self._refusal, refusal
+        if refusal:
+            self._changed_ns = now_ns
+        return news
 
     def hear_node(self, message: Any, now_ns: int) -> None:
         """Take a `node_watch` message: a node is away (level 1: held, 2: it starts anew), or back."""

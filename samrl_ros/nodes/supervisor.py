@@ -22,7 +22,7 @@ from samrl_ros.contract.outcomes import TARGET_LOST
 from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message, to_message
-from samrl_ros.nodes.standstill import LATCHED, MOST_AGAIN, MOVED_M, SETTLE_NS, Doubt, Standstill
+from samrl_ros.nodes.standstill import HOLDS_BACK, MOST_AGAIN, MOVED_M, SETTLE_NS, Doubt, Standstill
 
 READY, PHASE = cell_topic("sim_bridge/ready"), cell_topic("phase")
 REQUEST, OUTCOME = cell_topic("supervisor/request"), cell_topic("supervisor/outcome")
@@ -88,7 +88,7 @@ class Supervisor(Behaviour):
 
     `waiting_for` names the stage whose answer is due. Answers of another episode or step are ignored. After
     the reset of an emergency stop ("reset") the model is updated anew and the episode goes on; the next
-    episode is held back ("hold") while nodes are away or a stop is in force.
+    episode is held back ("hold") while nodes are away, a stop is in force, or an arm has two commanders.
     """
 
     name = "supervisor"
@@ -360,12 +360,14 @@ class Supervisor(Behaviour):
             reason = f"the cell cannot start an episode: {response.message}"
             if not self._settings.wait_for_reset:
                 self._fail(reason)
-            if LATCHED in response.message:
-                self._standstill.hear_refusal(self._now_ns)
-                self._waiting_for = "hold"  # and ask again, until the reset
+            if any(text in response.message for text in HOLDS_BACK):
+                if self._standstill.hear_answer(response.message, self._now_ns):
+                    self._outbox.log("warn", f"episode {self._episode} waits: {response.message}")
+                self._waiting_for = "hold"  # and ask again, until that is mended
             else:
                 self._doubt = Doubt(self._now_ns, reason)
         elif self._waiting_for == "start":
+            self._standstill.hear_answer("", self._now_ns)
             self._waiting_for = "ready"
 
     def _fail(self, text: str) -> None:

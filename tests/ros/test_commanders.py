@@ -122,3 +122,32 @@ def test_a_second_publisher_stops_the_arm_and_is_named(bridge: Any) -> None:
     finally:
         stranger.close()
         ours.close()
+
+
+def test_no_episode_begins_while_two_command_an_arm(bridge: Any) -> None:
+    from samrl_msgs.srv import StartEpisode
+
+    def start() -> Any:
+        return bridge._on_start(StartEpisode.Request(episode=0, seed=0), StartEpisode.Response())
+
+    def publishers() -> int:
+        return len(bridge.get_publishers_info_by_topic(COMMAND))
+
+    wait_for(lambda: start().success, "the first episode", 0.0)
+    commanders = [Commander("rightful"), Commander("stranger")]
+    try:
+        wait_for(lambda: publishers() == 2, "both to be found", 0.0)
+        answers: list[Any] = []
+
+        def refused() -> bool:
+            answers.append(start())
+            return not answers[-1].success
+
+        wait_for(refused, "the refusal", 0.0)
+        assert "'rightful'" in answers[-1].message and "'stranger'" in answers[-1].message
+    finally:
+        commanders.pop().close()
+        try:
+            wait_for(lambda: start().success, "the stranger to be gone", 0.0)
+        finally:
+            commanders.pop().close()

@@ -22,9 +22,12 @@ SECOND = 1_000_000_000
 
 
 class Outbox:
-    """Keeps what is asked for and how the episode ended; starts episodes at once."""
+    """Keeps what is asked for and how the episode ended; starts an episode unless that is refused."""
 
     def __init__(self) -> None:
+        self.refusals: list[str] = []  # of the next episodes
+        self.starts = 0
+        self.told: list[str] = []
         self.asked: list[tuple[str, int]] = []  # stage and stamp [ns]
         self.ends: list[tuple[bool, str]] = []
 
@@ -38,10 +41,12 @@ class Outbox:
             self.ends.append((message.detected_success, message.reason))
 
     def log(self, level: str, text: str) -> None:
-        pass
+        self.told.append(text)
 
     def call(self, service: str, request: Any, on_response: Callable[[Any], None]) -> None:
-        on_response(type("Response", (), {"success": True, "message": ""})())
+        self.starts += 1
+        refusal = self.refusals.pop(0) if self.refusals else ""
+        on_response(type("Response", (), {"success": not refusal, "message": refusal})())
 
 
 @pytest.fixture(scope="module")
@@ -156,3 +161,25 @@ def test_a_peg_that_is_felt_at_the_bottom_ends_the_episode_where_touch_is_heeded
         assert outbox.asked[-1][0] == "act" and not outbox.ends
         supervisor.handle(EXECUTED, ToolAction(episode=0, step=step, sub_goal=name))
     assert outbox.ends == ([(True, "done")] if heed_touch else [])
+
+
+def test_an_episode_waits_while_an_arm_has_two_commanders() -> None:
+    from samrl_msgs.msg import EpisodeReady
+
+    from samrl_core.cell.types.observation import ArmReading
+    from samrl_ros.conversions import to_message
+    from samrl_ros.nodes.standstill import why_rivals
+    from samrl_ros.nodes.supervisor import READY, TOOL_JOINTS, Supervisor, SupervisorSettings
+
+    outbox, zero = Outbox(), np.zeros(7)
+    outbox.refusals = [why_rivals("tool_arm", ("node 'manipulator'", "node 'stranger'"))] * 2
+    supervisor = Supervisor(SupervisorSettings(), outbox)
+    supervisor.start()
+    for tenths in range(1, 11):  # of a second of robot time
+        reading = ArmReading(tenths * SECOND // 10, zero, zero, zero)
+        supervisor.handle(TOOL_JOINTS, to_message.joint_state(reading, cell_named().tool_arm.joint_names))
+    assert outbox.starts == 3 and not outbox.ends and not supervisor.finished
+    assert [text for text in outbox.told if "'stranger'" in text and "episode 0 waits" in text] == outbox.told
+    assert len(outbox.told) == 1  # once, however often it asks
+    supervisor.handle(READY, EpisodeReady(header=to_message.header(SECOND), episode=0, task=TASK.name))
+    assert outbox.asked == [("update", SECOND)]

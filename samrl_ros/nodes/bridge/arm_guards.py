@@ -10,8 +10,9 @@ from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.types.observation import ArmCommand, ArmReading
 from samrl_core.common.errors import SamrlError
 from samrl_ros.contract.behaviour import Outbox
-from samrl_ros.contract.topics import arm_topic, cell_topic
+from samrl_ros.contract.topics import cell_topic
 from samrl_ros.conversions import from_message, to_message
+from samrl_ros.nodes.standstill import why_rivals
 
 COMMAND_TIMEOUT_S = 0.1  # default age of a command, by reception, at which the arm brakes [s]
 _LATCHED = (GuardState.FAULT, GuardState.ESTOP)
@@ -59,10 +60,7 @@ class ArmGuards:
     def on_rivals(self, role: str, publishers: Sequence[str]) -> None:
         """More than one publisher has a say on `<arm>/command`: the arm brakes, and all are named."""
         self.refused_commands += 1
-        reason = (
-            f"{len(publishers)} publishers on {arm_topic(role, 'command')} ({', '.join(publishers)}); "
-            "one commander at a time: stop the others"
-        )
+        reason = why_rivals(role, publishers)
         if self._guards[role].status.state not in _LATCHED:
             self.fault(role, reason)
         elif self._rivals.get(role) != tuple(publishers):

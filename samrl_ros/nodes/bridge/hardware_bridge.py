@@ -27,7 +27,7 @@ from samrl_ros.hardware.driver_file import PARTS, drivers_by_part
 from samrl_ros.hardware.observe import PATIENCE, subscribe
 from samrl_ros.hosting import CellNode
 from samrl_ros.nodes.bridge.arm_guards import COMMAND_TIMEOUT_S
-from samrl_ros.nodes.bridge.commanders import Commanders
+from samrl_ros.nodes.bridge.commanders import Commanders, refuse_rivals
 from samrl_ros.nodes.bridge.hardware_core import HardwareCore, HardwareLimits
 
 NAME = "hardware_bridge"
@@ -240,7 +240,7 @@ class HardwareBridge(CellNode):
         if self._core is None or self.stage != "active" or not publishers:
             return
         if len(publishers) > 1:
-            self._core.on_rivals(role, [f"node {name!r}" for name in publishers.values()])
+            self._core.on_rivals(role, list(publishers.values()))
         else:
             self._core.on_command(role, message, next(iter(publishers)))
 
@@ -249,10 +249,18 @@ class HardwareBridge(CellNode):
             self._core.end_episode(message.episode)
 
     def _on_start(self, request: Any, response: Any) -> Any:
-        return self._answer(response, lambda core: core.start_episode(int(request.episode)))
+        def start(core: HardwareCore) -> None:
+            refuse_rivals(self._commanders)
+            core.start_episode(int(request.episode))
+
+        return self._answer(response, start)
 
     def _on_scene_ready(self, request: Any, response: Any) -> Any:
-        return self._answer(response, lambda core: core.begin_episode(), "the episode begins; stand back")
+        def begin(core: HardwareCore) -> None:
+            refuse_rivals(self._commanders)
+            core.begin_episode()
+
+        return self._answer(response, begin, "the episode begins; stand back")
 
     def _on_judge(self, request: Any, response: Any) -> Any:
         def record(core: HardwareCore) -> None:

@@ -27,7 +27,7 @@ from samrl_ros.contract.topics import SERVICES, TOPICS, arm_topic, cell_topic
 from samrl_ros.hosting import CellNode
 from samrl_ros.nodes.bridge.arm_guards import COMMAND_TIMEOUT_S
 from samrl_ros.nodes.bridge.bridge_core import BridgeCore, BridgeRates
-from samrl_ros.nodes.bridge.commanders import Commanders
+from samrl_ros.nodes.bridge.commanders import Commanders, refuse_rivals
 from samrl_ros.nodes.bridge.lockstep import Lockstep
 
 OUTCOME, WATCH = cell_topic("supervisor/outcome"), cell_topic("node_watch")
@@ -237,7 +237,7 @@ class SimBridge(CellNode):
             if self._core is None or not publishers:
                 return
             if len(publishers) > 1:
-                self._core.guards.on_rivals(role, [f"node {name!r}" for name in publishers.values()])
+                self._core.guards.on_rivals(role, list(publishers.values()))
             else:
                 self._core.on_command(role, message, next(iter(publishers)))
 
@@ -252,6 +252,7 @@ class SimBridge(CellNode):
             return response
         with self._lock:
             try:
+                refuse_rivals(self._commanders)
                 self._core.start_episode(int(request.episode), int(request.seed))
             except SamrlError as error:
                 response.success, response.message = False, str(error)

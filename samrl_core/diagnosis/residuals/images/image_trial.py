@@ -16,25 +16,13 @@ from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared
 from samrl_core.diagnosis.residuals.images.linearisation import Point, linearised, rows_at
 from samrl_core.diagnosis.residuals.images.noise import noise_of_rows
 from samrl_core.diagnosis.residuals.images.object_pose import solved_object
-from samrl_core.diagnosis.residuals.images.rows import (
-    CHANNELS,
-    OF_CHANNEL,
-    TILES,
-    UNITS,
-    ComparedFrame,
-    joined,
-)
+from samrl_core.diagnosis.residuals.images.rows import CHANNELS, TILES, UNITS, ComparedFrame, joined
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
+from samrl_core.diagnosis.residuals.images.spreads import SIZES
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.phases import phases_of_speed
 
 DEPTH_NOISE_PER_Z2 = 0.08 / (447.0 * 0.05) * np.sqrt(0.5)  # [1/m] of neighbours, of a stereo camera's 0.08 px
-SIZES = {  # how many columns each name has
-    "hand_eye": 6, "base": 6, "camera_zeros": 7, "camera_late": 1, "tool_zeros": 7, "tool_late": 1, "held": 6,
-    "object": 6, "object_scale": 1, "focal": 2, "centre": 2, "radial": 2, "tangential": 2,
-    **{name: 1 for names in OF_CHANNEL.values() for name in names},
-    "depth_shift": 2, "depth_pattern": 2 * TILES**2,
-}  # fmt: skip
 LINEARISED = 16  # frames of all fitted recordings, from which the point of linearisation is found
 MOVING_RAD_S = 0.03  # of the camera or the tool in the image, below which nothing is said of clocks
 
@@ -227,7 +215,9 @@ def prepared(recordings: Sequence[ImageRecording], fitted: int) -> list[ImageTri
     known = [f for kept in frames[:fitted] for f in kept]
     pose = solved_object(scene, known, first.tolerances, DEPTH_NOISE_PER_Z2)
     few = known[:: max(1, len(known) // LINEARISED)][:LINEARISED]
-    constants = ImageConstants(scene, pose, {}, linearised(scene, few, pose, DEPTH_NOISE_PER_Z2))
+    constants = ImageConstants(
+        scene, pose, {}, linearised(scene, few, pose, DEPTH_NOISE_PER_Z2, first.tolerances)
+    )
     trials: list[ImageTrial] = []
     for recording, kept in zip(recordings, frames, strict=True):
         trial = ImageTrial(recording, constants, kept)

@@ -1,10 +1,10 @@
 """The point about which rows are linear: not the stated cell, but what the fitted images look like.
 
 A shift of outlines by more than their blur is not linear, and edges of a model that stands elsewhere hide
-pixels that could be compared. So all that may be off is fitted together, robustly, the scene is rendered
-there, and rows are taken anew. What came of it is no claim of a cause: which of several errors it is, is open
-in it. A row is y = r + J p, with residual r and columns J at the point p, so that it stays linear in errors
-counted from the stated cell.
+pixels that could be compared. So what may be off is fitted together, one error of it beyond tolerance, the
+scene is rendered there, and rows are taken anew. What came of it names no cause: all errors stay open. A row
+is y = r + J p, with residual r and columns J at the point p, so that it stays linear in errors counted from
+the stated cell.
 """
 
 from __future__ import annotations
@@ -13,15 +13,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import linalg
 
+from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.diagnosis.residuals.images.flows import flows
-from samrl_core.diagnosis.residuals.images.noise import fitted_errors
+from samrl_core.diagnosis.residuals.images.noise import FREE as WIDE
+from samrl_core.diagnosis.residuals.images.noise import noise_of_rows
 from samrl_core.diagnosis.residuals.images.rows import CHANNELS, ComparedFrame, Rows, frame_rows, joined
 from samrl_core.diagnosis.residuals.images.scene import FrameGeometry, ImageScene
+from samrl_core.diagnosis.residuals.images.spreads import stated_spreads
 from samrl_core.diagnosis.residuals.poses import rigid
 
 ROUNDS = 3
-SMALL_PX = 0.15  # a step that moves outlines no further ends the rounds
+SMALL = {"depth": 2e-4, "mask": 0.15}  # [m], [px]: a step that moves no more ends the rounds
 Point = Mapping[str, np.ndarray]  # name of a flow -> amplitudes (p,)
 OF_CAMERA = ("hand_eye", "base", "camera_zeros", "camera_late")  # move every point in the camera's axes
 
@@ -71,21 +75,69 @@ def rows_at(
 
 
 def linearised(
-    scene: ImageScene, frames: Sequence[ComparedFrame], object_pose: np.ndarray, noise_per_z2: float
+    scene: ImageScene,
+    frames: Sequence[ComparedFrame],
+    object_pose: np.ndarray,
+    noise_per_z2: float,
+    stated: ImageTolerances,
 ) -> dict[str, np.ndarray]:
     """The point at which the rendered scene looks like the frames."""
     point: dict[str, np.ndarray] = {}
     for _ in range(ROUNDS):
         made = [rows_at(scene, f, object_pose, noise_per_z2, point) for f in frames]
-        rows = {c: joined([m[c] for m in made]) for c in CHANNELS}
-        found = fitted_errors({c: r for c, r in rows.items() if len(r.value)})
+        joint = {c: joined([m[c] for m in made]) for c in CHANNELS}
+        rows = {c: r for c, r in joint.items() if len(r.value)}
+        found = most_probable(rows, stated)
         before = point
         point = {name: value for name, value in found.items() if name in FLOWS}
         step = {n: v - before.get(n, np.zeros(len(v))) for n, v in point.items()}
-        outline = rows["mask"]
-        if not len(outline.value) or float(np.sqrt(np.mean(_moved_by(outline, step) ** 2))) < SMALL_PX:
+        moved = [np.sqrt(np.mean(_moved_by(rows[c], step) ** 2)) / s for c, s in SMALL.items() if c in rows]
+        if max(moved, default=0.0) < 1.0:
             break
     return point
+
+
+def most_probable(rows: Mapping[str, Rows], stated: ImageTolerances) -> dict[str, np.ndarray]:
+    """Amplitudes by name: all within what is stated, but for the one error that explains most beyond it.
+
+    One error beyond tolerance, the one of most evidence (Gaussian priors, in closed form): were all wide, a
+    large error would be spread over all that look like it, and the scene rendered where none of them is.
+    """
+    sigma = noise_of_rows(rows, {})[1]
+    spreads = stated_spreads(stated)
+    starts, start = {}, 0
+    for name, widths in spreads.items():
+        starts[name], start = start, start + len(widths)
+    normal, moment = np.zeros((start, start)), np.zeros(start)
+    for channel, r in rows.items():
+        design = np.zeros((start, len(r.value)))
+        for name, columns in r.columns.items():
+            design[starts[name] : starts[name] + len(columns)] = columns / sigma[channel]
+        normal += design @ design.T
+        moment += design @ (r.value / sigma[channel])
+    stated_widths = np.concatenate(list(spreads.values()))
+    best, most = np.zeros(start), -np.inf
+    for group in (), *_alone(starts, spreads):
+        widths = stated_widths.copy()
+        for name, k in group:
+            widths[starts[name] + k] = max(WIDE[name], widths[starts[name] + k])
+        scaled = widths[:, None] * normal * widths + np.eye(start)
+        factor = linalg.cho_factor(scaled)
+        found = linalg.cho_solve(factor, widths * moment)
+        evidence = 0.5 * float(found @ (widths * moment)) - float(np.sum(np.log(np.diag(factor[0]))))
+        if evidence > most:
+            best, most = widths * found, evidence
+    return {name: best[starts[name] : starts[name] + len(w)] for name, w in spreads.items()}
+
+
+def _alone(starts: Mapping[str, int], spreads: Mapping[str, np.ndarray]) -> list[list[tuple[str, int]]]:
+    """Columns (name, index) of each error that may be beyond tolerance alone."""
+    joints = [[(name, k)] for name in ("camera_zeros", "tool_zeros") for k in range(len(spreads[name]))]
+    whole = [("hand_eye",), ("base",), ("camera_late", "tool_late"), ("tool_late",), ("held",),
+             ("object_scale",), ("focal",), ("centre",), ("focal", "centre"), ("radial",),
+             ("radial", "tangential"), ("depth_scale", "depth_offset"), ("depth_shift",),
+             ("outline_object", "outline_tip")]  # fmt: skip
+    return [*([(n, k) for n in names for k in range(len(spreads[n]))] for names in whole), *joints]
 
 
 def _moved_by(rows: Rows, point: Point) -> np.ndarray:

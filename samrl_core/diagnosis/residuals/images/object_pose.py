@@ -10,19 +10,12 @@ from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.images.rows import LEAST_PIXELS, ComparedFrame, frame_rows
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
+from samrl_core.diagnosis.residuals.images.spreads import object_spreads
 from samrl_core.diagnosis.residuals.poses import rigid
 
 COARSE_ROUNDS, FINE_ROUNDS = 4, 3
 FRAMES = 8  # that the pose is solved from
-PLACE, TURN = 0.05, 0.4  # [m] in the table's plane, [rad] about its normal: nobody states them
 NOISE = {"depth": 0.002, "mask": 0.6}
-
-
-def object_spreads(stated: ImageTolerances) -> np.ndarray:
-    """Standard deviations (6,) of the object's pose around where the task puts it."""
-    by = stated.deviation
-    tilt = by * stated.object_tilt
-    return np.array([PLACE, PLACE, by * stated.object_height, tilt, tilt, TURN])
 
 
 def solved_object(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from samrl_core.diagnosis.residuals.images.bends import bend_modes
 from samrl_core.diagnosis.residuals.images.flows import Flows, flows
 from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, FrameGeometry, ImageScene
 
@@ -25,8 +26,8 @@ ROBUST = 1.4826
 CHANNELS = ("depth", "mask", "color", "depth_noise")
 UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
 OF_CHANNEL = {  # columns that are no flow, by channel
-    "depth": ("depth_scale", "depth_offset", "depth_shift", "depth_pattern"),
-    "mask": ("outline_object", "outline_tip"),
+    "depth": ("depth_scale", "depth_offset", "depth_shift", "depth_bend", "depth_pattern"),
+    "mask": ("outline_object", "outline_tip", "outline_bend"),
     "color": ("light", "paint_object", "paint_static"),
     "depth_noise": ("depth_noise",),
 }
@@ -87,6 +88,12 @@ def _tiles(height: int, width: int) -> np.ndarray:
     return (v * TILES // height) * TILES + u * TILES // width
 
 
+def _bends(row: np.ndarray, column: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
+    """Modes (9, N) at pixels of an image of a size (H, W)."""
+    height, width = size
+    return bend_modes(2.0 * column / width - 1.0, 2.0 * row / height - 1.0)
+
+
 def _inside(
     scene: ImageScene, frame: ComparedFrame, z: np.ndarray, label: np.ndarray
 ) -> dict[int, np.ndarray]:
@@ -131,15 +138,18 @@ def _depth_rows(
             along[name] = d[..., 2] - slope_u * shift_u - slope_v * shift_v
         along["depth_scale"], along["depth_offset"] = zs[None], np.ones((1, len(zs)))
         along["depth_shift"] = -k.width * np.stack([slope_u, slope_v])  # depth beside the colours
+        bends = _bends(index // k.width, index % k.width, z.shape)
+        along["depth_bend"] = np.concatenate([bends * slope for slope in along["depth_shift"]])
         of_tile = tiles.ravel()[index]
-        for tile in np.unique(of_tile):
-            chosen = of_tile == tile
-            if chosen.sum() < LEAST_PIXELS:
-                continue
+        order = np.argsort(of_tile, kind="stable")
+        found, starts, counts = np.unique(of_tile[order], return_index=True, return_counts=True)
+        means = {n: np.add.reduceat(a[:, order], starts, axis=1) / counts for n, a in along.items()}
+        for i in np.flatnonzero(counts >= LEAST_PIXELS):
+            tile, chosen = int(found[i]), order[starts[i] : starts[i] + counts[i]]
             value.append(float(np.median(error[chosen])))
-            where.append(int(tile))
-            shape.append(float(np.mean(zs[chosen]) ** 2 * np.sqrt(64.0 / chosen.sum() + 0.15)))
-            of_row = {name: a[:, chosen].mean(axis=1) for name, a in along.items()}
+            where.append(tile)
+            shape.append(float(np.mean(zs[chosen]) ** 2 * np.sqrt(64.0 / counts[i] + 0.15)))
+            of_row = {name: mean[:, i] for name, mean in means.items()}
             of_row["depth_pattern"] = np.zeros(2 * TILES**2)
             of_row["depth_pattern"][2 * tile : 2 * tile + 2] = of_row["depth_shift"]
             columns.append(of_row)
@@ -245,6 +255,10 @@ def _mask_rows(
     columns = {name: np.einsum("pvi,nvi->pn", d, gradients, optimize=True) for name, d in moving.items()}
     grown = np.array([g for _, g in growth])
     columns["outline_object"], columns["outline_tip"] = grown[:, 0][None], grown[:, 1][None]
+    along, tile = np.array([axis for axis, _ in growth]), np.array(where)
+    row, column = (tile // TILES + 0.5) * height / TILES, (tile % TILES + 0.5) * width / TILES
+    bends = width * _bends(row, column, label.shape)
+    columns["outline_bend"] = np.concatenate([bends * (along == axis) for axis in (0, 1)])
     return Rows(np.array(value), np.array(where), np.array(shape), columns)
 
 

@@ -28,7 +28,7 @@ SECONDS = 6.0
 class CameraRecorder:
     """Records worlds with motions that are planned once."""
 
-    def __init__(self) -> None:
+    def __init__(self, duration_s: float = SECONDS) -> None:
         self.task: Task = task_named(TASK)
         self.cell: CellSpec = cell_named(DEFAULT_CELL)
         tool = self.task.scene(self.cell).tool
@@ -39,24 +39,31 @@ class CameraRecorder:
             ),
         }
         self._motions: list[tuple[str, CameraMotion]] = [
-            (name, camera_motion(self.task, self.cell, loads, seed, SECONDS)) for name, seed in MOTIONS
+            (name, camera_motion(self.task, self.cell, loads, seed, duration_s)) for name, seed in MOTIONS
         ]
 
     def recordings(self, world: CameraWorld, folder: Path) -> list[ImageRecording]:
         """Of a world; read from `folder` where they are already."""
         return [self._one(world, name, motion, folder) for name, motion in self._motions]
 
+    def recorded(self, world: CameraWorld) -> list[ImageRecording]:
+        """Of a world, made anew."""
+        return [self._made(world, name, motion) for name, motion in self._motions]
+
+    def _made(self, world: CameraWorld, name: str, motion: CameraMotion) -> ImageRecording:
+        instance, _ = instance_of(world, self.cell)
+        simulated = make_world("pybullet", self.task, self.cell, instance=instance)
+        try:
+            simulated.reset(world.seed)
+            return record_camera(simulated, TASK, self.cell, motion, name)
+        finally:
+            simulated.close()
+
     def _one(self, world: CameraWorld, name: str, motion: CameraMotion, folder: Path) -> ImageRecording:
         path = folder / f"{world.name}_{name}.npz"
         cell = self.cell
         if not path.is_file():
-            instance, _ = instance_of(world, cell)
-            simulated = make_world("pybullet", self.task, cell, instance=instance)
-            try:
-                simulated.reset(world.seed)
-                made = record_camera(simulated, TASK, cell, motion, name)
-            finally:
-                simulated.close()
+            made = self._made(world, name, motion)
             folder.mkdir(parents=True, exist_ok=True)
             part = path.with_suffix(".part.npz")
             np.savez_compressed(part, **{key: getattr(made, key) for key in ARRAYS})

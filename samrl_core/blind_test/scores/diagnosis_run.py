@@ -48,6 +48,8 @@ class DiagnosisJob:
     threads: int = 1
     seed: int = 0
     commit: str | None = None  # of the code that diagnoses, for the record
+    parts: tuple[str, ...] = SETS  # bags of the world, the last one held out
+    arguments: tuple[str, ...] = ()  # what the command needs to know of the kind of recording
 
     @property
     def finished(self) -> bool:
@@ -80,19 +82,11 @@ def diagnose_world(job: DiagnosisJob) -> dict[str, Any]:
         place = Path(name)
         observed = study.observations(job.world)
         foreign = (observed / MAPPING).exists()
-        for file in observed.iterdir() if foreign else (observed / f"{part}.mcap" for part in SETS):
+        for file in observed.iterdir() if foreign else (observed / f"{part}.mcap" for part in job.parts):
             shutil.copyfile(file, place / file.name)
-        command = [
-            *job.command,
-            "A.mcap",
-            "B.mcap",
-            "--held-out",
-            "C.mcap",
-            "--out",
-            "out",
-            "--seed",
-            str(job.seed),
-        ]
+        *fitted, held_out = (f"{part}.mcap" for part in job.parts)
+        command = [*job.command, *fitted, "--held-out", held_out, *job.arguments]
+        command += ["--out", "out", "--seed", str(job.seed)]
         if job.library is not None:
             write_whole(place / "library.yaml", yaml.safe_dump({"families": list(job.library)}))
             command += ["--library", "library.yaml"]

@@ -56,7 +56,7 @@ class SealedTruth:
     @property
     def series(self) -> str:
         """Which set of disturbances made the effects; empty without one."""
-        names = {1: "first set", 2: "second set", 3: "servo worlds"}
+        names = {1: "first set", 2: "second set", 3: "servo worlds", 4: "camera worlds"}
         return names[int(self.effects[0].get("series", 1))] if self.effects else ""
 
 

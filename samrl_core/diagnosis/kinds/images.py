@@ -13,6 +13,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import IMAGE_EFFECTS
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.image_corrections import recalibration
+from samrl_core.diagnosis.kinds.image_suspects import image_suspicions
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.kinds.next_images import next_images
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial, prepared
@@ -96,6 +97,9 @@ class Images(Kind[ImageRecording]):
         return replace(first, name=f"{recording.name}, first half"), replace(
             last, name=f"{recording.name}, second half"
         )
+
+    def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
+        return image_suspicions(evidence, chosen, least)
 
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int

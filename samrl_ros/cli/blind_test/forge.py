@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, DiagnosisJob, diagnose_world
-from samrl_core.blind_test.scores.study import Study, write_atomically
+from samrl_core.blind_test.scores.study import SETS, Study, write_atomically
 from samrl_core.common import executor
 from samrl_ros.blind_test.study import (
     KINDS,
@@ -169,6 +169,46 @@ def servos(
     make_and_seal(study, [item.id for item in plan], make_servo, todo, facts, RanAwayError, workers, ray)
 
 
+@forge_app.command()
+def cameras(
+    out: Annotated[Path, typer.Option(help="Folder of the worlds; an unfinished one is resumed.")],
+    seed: Annotated[int | None, typer.Option(help="Seed of the worlds.", min=0)] = None,
+    commit: Annotated[
+        str | None, typer.Option(help="Commit whose hash gives the seed (HEAD unless given).")
+    ] = None,
+    single: Annotated[int | None, typer.Option(help="Worlds with one known cause.", min=0)] = None,
+    none: Annotated[int | None, typer.Option(help="Worlds without a cause.", min=0)] = None,
+    outside: Annotated[
+        int | None, typer.Option(help="Worlds with a cause outside the library.", min=0)
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
+    workers: Workers = SIDE_BY_SIDE,
+    ray: OnRay = False,
+) -> None:
+    """Make sealed typical cells with one cause in front of or behind the camera, as bags of images."""
+    from samrl_core.blind_test.camera_worlds.forge_plan import CameraForgeSettings, plan_cameras
+    from samrl_core.blind_test.engines.simulate import DivergedError
+    from samrl_core.blind_test.worlds.plan import seed_from_commit
+    from samrl_ros.blind_test.camera_runs import PARTS, CameraMaking, make_camera
+
+    study = Study(out.resolve())
+    chosen = None if seed is not None else (commit or commit_before(study) or head())
+    asked = {"single": single, "none": none, "outside": outside, "duration_s": duration}
+    settings = CameraForgeSettings(
+        seed=seed if seed is not None else seed_from_commit(chosen or ""),
+        **{name: value for name, value in asked.items() if value is not None},  # type: ignore[arg-type]
+    )
+    same_as_before(study, {"settings": asdict(settings), "commit": chosen})
+    plan = plan_cameras(settings)
+    make_console().print(f"{len(plan)} worlds of a camera", soft_wrap=True)
+    todo = [CameraMaking(study.root, item) for item in plan if not study.made(item.id)]
+    facts = {
+        "commit": chosen, "settings": _published(asdict(settings)), "parts": list(PARTS),
+        "arguments": ["--camera", "--scene", "peg_insertion"],
+    }  # fmt: skip
+    make_and_seal(study, [item.id for item in plan], make_camera, todo, facts, DivergedError, workers, ray)
+
+
 def _published(settings: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in settings.items() if name != "seed"}
 
@@ -191,7 +231,8 @@ def diagnose(
 ) -> None:
     """Diagnose every world in a process without access to the labels; finished worlds are not run again."""
     study = Study(folder.resolve())
-    listed: list[str] = study.published()["worlds"]
+    published = study.published()
+    listed: list[str] = published["worlds"]
     every = DiagnosisJob(
         study.root,
         world="",
@@ -199,6 +240,8 @@ def diagnose(
         timeout_s=timeout,
         seed=seed,
         commit=commit_or_none(),
+        parts=tuple(published.get("parts", SETS)),
+        arguments=tuple(published.get("arguments", ())),
     )
     jobs = [replace(every, world=world) for world in listed[: worlds or len(listed)]]
     if leave_one_out:

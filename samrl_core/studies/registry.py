@@ -14,6 +14,7 @@ MODULES: dict[str, str] = {  # module of `samrl_core.studies`, by the experiment
     "fig7": "paper.fig7",
     "fig8d": "paper.fig8d",
     "sample_efficiency": "paper.sample_efficiency",
+    "restored_success": "restored_success",
     "table1": "paper.table1.table1",
     "table1_world": "paper.table1.table1_world",
 }

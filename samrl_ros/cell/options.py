@@ -12,6 +12,7 @@ import typer
 import yaml
 
 from samrl_core.cell.calibration.calibrate import calibrated_cell
+from samrl_core.cell.calibration.cell_correction import read_correction
 from samrl_core.cell.instance.cell_instance import NOMINAL, InstanceName
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, EVERY_TASK, task_named
@@ -104,6 +105,10 @@ class CellOptions:
     bases: Annotated[
         Path | None, typer.Option(help="With --hardware: calibration.json of one arm's base in the other's.")
     ] = None
+    correction: Annotated[
+        Path | None,
+        typer.Option(help="cell.json of `samrl diagnose --apply`: what the cell is known to differ by."),
+    ] = None
     sim_time: Annotated[
         bool, typer.Option("--sim-time", help="With --hardware: the drivers are a simulator's, with /clock.")
     ] = False
@@ -160,6 +165,8 @@ def prepare(options: CellOptions) -> Path:
         require_hardware(options)
     elif given := [n for n in ("observe", "hand_eye", "bases", "sim_time") if getattr(options, n)]:
         raise InputError(f"--{given[0].replace('_', '-')} is for a real cell; give --hardware as well")
+    if options.correction is not None:
+        read_correction(options.correction)
     if not options.observe and (options.policy == "learned" or options.strategy == "q"):
         _require_weights(options)
     if options.residual is not None:
@@ -282,6 +289,9 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
                 f"--residual {options.residual} stays as it is, the parameter file gives residual_trainer a "
                 f"training; leave out --residual, or train and folder"
             )
+    if options.correction is not None:
+        bridge = ours[BRIDGES[1] if options.hardware else BRIDGES[0]]
+        bridge["correction"] = ("--correction", str(options.correction.resolve()))
     for owned in ours.values():
         owned["cell"] = ("--cell", options.cell)
     if not options.update:  # a model as it starts knows nothing of when a task is done

@@ -172,3 +172,30 @@ def test_a_second_commander_of_a_stopped_arm_is_told_once() -> None:
     rig.bridge.guards.on_rivals("tool_arm", ["node 'manipulator'", "node 'stranger'"])
     rig.tick(0.01)
     assert rig.safety()[1]["tool_arm"] == "FAULT"
+
+
+def test_a_correction_is_announced_and_goes_into_the_images() -> None:
+    from samrl_core.cell.calibration.cell_correction import CellCorrection
+    from samrl_core.cell.types.pose import Pose
+    from samrl_ros.contract.topics import camera_topic
+    from samrl_ros.conversions import from_message
+    from samrl_ros.nodes.bridge.bridge_core import BridgeCore, BridgeRates
+
+    cell, task, hears = cell_named(), task_named("peg_insertion"), KeptWords()
+    world = make_world("mock", task, cell)
+    nominal = cell.camera_in_flange
+    found = CellCorrection(
+        Pose(nominal.position + 0.01, nominal.quat_xyzw), numbers={"depth_offset": 0.02, "depth_scale": 0.1}
+    )
+    bridge = BridgeCore(hears, world, cell, task, BridgeRates(), 0.1, None, lambda: 0.0, found)
+    bridge.announce()
+    announced = from_message.calibration(hears.on(camera_topic("calibration"))[-1].data)
+    np.testing.assert_allclose(announced["camera_in_flange"].position, nominal.position + 0.01)
+    bridge.start_episode(0, 0)
+    read = world.read_camera().depth
+    for _ in range(200):
+        bridge.tick()
+    depth = from_message.image(hears.on(camera_topic("depth/image_rect_raw"))[-1])
+    kept = np.isfinite(read) & np.isfinite(depth)
+    assert kept.mean() > 0.3
+    np.testing.assert_allclose(depth[kept], (read[kept] - 0.02) / 1.1, atol=1e-4)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 pytest.importorskip("rclpy")
 
+from samrl_core.cell.calibration.cell_correction import CellCorrection, write_correction
 from samrl_core.cell.instance.cell_instance import instance_named
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError
@@ -86,3 +89,20 @@ def test_the_run_is_told_which_cell(tmp_path: Path) -> None:
         out=tmp_path / "out", instance="typical:test:4", scale=("depth=2",), policy="optimised"
     )
     assert "instance: typical:test:4 depth=2" in prepare(options).read_text()
+
+
+def test_the_bridge_is_told_of_a_correction(tmp_path: Path) -> None:
+    file = tmp_path / "cell.json"
+    write_correction(file, CellCorrection(numbers={"depth_scale": 0.02}))
+    options = CellOptions(
+        out=tmp_path / "out",
+        instance="typical:4",
+        scale=("depth_scale=1",),
+        policy="optimised",
+        correction=file,
+    )
+    told = yaml.safe_load(prepare(options).read_text())["/cell/sim_bridge"]["ros__parameters"]
+    assert told["correction"] == str(file) and told["instance"] == "typical:4 depth_scale=1"
+    with pytest.raises(InputError, match=r"missing\.json"):
+        prepare(replace(options, out=tmp_path / "other", correction=tmp_path / "missing.json"))
+    assert not (tmp_path / "other").exists()

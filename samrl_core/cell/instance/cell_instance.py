@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from samrl_core.cell.instance.arms import ArmDifferences
 from samrl_core.cell.instance.calibration import Calibration
 from samrl_core.cell.instance.depth import Depth
 from samrl_core.cell.instance.difference import LEVELS, draw_group
+from samrl_core.cell.instance.dominant import DOMINANT
 from samrl_core.cell.instance.grip import Grip
 from samrl_core.cell.instance.look import Look
 from samrl_core.cell.instance.optics import Optics
@@ -46,6 +47,8 @@ FILE = "instance.json"  # in a run's evaluation folder
 class InstanceName:
     """What an instance is drawn from: `nominal`, `typical:7`, `careless:test:3`, `typical:7 depth=2`.
 
+    `typical:7 hand_eye=2` has an error of `DOMINANT` on top, twice as large as met in practice.
+
     A number alone is for development; `test:` before it names the instances that a final table is made of.
 
     Raises:
@@ -55,7 +58,7 @@ class InstanceName:
     level: str = NOMINAL
     seed: int = 0
     purpose: str = DEVELOPMENT
-    scales: tuple[tuple[str, float], ...] = ()  # group and factor
+    scales: tuple[tuple[str, float], ...] = ()  # group, or error that stands out, and factor
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
@@ -65,8 +68,11 @@ class InstanceName:
         if self.seed < 0:
             raise InputError(f"seed {self.seed} of a cell instance must be at least 0")
         for group, factor in self.scales:
-            if group not in GROUPS:
-                raise InputError(f"no group is called {group!r}; there are: {', '.join(GROUPS)}")
+            if group not in GROUPS and group not in DOMINANT:
+                raise InputError(
+                    f"no group is called {group!r}; there are: {', '.join(GROUPS)}; and errors that stand "
+                    f"out: {', '.join(DOMINANT)}"
+                )
             if not (math.isfinite(factor) and 0.0 <= factor <= 10.0):
                 raise InputError(f"scale {factor} of {group} must be within 0 .. 10")
         if len({group for group, _ in self.scales}) < len(self.scales):
@@ -145,6 +151,12 @@ def draw_instance(name: InstanceName, cell: CellSpec) -> CellInstance:
         )
         for key, group in GROUPS.items()
     }
+    for key, factor in name.scales:
+        if key in DOMINANT:
+            one = DOMINANT[key]
+            added = one.add_to(key, factor, name.seed, (STREAM, name.purpose, "dominant"))
+            old = groups[one.group]
+            groups[one.group] = replace(old, **{f: getattr(old, f) + v for f, v in added.items()})
     return CellInstance(name, **groups)
 
 

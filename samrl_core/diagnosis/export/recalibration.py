@@ -1,23 +1,26 @@
 """What a diagnosis of poses changes in a calibration: transforms with covariances, and shifts of stamps.
 
-A transform is written twice: as `samrl cell --hand-eye` and `--bases` read it (`calibration.json`), and as
-the lines of a mapping. What is no transform of the chain is a statement for the user's own code.
+A transform is written as `samrl cell --hand-eye` and `--bases` read it (`calibration.json`) and as the lines
+of a mapping; all that a cell can put right is in one file for `samrl cell --correction` (`cell.json`). The
+rest is a statement for the user's own code.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.calibration.cell_correction import CellCorrection, write_correction
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.files import write_whole
 
 SCHEMA = 1
-FILE, LINES = "calibration.json", "corrected.yaml"
+FILE, LINES, CELL = "calibration.json", "corrected.yaml", "cell.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +56,29 @@ class Recalibration:
     transforms: tuple[CorrectedTransform, ...]
     statements: tuple[Advice, ...]
     sources: tuple[tuple[str, str], ...]  # (file, sha256) of the recordings that were fitted
+    numbers: Mapping[str, float] = field(default_factory=dict[str, float])  # of depth and lens, of NUMBERS
+    of_numbers: tuple[str, ...] = ()  # `family@place` that they come from
+
+    @property
+    def cell(self) -> CellCorrection:
+        """All of it that a cell can put right where its sensors come in; may be empty."""
+        poses = {t.calibration[1]: t for t in self.transforms if t.calibration is not None}
+        effects = (*(t.effect for t in poses.values()), *self.of_numbers)
+        found = {name: t.found for name, t in poses.items()}
+        return CellCorrection(**found, numbers=self.numbers, effects=effects)
 
 
 def write_recalibration(found: Recalibration, folder: Path) -> list[Path]:
-    """A folder with `calibration.json` for each transform of a cell, and `corrected.yaml` with all lines."""
-    written = []
+    """A folder with `calibration.json` for each transform of a cell, `corrected.yaml` with all lines, and
+    `cell.json` where a cell can put something right.
+
+    Raises:
+        InputError: a number beyond what a described cell can be corrected by; nothing was written then.
+    """
+    written: list[Path] = []
+    if not found.cell.is_empty:
+        write_correction(folder / CELL, found.cell)
+        written.append(folder / CELL)
     for t in found.transforms:
         if t.calibration is not None:
             path = folder / t.calibration[0] / FILE

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from samrl_core.cell.calibration.cell_correction import LENS
 from samrl_core.cell.types.pose import Pose
 from samrl_core.diagnosis.export.recalibration import Advice, CorrectedTransform, Recalibration
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
@@ -18,19 +19,35 @@ TRANSFORMS = {
     "base_to_base": ("base_in_base", ("base_to_base", "tool_base_in_camera_base")),
 }
 
+_LENS = {name: name for name in LENS}
+# Family -> which number of a cell's correction each of its parameters is.
+NUMBERS_OF: dict[str, dict[str, str]] = {
+    "depth_scale": {"a": "depth_scale", "b": "depth_offset"},
+    "intrinsics": _LENS,
+    "lens_distortion": _LENS,
+}
+
 
 def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
     """Turn the named effects into corrections; what is no transform becomes a sentence."""
     first = trials[0]
     transforms: list[CorrectedTransform] = []
     statements: list[Advice] = []
+    numbers: dict[str, float] = {}
+    of_numbers: list[str] = []
     for h, amplitudes, covariance in chosen.parts():
         if h.effect.family in TRANSFORMS:
             transforms.append(_transform(h, amplitudes, covariance, first))
-        else:
-            statements.append(Advice(h.name, _statement(h, amplitudes, first)))
+            continue
+        statements.append(Advice(h.name, _statement(h, amplitudes, first)))
+        if names := NUMBERS_OF.get(h.effect.family):
+            values = h.form.parameters(first, h.shape, amplitudes)
+            numbers |= {names[key]: value for key, value in values.items() if key in names}
+            of_numbers.append(h.name)
     sources = tuple((t.recording.source, t.recording.sha256) for t in trials)
-    return Recalibration(first.recording.camera, tuple(transforms), tuple(statements), sources)
+    return Recalibration(
+        first.recording.camera, tuple(transforms), tuple(statements), sources, numbers, tuple(of_numbers)
+    )
 
 
 def _transform(

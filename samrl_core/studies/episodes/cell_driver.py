@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.types.camera import Camera
@@ -15,9 +16,16 @@ from samrl_core.cell.world.world import SimulatedWorld
 class CellDriver:
     """Commands a world as a driver would, without ROS; reads nothing but sensors."""
 
-    def __init__(self, world: SimulatedWorld, cell: CellSpec, tool: Tool) -> None:
-        """The arms' models are the nominal ones with camera and tool as payloads."""
+    def __init__(
+        self,
+        world: SimulatedWorld,
+        cell: CellSpec,
+        tool: Tool,
+        correction: CellCorrection = NO_CORRECTION,
+    ) -> None:
+        """The arms' models are the nominal ones with camera and tool as payloads; images are corrected."""
         self.world = world
+        self._correction = correction
         self._cell = cell
         load = {
             "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
@@ -29,7 +37,8 @@ class CellDriver:
         """Image and joints of this instant; the camera's pose is that of the measured joints."""
         tool, camera = self.world.read_arm("tool_arm"), self.world.read_arm("camera_arm")
         pose = self._arms["camera_arm"].flange_in_world(camera.position) @ self._cell.camera_in_flange
-        return Observation(self.world.read_camera(), Camera(self._cell.intrinsics, pose), tool, camera)
+        frame = self._correction.frame(self.world.read_camera(), self._cell.intrinsics)
+        return Observation(frame, Camera(self._cell.intrinsics, pose), tool, camera)
 
     def move(self, role: str, joint_position: np.ndarray, slowest_share: float = 0.5) -> float:
         """Straight in joint space along a quintic of minimal jerk, then 0.2 s of rest.

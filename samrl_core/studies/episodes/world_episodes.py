@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.instance.cell_instance import NOMINAL, instance_named
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
@@ -68,6 +69,8 @@ class EpisodeJob:
     residual: Path | None = None  # file, for conditions that have one
     cell: str = DEFAULT_CELL  # that the agent knows
     instance: str = NOMINAL  # what the world's cell is, where it does not differ otherwise
+    correction: CellCorrection = NO_CORRECTION  # what is known of that
+    max_actions: int = 0  # 0 is the task's limit
 
 
 def run_episodes(
@@ -122,20 +125,19 @@ def episode_cases(job: EpisodeJob, anew: bool = True) -> list[Case]:
         world = differing_world(task, cell, job.offset)
     else:
         world = PyBulletWorld(task, cell, instance=instance_named(job.instance, cell))
-    plant, watch = WorldPlant(world, task, cell), Stopwatch()
+    plant, watch = WorldPlant(world, task, cell, correction=job.correction), Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:
         plant.move_camera(np.array(stop))
+    limit = job.max_actions or task.max_actions
     views = 0 if job.condition.strategy == HELD else LoopSettings.views_per_search
     # A model that is not updated cannot detect when a task is done.
-    loop = LoopSettings(
-        task.max_actions, job.condition.view_period, views, stop_on_model_success=job.condition.update
-    )
+    loop = LoopSettings(limit, job.condition.view_period, views, stop_on_model_success=job.condition.update)
     began_ns = world.time_ns
     trouble = ""
     try:
         if job.condition.straw_man:
-            passed = run_straw_man(job.condition.straw_man, agent, plant, task.max_actions, watch)
+            passed = run_straw_man(job.condition.straw_man, agent, plant, limit, watch)
             ended = "done" if passed else "action_limit"
         else:
             ended = str(run_episode(agent, plant, loop, watch).ended)

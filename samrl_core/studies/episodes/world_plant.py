@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import Observation
@@ -23,10 +24,13 @@ class WorldPlant:
         cell: CellSpec,
         period_s: float = TaskPhysicsSettings.action_s,
         rest_s: float = TaskPhysicsSettings.rest_s,
+        correction: CellCorrection = NO_CORRECTION,
     ) -> None:
-        """`period_s` is the time of an action, `rest_s` that before an image [s]."""
+        """`period_s` is the time of an action, `rest_s` that before an image [s]; `correction` is what the
+        cell is known to differ by from `cell`."""
         self._world = world
-        self._driver = CellDriver(world, cell, task.scene(cell).tool)
+        cell = correction.cell(cell)
+        self._driver = CellDriver(world, cell, task.scene(cell).tool, correction)
         self._motion = ToolMotion(world, task, cell, period_s)
         self._rest_steps = round(rest_s * 1e3)
 

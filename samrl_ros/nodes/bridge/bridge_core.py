@@ -16,6 +16,7 @@ from samrl_msgs.msg import EpisodeReady
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
@@ -57,10 +58,12 @@ class BridgeCore:
         command_timeout_s: float,
         truth_log: TruthLog | None,
         steady_s: Callable[[], float],
+        correction: CellCorrection = NO_CORRECTION,
     ) -> None:
         self._outbox = outbox
         self._world = world
-        self._cell = cell
+        self._cell = correction.cell(cell)  # as it is announced; the world has a truth of its own
+        self._correction = correction
         self._task = task
         self._truth_log = truth_log
         self._period_ns = round(cell.tool_arm.controller.period_s * 1e9)
@@ -70,7 +73,7 @@ class BridgeCore:
             "tf": self._ticks(rates.tf_hz),
         }
         self.guards = ArmGuards(outbox, cell, command_timeout_s, steady_s)
-        self._arms = {r: ArmModel(cell.arm(r), cell.base_in_world(r), None) for r in ROLES}
+        self._arms = {r: ArmModel(cell.arm(r), self._cell.base_in_world(r), None) for r in ROLES}
         self._ticks_done = 0
         self._frames: deque[tuple[int, Frame]] = deque()  # taken, and due to be handed out at [ns]
         self._episode = -1
@@ -196,6 +199,7 @@ class BridgeCore:
             self._publish_frame(self._frames.popleft()[1])
 
     def _publish_frame(self, frame: Frame) -> None:
+        frame = self._correction.frame(frame, self._cell.intrinsics)
         messages = to_message.camera_frame(frame, self._cell.intrinsics, OPTICAL_FRAME)
         for name, message in messages.items():
             self._outbox.publish(camera_topic(name), message)

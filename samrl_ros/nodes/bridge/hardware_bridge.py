@@ -15,6 +15,7 @@ from typing import Any, final
 from rclpy.qos import QoSProfile
 
 from samrl_core.cell.calibration.calibrate import calibrated_cell
+from samrl_core.cell.calibration.cell_correction import correction_of
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
@@ -50,6 +51,7 @@ class HardwareBridgeSettings:
     observe_only: bool = setting(False, "hear and record drivers; nothing is ever sent to one")
     judge: str = setting(JUDGES[0], "who says whether an episode succeeded", choices=JUDGES)
     hand_eye: str = setting("", "calibration.json of the camera in its flange, empty for the cell's nominal")
+    correction: str = setting("", "cell.json of samrl diagnose --apply: what the cell is known to differ by")
     bases: str = setting("", "calibration.json of the tool arm's base in the camera arm's, empty for nominal")
     preflight_time: float = setting(
         3.0, "that each topic of a driver is heard before it is judged", "s", (0.5, 60.0)
@@ -127,7 +129,14 @@ class HardwareBridge(CellNode):
             settings.publish_tf,
         )
         self._core = HardwareCore(
-            self, cell, task_named(settings.task), drivers, limits, time.monotonic, self._send
+            self,
+            cell,
+            task_named(settings.task),
+            drivers,
+            limits,
+            time.monotonic,
+            self._send,
+            correction_of(settings.correction),
         )
         if not settings.observe_only:
             for role in ROLES:

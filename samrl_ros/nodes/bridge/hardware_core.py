@@ -14,6 +14,7 @@ from samrl_msgs.msg import EpisodeReady
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
@@ -64,7 +65,10 @@ class HardwareCore:
         limits: HardwareLimits,
         steady_s: Callable[[], float],
         send: Callable[[str, Any], None],
+        correction: CellCorrection = NO_CORRECTION,
     ) -> None:
+        cell = correction.cell(cell)
+        self._correction = correction
         self._outbox, self._cell, self._task, self._drivers = outbox, cell, task, drivers
         self._limits, self._send = limits, send
         self.guards = ArmGuards(outbox, cell, limits.command_timeout_s, steady_s)
@@ -245,6 +249,7 @@ class HardwareCore:
         frame = self._camera.take(stream, message)
         if frame is None:
             return
+        frame = self._correction.frame(frame, self._cell.intrinsics)
         messages = to_message.camera_frame(frame, self._cell.intrinsics, OPTICAL_FRAME)
         for name, image in messages.items():
             self._outbox.publish(camera_topic(name), image)

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, final
 
+from samrl_core.cell.calibration.cell_correction import correction_of
 from samrl_core.cell.instance.cell_instance import FILE, NOMINAL, instance_named, seal_instance
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
@@ -43,6 +44,7 @@ class SimBridgeSettings:
     instance: str = setting(
         NOMINAL, "true cell: nominal, LEVEL:SEED or LEVEL:test:SEED, then GROUP=FACTOR to scale a group"
     )
+    correction: str = setting("", "cell.json of samrl diagnose --apply: what the cell is known to differ by")
     real_time_factor: float = setting(
         REAL_TIME_FACTOR, "upper bound of simulated over wall time, 0 for none", range=(0.0, 100.0)
     )
@@ -112,6 +114,7 @@ class SimBridge(CellNode):
             settings.command_timeout,
             log,
             time.monotonic,
+            correction_of(settings.correction),
         )
         self._factor, self._patience_s = settings.real_time_factor, settings.patience
         for role in ROLES:

@@ -18,6 +18,7 @@ from samrl_core.cell.instance.cell_instance import (
     seal_instance,
 )
 from samrl_core.cell.instance.difference import CUT, LEVELS, differences_of
+from samrl_core.cell.instance.dominant import DOMINANT
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.common.errors import InputError
 
@@ -131,3 +132,24 @@ def test_the_sealed_file_holds_every_value(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found["differences"][group][name], value)
     with pytest.raises(InputError, match="no cell instance"):
         read_instance_file(tmp_path / "instance.json")
+
+
+@pytest.mark.parametrize("name", sorted(DOMINANT))
+def test_an_error_that_stands_out_is_added_to_its_fields_alone(name: str) -> None:
+    plain, one, two = (instance_named(f"typical:7{end}", CELL) for end in ("", f" {name}=1", f" {name}=2"))
+    before = {(g, n): v for g, n, v in values(plain)}
+    once, twice = ({(g, n): v - before[g, n] for g, n, v in values(i)} for i in (one, two))
+    assert {key for key, v in once.items() if v.any()} == {
+        (DOMINANT[name].group, field) for field in DOMINANT[name].sizes
+    }
+    for field, (size, _) in DOMINANT[name].sizes.items():
+        added = once[DOMINANT[name].group, field]
+        assert np.linalg.norm(added) == pytest.approx(size)
+        np.testing.assert_allclose(twice[DOMINANT[name].group, field], 2 * added, atol=1e-15)
+    assert str(two.name) == f"typical:7 {name}=2"
+
+
+def test_names_of_errors_and_of_groups_differ() -> None:
+    assert not set(DOMINANT) & set(GROUPS)
+    with pytest.raises(InputError, match="hand_eye"):
+        InstanceName.parse("typical:7 wobble=2")

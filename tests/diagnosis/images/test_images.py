@@ -9,9 +9,11 @@ import pytest
 
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.image_recording import ImageRecording
+from samrl_core.cell.types.observation import Frame
 from samrl_core.cell.types.pose import Pose, rotation_vector
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.effects.images.depth_scale import EFFECT as DEPTH_SCALE
 from samrl_core.diagnosis.effects.images.hand_eye import EFFECT as HAND_EYE
 from samrl_core.diagnosis.kinds.images import Images, split_images
 from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
@@ -93,8 +95,26 @@ def test_a_fitted_hand_eye_corrects_the_calibration(recordings: list[ImageRecord
     assert found is not None
     (transform,) = found.transforms
     assert transform.calibration == ("hand_eye", "camera_in_flange")
+    assert found.cell.camera_in_flange is transform.found and not found.cell.numbers
     before, after = (
         np.linalg.norm(p.position - true.position) + 0.35 * p.angle_to(true)
         for p in (transform.stated, transform.found)
     )
     assert after < 0.5 * before
+
+
+@pytest.mark.thorough
+def test_a_fitted_depth_corrects_the_images(recordings: list[ImageRecording]) -> None:
+    """Depth by what `--apply` writes is the depth from before it was spoilt."""
+    first = recordings[0]
+    spoilt = (1.03 * first.depth + 0.006).astype(np.float32)
+    trials = prepared([replace(first, depth=spoilt)], 1)
+    evidence = Evidence(Likelihood(trials))
+    fitted = max((evidence.fit([h]) for h in evidence.screen([DEPTH_SCALE])), key=lambda f: f.log_evidence)
+    found = Images().correction(evidence, fitted, HowFar(None, ()), True, np.random.default_rng(0))
+    assert found is not None and found.cell.effects == ("depth_scale@sensor:camera",)
+    frame = Frame(0, first.color[0], spoilt[0], first.mask[0])
+    mended = found.cell.frame(frame, first.intrinsics).depth
+    near = np.isfinite(first.depth[0])
+    assert np.median(np.abs(spoilt[0] - first.depth[0])[near]) > 0.012
+    assert np.median(np.abs(mended - first.depth[0])[near]) < 0.002

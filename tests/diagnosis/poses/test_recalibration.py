@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from samrl_core.cell.calibration.calibrate import calibrated_cell
+from samrl_core.cell.calibration.cell_correction import read_correction
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.diagnosis.diagnose import diagnose
@@ -59,11 +60,14 @@ def test_a_cell_reads_it(tmp_path: Path) -> None:
     _, corrected = found(record(PoseWorld(camera_error=SMALL)))
     assert corrected is not None
     files = write_recalibration(corrected, tmp_path)
-    assert files == [tmp_path / "hand_eye" / "calibration.json", tmp_path / "corrected.yaml"]
-    cell = calibrated_cell(cell_named(), files[0], None)
+    names = ("cell.json", "hand_eye/calibration.json", "corrected.yaml")
+    assert files == [tmp_path / name for name in names]
     wanted = corrected.transforms[0].found
-    np.testing.assert_allclose(cell.camera_in_flange.matrix(), wanted.matrix(), atol=1e-12)
-    lines = yaml.safe_load(files[1].read_text())["poses"]["camera_in_flange"]
+    by_calibration = calibrated_cell(cell_named(), files[1], None)
+    by_correction = read_correction(files[0]).cell(cell_named())
+    for cell in (by_calibration, by_correction):
+        np.testing.assert_allclose(cell.camera_in_flange.matrix(), wanted.matrix(), atol=1e-12)
+    lines = yaml.safe_load(files[2].read_text())["poses"]["camera_in_flange"]
     np.testing.assert_allclose(lines["position"], wanted.position, atol=1e-6)
 
 

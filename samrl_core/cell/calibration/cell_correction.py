@@ -1,0 +1,196 @@
+"""What a diagnosis found a cell to differ by from its description, put right where its sensors come in.
+
+Poses change the calibration that is announced. Depth and lens change the images themselves: depth is
+converted, and images are resampled to the described pinhole, so that model, networks and bags stay of one
+camera.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.types.camera import Intrinsics
+from samrl_core.cell.types.observation import Frame
+from samrl_core.cell.types.pose import Pose
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
+from samrl_core.common.text_files import parse_json, read_text
+
+SCHEMA = 1
+KIND = "cell_correction"
+POSES = ("camera_in_flange", "tool_base_in_camera_base")
+NUMBERS = {  # largest size that is still a camera of the kind that was described
+    "depth_scale": 0.2, "depth_offset": 0.1, "fx": 0.3, "fy": 0.3, "cx": 0.2, "cy": 0.2,
+    "k1": 0.5, "k2": 0.5, "p1": 0.05, "p2": 0.05,
+}  # fmt: skip
+LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
+
+
+@dataclass(frozen=True, eq=False)
+class CellCorrection:
+    """Corrections of a cell; what is left out is as described.
+
+    Numbers by name: a depth reading is (1 + `depth_scale`) z + `depth_offset` [m]; `fx` and `fy` are by
+    which share the true focal lengths are longer, `cx` and `cy` by which share of width and height the
+    principal point lies further; `k1`, `k2`, `p1`, `p2` are Brown's.
+
+    Raises:
+        InputError: an unknown number, or one that is not finite or beyond `NUMBERS`.
+    """
+
+    camera_in_flange: Pose | None = None
+    tool_base_in_camera_base: Pose | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict[str, float])
+    effects: tuple[str, ...] = ()  # `family@place` that they come from
+
+    def __post_init__(self) -> None:
+        for name, value in self.numbers.items():
+            if name not in NUMBERS:
+                raise InputError(f"a cell has no {name!r} to correct; it has {', '.join(NUMBERS)}")
+            if not (math.isfinite(value) and abs(value) <= NUMBERS[name]):
+                raise InputError(
+                    f"{name} is {value:g}, must be within +-{NUMBERS[name]:g}: beyond that the camera is "
+                    "another one than described; describe it anew"
+                )
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to correct."""
+        return not (self.numbers or self.camera_in_flange or self.tool_base_in_camera_base)
+
+    def cell(self, cell: CellSpec) -> CellSpec:
+        """The cell with its camera and the camera arm's base where they were found.
+
+        The tool arm's base stays: it is the world's origin in every task.
+        """
+        if self.camera_in_flange is not None:
+            cell = replace(cell, camera_in_flange=self.camera_in_flange)
+        if self.tool_base_in_camera_base is not None:
+            base = cell.tool_base_in_world @ self.tool_base_in_camera_base.inverse()
+            cell = replace(cell, camera_base_in_world=base)
+        return cell
+
+    def frame(self, frame: Frame, intrinsics: Intrinsics) -> Frame:
+        """A frame as the described camera would have given it; pixels that it did not see have no depth.
+
+        Args:
+            frame: of the true camera.
+            intrinsics: of the described one.
+        """
+        if not self.numbers:
+            return frame
+        color, depth, mask = frame.color, frame.depth, frame.mask
+        if any(name in self.numbers for name in LENS):
+            seen = self._find_places(intrinsics)
+            color = cv2.remap(color, seen.x, seen.y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            depth = np.where(seen.inside, depth[seen.row, seen.column], np.float32(np.nan))
+            mask = np.where(seen.inside, mask[seen.row, seen.column], np.uint8(0))
+        offset, slope = self.numbers.get("depth_offset", 0.0), 1.0 + self.numbers.get("depth_scale", 0.0)
+        depth = ((depth - offset) / slope).astype(np.float32)
+        return Frame(frame.stamp_ns, color, depth, mask)
+
+    def _find_places(self, k: Intrinsics) -> _Places:
+        if self._lenses.get(k) is None:
+            self._lenses[k] = _places(self.numbers, k)
+        return self._lenses[k]
+
+    @cached_property
+    def _lenses(self) -> dict[Intrinsics, _Places]:
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where the true lens has what a pixel of the described camera looks at; all (H, W)."""
+
+    x: np.ndarray  # float32, counted from the middle of the first pixel [px]
+    y: np.ndarray
+    row: np.ndarray  # nearest, within the image
+    column: np.ndarray
+    inside: np.ndarray  # bool
+
+
+def _places(numbers: Mapping[str, float], k: Intrinsics) -> _Places:
+    of = {name: numbers.get(name, 0.0) for name in LENS}
+    u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
+    rays = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).reshape(-1, 1, 3)
+    matrix = np.array(
+        [
+            [k.fx * (1.0 + of["fx"]), 0.0, k.cx + k.width * of["cx"] - 0.5],
+            [0.0, k.fy * (1.0 + of["fy"]), k.cy + k.height * of["cy"] - 0.5],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    zero, brown = np.zeros(3), np.array([of[name] for name in ("k1", "k2", "p1", "p2")])
+    pixels = cv2.projectPoints(rays, zero, zero, matrix, brown)[0].reshape(k.height, k.width, 2)
+    x, y = pixels[..., 0].astype(np.float32), pixels[..., 1].astype(np.float32)
+    column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
+    inside = (column >= 0) & (column < k.width) & (row >= 0) & (row < k.height)
+    return _Places(x, y, np.clip(row, 0, k.height - 1), np.clip(column, 0, k.width - 1), inside)
+
+
+NO_CORRECTION = CellCorrection()
+
+
+def as_data(correction: CellCorrection) -> dict[str, Any]:
+    """For JSON; `correction_from` reads it."""
+    data: dict[str, Any] = {"schema": SCHEMA, "kind": KIND, "effects": list(correction.effects)}
+    for name in POSES:
+        pose = getattr(correction, name)
+        if pose is not None:
+            data[name] = {"position": pose.position.tolist(), "quat_xyzw": pose.quat_xyzw.tolist()}
+    return {**data, "numbers": dict(correction.numbers)}
+
+
+def correction_from(data: Any, where: str) -> CellCorrection:
+    """What `as_data` wrote.
+
+    Raises:
+        InputError: another kind of data, or a pose or number that cannot be used; names `where`.
+    """
+    if not isinstance(data, dict) or data.get("kind") != KIND or data.get("schema") != SCHEMA:
+        raise InputError(f"{where} is no correction of a cell; samrl diagnose --apply writes one, cell.json")
+    numbers = data.get("numbers", {})
+    if not isinstance(numbers, dict) or not all(isinstance(v, (int, float)) for v in numbers.values()):
+        raise InputError(f"{where}: numbers are {numbers!r}, must be numbers by name")
+    try:
+        poses = {name: _pose(data[name]) for name in POSES if name in data}
+        effects = tuple(str(name) for name in data.get("effects", ()))
+        return CellCorrection(**poses, numbers={n: float(v) for n, v in numbers.items()}, effects=effects)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{where}: a pose cannot be read ({error!r}); let --apply write it anew") from error
+
+
+def write_correction(path: Path, correction: CellCorrection) -> None:
+    """Write the file that `read_correction` reads."""
+    write_whole(path, json.dumps(as_data(correction), indent=1, allow_nan=False) + "\n")
+
+
+def read_correction(path: Path) -> CellCorrection:
+    """The correction of a file, as `samrl diagnose --apply` writes it.
+
+    Raises:
+        InputError: no such file, or as `correction_from`.
+    """
+    return correction_from(parse_json(read_text(path, "the cell's correction"), str(path)), str(path))
+
+
+def correction_of(file: str) -> CellCorrection:
+    """The correction of a file by its name, none for an empty one. Raises InputError as `read_correction`."""
+    return read_correction(Path(file)) if file else NO_CORRECTION
+
+
+def _pose(entry: Any) -> Pose:
+    return Pose(np.array(entry["position"], dtype=float), np.array(entry["quat_xyzw"], dtype=float))

@@ -1,0 +1,254 @@
+"""How much success comes back once a diagnosis of the cell's images is put into the cell.
+
+Each cell is a `typical` installation in which one error stands out. Its images are recorded and diagnosed as
+a user would; the same episodes are then run as the cell is described, with what was diagnosed, and, told by
+truth, with the error exactly known. Without the error they say what there was to lose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from samrl_core.cell.calibration.cell_correction import (
+    NO_CORRECTION,
+    CellCorrection,
+    as_data,
+    correction_from,
+)
+from samrl_core.cell.excitation.camera_views import camera_motion
+from samrl_core.cell.instance.cell_instance import CellInstance, InstanceName, instance_named
+from samrl_core.cell.instance.dominant import DOMINANT
+from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.robots.robot import CellSpec
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.world.camera_recording import record_camera
+from samrl_core.cell.world.pybullet.world import PyBulletWorld
+from samrl_core.cell.world.true_cell import true_cell
+from samrl_core.common.figure_file import save_figure
+from samrl_core.common.statistics import Share, bootstrap_interval
+from samrl_core.common.streams import DEVELOPMENT, seed_of
+from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.export.recalibration import Recalibration
+from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob, run_episodes
+from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress, run_cases
+from samrl_core.studies.purpose import keep_purpose
+
+NAME = "restored_success"
+COUNT = 12  # cells, each with the next of `DOMINANT`
+EPISODES = 2  # in each cell and condition
+MAX_ACTIONS = 40  # an expert needs 22 to 26
+FIRST_CELL = 400  # development cells from here on
+FACTOR = 2.0  # of the error, against what is met in practice where nobody checked
+RECORDINGS = (("A", 100), ("B", 101), ("C", 102))  # name and seed of the motion; the last one is held out
+SECONDS = 6.0  # each
+UNHARMED, DESCRIBED, DIAGNOSED, TOLD = "unharmed", "described", "diagnosed", "told"
+ROWS = {  # what they say of the cell
+    UNHARMED: "without the error",
+    DESCRIBED: "as it is described",
+    DIAGNOSED: "with what was diagnosed",
+    TOLD: "with the error told by truth",
+}
+
+
+@dataclass(frozen=True)
+class CellJob:
+    """One cell to record and to diagnose; what a worker process gets."""
+
+    key: str
+    task: str
+    cell: str
+    instance: str
+    error: str  # of `DOMINANT`
+
+
+def run(options: Options, progress: Progress) -> dict[str, Any]:
+    """All cases, the summary, and the picture."""
+    keep_purpose(options.out, DEVELOPMENT)
+    log, rows = CaseLog(options.out), options.conditions or tuple(ROWS)
+    summary: dict[str, Any] = {}
+    for task in options.tasks:
+        cells = [_cell_job(options, task, n) for n in range(options.count or COUNT)]
+        found = run_cases(log, examined, [((c.key,), c) for c in cells], options.spread, progress)
+        jobs = [
+            _episode(options, c, case, row, k)
+            for c, case in zip(cells, found, strict=True)
+            for k in range(EPISODES)
+            for row in rows
+        ]
+        episodes = run_episodes(log, jobs, options.spread, progress)
+        summary[task] = restored(cells, found, jobs, episodes)
+        draw_restored(summary[task], task, options.out / f"{NAME}_{task}.png")
+    return {"factor": FACTOR, "max_actions": MAX_ACTIONS, "first_cell": FIRST_CELL, "tasks": summary}
+
+
+def examined(job: CellJob) -> list[Case]:
+    """Record a cell's images as its user would, diagnose them, and keep what a cell can put right of it.
+
+    `told` is truth's, for comparison alone.
+    """
+    task, cell = task_named(job.task), cell_named(job.cell)
+    instance = instance_named(job.instance, cell)
+    tool = task.scene(cell).tool
+    loads = {
+        "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
+        "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
+    }
+    recordings = []
+    for name, seed in RECORDINGS:
+        motion = camera_motion(task, cell, loads, seed, SECONDS)
+        world = PyBulletWorld(task, cell, instance=instance)
+        try:
+            world.reset(0)  # one place of the object, as the recordings of one bench have it
+            recordings.append(record_camera(world, job.task, cell, motion, name))
+        finally:
+            world.close()
+    found, far = diagnose(recordings[:-1], recordings[-1:])
+    named = far.correction.cell if isinstance(far.correction, Recalibration) else NO_CORRECTION
+    first = found.effects[0] if found.effects else found.nearest
+    case: Case = {"key": job.key, "task": job.task, "error": job.error, "verdict": found.verdict}
+    case["named"] = first.name if first is not None else ""
+    case["shrink"] = found.gap.shrink if found.gap is not None else None
+    applied = named if found.verdict == "effect" else NO_CORRECTION
+    return [
+        {**case, "correction": as_data(applied), "told": as_data(correct_by_truth(job.error, instance, cell))}
+    ]
+
+
+def correct_by_truth(error: str, instance: CellInstance, cell: CellSpec) -> CellCorrection:
+    """The correction that truth would make of an error of `DOMINANT`."""
+    true = true_cell(cell, instance)
+    if error == "hand_eye":
+        return CellCorrection(camera_in_flange=true.camera_in_flange)
+    if error == "base_to_base":
+        bases = true.camera_base_in_world.inverse() @ true.tool_base_in_world
+        return CellCorrection(tool_base_in_camera_base=bases)
+    depth, optics = instance.depth, instance.optics
+    names: dict[str, tuple[tuple[str, ...], np.ndarray]] = {
+        "depth_scale": (("depth_scale",), np.array([depth.scale])),
+        "depth_offset": (("depth_offset",), np.array([depth.bias])),
+        "intrinsics": (("fx", "fy", "cx", "cy"), np.append(optics.focal, optics.centre)),
+        "lens_distortion": (("k1", "k2"), optics.radial),
+    }
+    of_error, values = names[error]
+    return CellCorrection(numbers=dict(zip(of_error, values.tolist(), strict=True)))
+
+
+def restored(
+    cells: list[CellJob], found: list[Case], jobs: list[EpisodeJob], episodes: list[Case]
+) -> dict[str, Any]:
+    """Success by row; and by error, what was said of it. Shares of the loss with bootstrap over cells."""
+    by: dict[str, dict[str, list[bool]]] = {}  # success by instance without its error, and row
+    for job, case in zip(jobs, episodes, strict=True):
+        by.setdefault(job.instance.split()[0], {}).setdefault(job.name, []).append(bool(case["success"]))
+    rows = list(dict.fromkeys(job.name for job in jobs))
+    all_of = {row: [s for of_cell in by.values() for s in of_cell[row]] for row in rows}
+    means = [{row: float(np.mean(of_cell[row])) for row in rows} for of_cell in by.values()]
+    out: dict[str, Any] = {
+        "cells": len(cells),
+        "rows": {row: Share.of(values).as_dict() for row, values in all_of.items()},
+        "answers": [
+            {
+                "instance": job.instance, "verdict": case["verdict"], "named": case["named"],
+                **{row: sum(by[job.instance.split()[0]][row]) for row in rows},
+            }
+            for job, case in zip(cells, found, strict=True)
+        ],
+    }  # fmt: skip
+    if {UNHARMED, DESCRIBED} <= set(rows):
+        for row in (DIAGNOSED, TOLD):
+            if row in rows:
+                out[f"restored_{row}"] = _share_of_loss(means, row)
+    return out
+
+
+def _share_of_loss(means: list[dict[str, float]], row: str) -> dict[str, Any]:
+    """What a row brings back of what the errors cost, over all cells; None where they cost nothing."""
+
+    def share(some: list[dict[str, float]]) -> float:
+        lost = sum(m[UNHARMED] - m[DESCRIBED] for m in some)
+        return sum(m[row] - m[DESCRIBED] for m in some) / lost if lost > 0 else float("nan")
+
+    value = share(means)
+    if not np.isfinite(value):
+        return {"value": None, "ci95": None}
+    places = list(range(len(means)))
+
+    def of_places(some: Any) -> float:
+        return share([means[int(k)] for k in some])
+
+    return {"value": value, "ci95": bootstrap_interval(places, of_places, np.random.default_rng(0))}
+
+
+def draw_restored(found: dict[str, Any], task: str, path: Path) -> None:
+    """Bars of success by row with Wilson intervals, and below, cell by cell, what was said and won."""
+    rows, answers = list(found["rows"]), found["answers"]
+    size = (9.0, 3.4 + 0.28 * len(answers))
+    figure, (upper, lower) = plt.subplots(
+        2, 1, figsize=size, layout="constrained", height_ratios=(2.4, 0.6 + 0.28 * len(answers))
+    )
+    share = 100 * np.array([found["rows"][row]["value"] for row in rows])
+    ends = 100 * np.array([found["rows"][row]["ci95"] for row in rows])
+    errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
+    places = np.arange(len(rows))
+    upper.barh(
+        places, share, xerr=errors, capsize=3, color=["#7a9e7e", "#b3261e", "#1f5fa8", "#8a8a8a"][: len(rows)]
+    )
+    upper.set_yticks(places, [ROWS[row] for row in rows])
+    upper.invert_yaxis()
+    trials = found["rows"][rows[0]]["trials"]
+    upper.set(xlim=(0, 104), xlabel=f"success by truth [%], 95 % intervals, {trials} episodes a bar")
+    upper.set_title(f"{task.replace('_', ' ')}: one error stands out in each of {found['cells']} cells")
+    lower.set_axis_off()
+    table = [[a["instance"], f"{a['verdict']} {a['named']}", *(str(a[row]) for row in rows)] for a in answers]
+    drawn = lower.table(
+        cellText=table, colLabels=["cell", "diagnosis", *rows], loc="center", cellLoc="left",
+        colWidths=[0.3, 0.36, *(0.34 / len(rows) for _ in rows)],
+    )  # fmt: skip
+    drawn.auto_set_font_size(False)
+    drawn.set_fontsize(7)
+    save_figure(figure, path, dpi=110)
+    plt.close(figure)
+
+
+def _cell_job(options: Options, task: str, number: int) -> CellJob:
+    cell, error = FIRST_CELL + options.seed + number, list(DOMINANT)[number % len(DOMINANT)]
+    instance = str(InstanceName("typical", cell, DEVELOPMENT, ((error, FACTOR),)))
+    return CellJob(f"{task}/cell/{cell}", task, options.cell, instance, error)
+
+
+def _episode(options: Options, cell: CellJob, found: Case, row: str, number: int) -> EpisodeJob:
+    correction = NO_CORRECTION
+    if row in (DIAGNOSED, TOLD):
+        correction = correction_from(found["correction" if row == DIAGNOSED else "told"], cell.key)
+    name = cell.instance.split()[0]
+    return EpisodeJob(
+        key=f"{cell.task}/{row}/{name}/{number}",
+        task=cell.task,
+        name=row,
+        condition=Condition(),
+        seed=seed_of(number, "episode", "restored", cell.task, name),
+        weights=options.weights,
+        cell=cell.cell,
+        instance=name if row == UNHARMED else cell.instance,
+        correction=correction,
+        max_actions=MAX_ACTIONS,
+    )
+
+
+EXPERIMENT = Experiment(
+    NAME,
+    "success before and after a diagnosis of the cell's images is put into the cell",
+    ("peg_insertion",),
+    run,
+    conditions=tuple(ROWS),
+)

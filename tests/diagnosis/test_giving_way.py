@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from samrl_core.diagnosis.selection import judge, selection
-from samrl_core.diagnosis.selection.confidence import SAME_DESCRIPTION, invariance_alarms
 from samrl_core.diagnosis.selection.contenders import contend
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
@@ -162,21 +161,3 @@ def test_a_gap_of_much_evidence_is_none_of_mine_when_its_cause_is_denied() -> No
         named = cast("NamedEffect", SimpleNamespace(name="encoder_eccentricity@joint:x", gain=gain))
         found = unconfirmed(refused, chosen, named, VerdictSettings())
         assert (None if found is None else found.verdict) == verdict
-
-
-def test_a_factor_of_the_description_is_the_same_in_every_recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A weak supply was named a scale of the model: 1.33 times in a slow recording, 1.0 in a fast one."""
-    sizes = {"slow": (1.33, 0.04, 300.0), "fast": (0.95, 0.04, 350.0)}
-    monkeypatch.setattr(
-        "samrl_core.diagnosis.selection.confidence._size_alone",
-        lambda trial, fit, index, k: sizes[trial.name],
-    )
-    trials = SimpleNamespace(trials=[SimpleNamespace(name="slow"), SimpleNamespace(name="fast")])
-    nothing = SimpleNamespace(trials=[])
-    evidence = cast("Evidence", SimpleNamespace(correlation_time=1.0))
-    scale = fit("model_scale@arm:tool_arm", 500.0)
-    both = cast("Any", trials), cast("Any", nothing)
-    assert invariance_alarms(*both, evidence, scale) == []  # of a machine, whose formula is not exact
-    scale.hypotheses[0].effect.of_description = True  # type: ignore[misc]
-    (alarm,) = invariance_alarms(*both, evidence, scale)
-    assert "1.33 times its fitted size in slow" in alarm and SAME_DESCRIPTION < 0.38 / 1.33

@@ -67,3 +67,24 @@ def test_of_slides_alone_the_channels_are_plain() -> None:
 def test_without_sliding_joints_nothing_changes(urdf: str | None) -> None:
     d = result()
     assert with_joint_units(d, arm("panda_joint4", "panda_joint5", urdf=urdf)) is d
+
+
+@pytest.mark.parametrize(
+    ("text", "sliding"),
+    [
+        (
+            "a@joint:panda_joint4 would have 0.1 times its fitted size at a speed of 0.2 to 0.3 rad/s",
+            "a@joint:panda_joint4 would have 0.1 times its fitted size at a speed of 0.2 to 0.3 m/s",
+        ),
+        ("a@joint:panda_joint4: 3 N m in rad_log", "a@joint:panda_joint4: 3 N in rad_log"),
+        (
+            "a@joint:panda_joint5 at a position of 1 to 2 rad",
+            "a@joint:panda_joint5 at a position of 1 to 2 rad",
+        ),
+        ("nothing at 1 rad of any joint", "nothing at 1 rad of any joint"),
+    ],
+)
+def test_sentences_about_a_sliding_joint_have_its_units(text: str, sliding: str) -> None:
+    d = replace(result(), reasons=(text,), alarms=(text,))
+    found = with_joint_units(d, arm("panda_joint4", "panda_joint5"))
+    assert found.reasons == found.alarms == (sliding,)

@@ -48,7 +48,6 @@ class Effect(ABC, Generic[T]):
     renamed_shapes: ClassVar[tuple[str, ...]] = ()  # shapes that are reported under another name
     place_kind: ClassVar[str] = "joint"  # joint, link, arm, sensor, body or cell
     prior_cost: ClassVar[float] = 0.0  # [nat] less likely before any data than other families
-    least_share: ClassVar[float] = 0.0  # of its prediction that must be seen, and not undone by tolerances
     at_every_joint: ClassVar[bool] = False  # may also act at all joints of an arm, each with its own size
     simulated: ClassVar[bool] = True  # some form has a simulation in closed loop
     limits_motion: ClassVar[bool] = False  # fits any torque a little, so motion must show it

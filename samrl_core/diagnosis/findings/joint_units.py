@@ -11,6 +11,7 @@ from samrl_core.diagnosis.recordings.units import joint_kinds
 from samrl_core.diagnosis.result import Curve, Diagnosis, NamedEffect
 
 _UNIT = re.compile(r"(?<=\[)[^\]]*(?=\]$)")  # at the end of an axis' label
+_QUANTITY = re.compile(r"(?<=\d )(rad/s|rad|N m)\b")  # in a sentence
 
 
 def with_joint_units(diagnosis: Diagnosis, arm: ArmDescription) -> Diagnosis:
@@ -29,6 +30,8 @@ def with_joint_units(diagnosis: Diagnosis, arm: ArmDescription) -> Diagnosis:
         gap = replace(gap, channels=channels)
     return replace(
         d,
+        reasons=tuple(_sentence(text, sliding) for text in d.reasons),
+        alarms=tuple(_sentence(text, sliding) for text in d.alarms),
         effects=tuple(_effect(e, sliding) for e in d.effects),
         runner_ups=tuple(_effect(e, sliding) for e in d.runner_ups),
         tracked=tuple(_effect(e, sliding) for e in d.tracked),
@@ -49,6 +52,14 @@ def sliding_unit(unit: str) -> str:
 def _either(unit: str) -> str:
     other = sliding_unit(unit)
     return unit if other == unit else f"{unit} or {other}"
+
+
+def _sentence(text: str, sliding: Collection[str]) -> str:
+    """Quantities of a sentence about an effect at one joint."""
+    place = re.search(r"@joint:(\S+?)\b(?=[ :,]|$)", text)
+    if place is None or place.group(1) not in sliding:
+        return text
+    return _QUANTITY.sub(lambda m: sliding_unit(m.group()), text)
 
 
 def _effect(effect: NamedEffect, sliding: Collection[str]) -> NamedEffect:

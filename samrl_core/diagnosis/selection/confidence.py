@@ -1,4 +1,4 @@
-"""How sure: probabilities of rivals, intervals of parameters, and whether a parameter is one."""
+"""How sure: probabilities of rivals, and intervals of parameters."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import ParameterEstimate
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 
@@ -17,10 +15,6 @@ RELATIVE_TEMPERATURE = 0.0025  # of the best evidence, likewise: a tie within a 
 REMAINDER_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
 REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
-SAME_WITHIN = 0.65  # relative difference of a parameter between recordings that is no alarm
-SAME_DESCRIPTION = 0.25  # the same of what a text says, which no motion changes
-HIDDEN = 2.0  # standard deviations of tolerances that may hide a prediction
-LEAST_WEIGHT = 30.0  # [nat] evidence in a recording from which on it can contradict another
 
 
 def probabilities(
@@ -129,71 +123,3 @@ def shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
             width = step * min(1.0, h.form.step / 0.35) / np.sqrt(2.0 * drop)
             return float(np.clip(width, 0.002, 1.0))
     return 1.0
-
-
-def invariance_alarms(
-    likelihood: Likelihood, held_out: Likelihood, evidence: Evidence, fit: Fit
-) -> list[str]:
-    """Effects whose size differs between recordings, or at other gains: then the formula is not the cause."""
-    k = evidence.correlation_time
-    alarms = []
-    whole = [*zip(likelihood.trials, ["fitted"] * len(likelihood.trials), strict=True)]
-    whole += [*zip(held_out.trials, ["held-out"] * len(held_out.trials), strict=True)]
-    for index, h in enumerate(fit.hypotheses):
-        same = SAME_DESCRIPTION if h.effect.of_description else SAME_WITHIN
-        sizes: list[tuple[str, float, float, float]] = []
-        for trial, kind in whole:
-            got = _size_alone(trial, fit, index, k)
-            if got is not None:
-                sizes.append((f"{trial.name} ({kind})", *got))
-        for a in range(len(sizes)):
-            for b in range(a + 1, len(sizes)):
-                (first, va, ea, wa), (second, vb, eb, wb) = sizes[a], sizes[b]
-                if min(wa, wb) < LEAST_WEIGHT:
-                    continue
-                difference, typical = abs(va - vb), max(abs(va), abs(vb), 1e-12)
-                if difference > 3.0 * np.hypot(ea, eb) and difference > same * typical:
-                    alarms.append(
-                        f"{h.name} would have {va:.2f} times its fitted size in {first}"
-                        f" but {vb:.2f} in {second}"
-                    )
-    return alarms
-
-
-def undone_alarms(evidence: Evidence, fit: Fit) -> list[str]:
-    """Effects of whose prediction too much is not seen, and would have to be undone within tolerances.
-
-    What tolerances may be by themselves hides a smaller prediction: where that is so, nothing is said.
-    """
-    likelihood, rest, alarms = evidence.likelihood, evidence.remainder(fit), []
-    for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
-        prediction = likelihood.prediction(h.regressors, amplitudes)
-        power = max(float(prediction @ prediction), 1e-12)
-        seen = 1.0 + float(prediction @ rest) / power
-        if seen + HIDDEN * likelihood.tolerated_deviation(prediction) / power < h.effect.least_share:
-            alarms.append(
-                f"{h.name}: {seen:.0%} of its prediction is seen, tolerances would have to undo the rest"
-            )
-    return alarms
-
-
-def _size_alone(trial: Observed, fit: Fit, index: int, k: float) -> tuple[float, float, float] | None:
-    """Size of one effect in one recording relative to the joint fit: value, deviation, evidence [nat]."""
-    alone = Likelihood([trial])
-    rest = alone.y
-    for i, (h, a) in enumerate(zip(fit.hypotheses, fit.amplitudes, strict=True)):
-        there = hypothesis(alone, h.effect, h.form, h.shape)
-        if there is None:
-            if i == index:
-                return None
-            continue
-        if i != index:
-            rest = alone.minus(there.regressors, a, rest)
-        else:
-            mine, amplitudes = there, a
-    combined = alone.combined(mine.regressors, amplitudes)
-    power = float(alone.tempered_gram(combined, combined, k)[0, 0])
-    if power <= 0:
-        return None
-    value = float(alone.tempered_moment(combined, rest, k)[0]) / power
-    return value, 1.0 / float(np.sqrt(power)), 0.5 * power

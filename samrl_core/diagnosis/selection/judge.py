@@ -16,14 +16,10 @@ import numpy as np
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NamedEffect
 from samrl_core.diagnosis.selection import verdict as rules
-from samrl_core.diagnosis.selection.confidence import (
-    estimates,
-    invariance_alarms,
-    probabilities,
-    undone_alarms,
-)
+from samrl_core.diagnosis.selection.confidence import estimates, probabilities
 from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
+from samrl_core.diagnosis.selection.invariance import invariance_alarms
 from samrl_core.diagnosis.selection.selection import Selection, with_chosen, without_member
 from samrl_core.diagnosis.selection.twins import find_twins
 
@@ -171,8 +167,8 @@ def judge_set(
             _named(evidence, f, 0, float(q), "runner_up", rng)
             for f, q in zip(rivals[:RUNNER_UPS], p[1:], strict=False)
         )
-        alarms += invariance_alarms(likelihood, held, evidence, chosen)
-        alarms += undone_alarms(evidence, chosen)
+        whole = Likelihood([*likelihood.trials, *held.trials])
+        alarms += invariance_alarms(whole, chosen, selection.correlation_time)
         for h in chosen.hypotheses:
             alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
     alarms += (doubted := doubts(evidence, chosen, selection.threshold))

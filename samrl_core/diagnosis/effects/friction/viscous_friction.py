@@ -27,8 +27,6 @@ class ViscousFriction(DriveEffect):
     confounded_with = ("coulomb_friction", "command_delay", "controller_gain")
     parameters = (Parameter("Fv", "N m s/rad", 0.05, 2.0, "friction per speed"),)
     at_every_joint = True
-    # Drag that grows with the square of speed is a steeper line less a dry friction; none is negative.
-    least_share = 0.75
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         form = ProportionalToSpeed(place=place, amplitudes=("Fv",))

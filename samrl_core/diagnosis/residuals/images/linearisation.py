@@ -26,6 +26,7 @@ from samrl_core.diagnosis.residuals.poses import rigid
 
 ROUNDS = 3
 SMALL = {"depth": 2e-4, "mask": 0.15}  # [m], [px]: a step that moves no more ends the rounds
+BEYOND = 24.0  # [nat] that an error beyond tolerance needs; tiles are hardly independent of their neighbours
 Point = Mapping[str, np.ndarray]  # name of a flow -> amplitudes (p,)
 OF_CAMERA = ("hand_eye", "base", "camera_zeros", "camera_late")  # move every point in the camera's axes
 
@@ -127,6 +128,8 @@ def most_probable(rows: Mapping[str, Rows], stated: ImageTolerances) -> dict[str
         evidence = 0.5 * float(found @ (widths * moment)) - float(np.sum(np.log(np.diag(factor[0]))))
         if evidence > most:
             best, most = widths * found, evidence
+        if not group:  # what follows must be worth more than chance makes of one in thirty
+            most += BEYOND
     return {name: best[starts[name] : starts[name] + len(w)] for name, w in spreads.items()}
 
 

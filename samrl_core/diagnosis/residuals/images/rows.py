@@ -218,6 +218,8 @@ def _mask_rows(
     # What the model knows roughly only (the arm, the hand) must not be near.
     coarse = ((label == scene.tool_label) & (shares[..., 1] < 0.5)) | np.isin(label, (3,))
     coarse |= np.isin(frame.mask, (3,))
+    # A rim one pixel wide is the tip's own edge, of which its label has more and its share less than half.
+    coarse = cv2.morphologyEx(coarse.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     border = np.ones((height, width), np.uint8)
     border[reach:-reach, reach:-reach] = 0
     value, where, shape, weights, growth = [], [], [], [], []

@@ -5,7 +5,9 @@ Camera and tool move by turns and together, so that a late image differs from a 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -25,6 +27,7 @@ ASIDE_M, TILT_RAD = 0.07, 0.25  # of the tip from the middle of the scene, and o
 NEAR_M, FAR_M = 0.28, 0.50  # of the camera from what it looks at
 ARMS_APART_M = 0.13  # of the arms' middle lines
 TRIES = 400
+CHOICES = 6  # places within reach, of which the one that tells most is taken
 VELOCITY_SHARE = 0.5  # of the arms' limits, at most
 
 
@@ -41,9 +44,21 @@ class CameraMotion:
         return self.camera_arm.time
 
 
+class Worth(Protocol):
+    """What views are worth; joints (J,) [rad] by role."""
+
+    def gain(self, joints: Mapping[str, np.ndarray]) -> float:
+        """Of one view more."""
+        ...
+
+    def take(self, joints: Mapping[str, np.ndarray]) -> None:
+        """It is taken."""
+        ...
+
+
 def camera_motion(
     task: Task, cell: CellSpec, payloads: dict[str, Payload], seed: int, duration_s: float,
-    camera_moves: bool = True, tool_moves: bool = True, pause_s: float = 1.5,
+    camera_moves: bool = True, tool_moves: bool = True, pause_s: float = 1.5, worth: Worth | None = None,
 ) -> CameraMotion:  # fmt: skip
     """Plan a motion from the task's start.
 
@@ -56,6 +71,7 @@ def camera_motion(
         camera_moves: whether the camera leaves its start.
         tool_moves: whether the tool does.
         pause_s: from one view to the next [s].
+        worth: of places within reach the one that it prefers is taken, else the first.
 
     Raises:
         InputError: too short a motion, or too few views within reach.
@@ -75,9 +91,16 @@ def camera_motion(
         for role in roles:
             limit = VELOCITY_SHARE * cell.arm(role).limits.velocity
             length = 0.8 * pause_s
-            goal = places.next(role, at, rng, limit * length / 1.875)
+            most = limit * length / 1.875
+            if worth is None:
+                goal = places.next(role, at, rng, most)
+            else:
+                goals = [places.next(role, at, rng, most) for _ in range(CHOICES)]
+                goal = max(goals, key=lambda q, role=role, at=at: worth.gain({**at, role: q}))
             velocity[role] += minimum_jerk_velocity(time, k * pause_s, length, goal - at[role])
             at = {**at, role: goal}
+        if worth is not None and roles:
+            worth.take(at)
     return CameraMotion(
         from_velocity(time, velocity["camera_arm"], start["camera_arm"]),
         from_velocity(time, velocity["tool_arm"], start["tool_arm"]),

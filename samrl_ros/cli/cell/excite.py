@@ -20,8 +20,11 @@ from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.world import DEFAULT_WORLD
 from samrl_core.common.errors import InputError
 from samrl_ros.cell.excite_cell import CellPlayer, payloads
+from samrl_ros.cli.cell.excite_camera import record_views
 from samrl_ros.contract.exit_codes import INTERRUPTED, OK
 from samrl_ros.recordings.write import write_recording
+
+CAMERA = "camera"  # the set of views
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,15 @@ class ExciteOptions:
         tuple[Path, ...], typer.Argument(help="Trajectory files (YAML), as a diagnosis proposes them.")
     ] = ()
     sets: Annotated[
-        str | None, typer.Option("--set", help="all, A (slow), B (multisine) or C (task-like, held out).")
+        str | None,
+        typer.Option(
+            "--set",
+            help="all, A (slow), B (multisine) or C (task-like, held out); camera: views of both arms.",
+        ),
     ] = None
+    scene: Annotated[str, typer.Option(help="Task whose object stands before the camera (--set camera).")] = (
+        "peg_insertion"
+    )
     arm: Annotated[str | None, typer.Option(help="tool_arm (default) or camera_arm.")] = None
     out: Annotated[Path, typer.Option(help="Folder for the bags; existing bags are not replaced.")] = Path(
         "out/excite"
@@ -57,6 +67,8 @@ def excite(options: ExciteOptions) -> int:
     if options.kinds:
         Console().print(kinds_table())
         return OK
+    if (options.sets or "").lower() == CAMERA:
+        return _excite_camera(options)
     task, cell, out = task_named(DEFAULT_TASK), cell_named(options.cell), options.out
     runs = _runs(options, cell)
     targets = [
@@ -104,6 +116,29 @@ def excite(options: ExciteOptions) -> int:
     return OK
 
 
+def _excite_camera(options: ExciteOptions) -> int:
+    if options.trajectories or options.arm:
+        raise InputError("--set camera moves both arms from views that it chooses; leave files and --arm out")
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    table = Table(title="recordings")
+    for column in ("bag", "expected to add"):
+        table.add_column(column, no_wrap=column == "bag")
+    try:
+        with console.status("") as status:
+            made = record_views(
+                options.scene, options.cell, options.world, options.seed, options.duration, options.out,
+                status.update,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        complete = ", ".join(str(path) for path in sorted(options.out.glob("*.mcap"))) or "none"
+        console.print(f"interrupted; complete recordings: {complete}", highlight=False)
+        return INTERRUPTED
+    for path, nat in made:
+        table.add_row(str(path), f"{nat:.1f} nat" if nat > 0 else "held out")
+    console.print(table)
+    return OK
+
+
 def kinds_table() -> Table:
     """The kinds of trajectory file, for `--list`."""
     table = Table(title="kinds of trajectory file")
@@ -129,7 +164,7 @@ def _runs(options: ExciteOptions, cell: CellSpec) -> list[tuple[str, Run]]:
         raise InputError(f"--arm is {arm!r}; choose {' or '.join(ROLES)}")
     choices = {"all": "ABC", "ALL": "ABC"} | {letter: letter for letter in SETS}
     if which is not None and which.upper() not in choices:
-        raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}")
+        raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}, or {CAMERA}")
     loads = payloads(task_named(DEFAULT_TASK), cell)
     runs: list[tuple[str, Run]] = []
     if which is not None or not options.trajectories:

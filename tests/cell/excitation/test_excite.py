@@ -116,8 +116,28 @@ def test_trajectory_file_on_the_command_line(tmp_path, capsys):
 def test_wrong_choices(tmp_path, capsys):
     assert samrl(["excite", "--set", "D", "--out", str(tmp_path)]) == INPUT_REFUSED
     assert samrl(["excite", "--arm", "left", "--out", str(tmp_path)]) == INPUT_REFUSED
+    camera = ["excite", "--set", "camera", "--out", str(tmp_path)]
+    assert samrl([*camera, "--duration", "2"]) == INPUT_REFUSED
+    assert samrl([*camera, "--arm", "tool_arm"]) == INPUT_REFUSED
+    assert samrl([*camera, "--scene", "needle_threading"]) == INPUT_REFUSED
+    capsys.readouterr()
     assert samrl(["excite", "--list"]) == OK
     assert "micro_reversals" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_views_are_chosen_and_recorded(tmp_path, capsys):
+    from samrl_ros.recordings.image_bag import read_image_bag
+
+    camera = ["excite", "--set", "camera", "--duration", "6", "--out", str(tmp_path)]
+    assert samrl(camera) == OK
+    assert "nat" in capsys.readouterr().out
+    recordings = [read_image_bag(tmp_path / f"{letter}.mcap", "peg_insertion") for letter in "ABC"]
+    assert all(len(r.time) > 50 for r in recordings)
+    # Views differ from bag to bag, the object does not.
+    ends = [r.camera_joints[-1] for r in recordings]
+    assert min(abs(ends[0] - ends[1]).max(), abs(ends[0] - ends[2]).max()) > 0.1
+    assert samrl(camera) == INPUT_REFUSED
 
 
 @pytest.mark.slow

@@ -120,24 +120,28 @@ class ViewInformation:
         return design.T @ design
 
 
-def smallest_angle(
-    frames: Sequence[Mapping[str, Rows]], first: Mapping[str, float], second: Mapping[str, float]
-) -> float:
+Parts = Sequence[Mapping[str, float]]  # of an effect: names of columns times factors, added up in each part
+
+
+def smallest_angle(frames: Sequence[Mapping[str, Rows]], first: Parts, second: Parts) -> float:
     """Smallest angle [deg] between what two effects do to the images, object and exposure open.
 
-    Of each effect the names of its columns with their factors; columns of several names add up.
+    NaN where one of them does nothing.
     """
     free = np.concatenate([stacked_columns(frames, n) for n in OPEN], axis=1)
     basis, sizes, _ = np.linalg.svd(free, full_matrices=False)
     basis = basis[:, sizes > 1e-9 * sizes.max()]
     spaces = []
-    for names in (first, second):
-        columns = np.zeros((len(free), SIZES[next(iter(names))]))
-        for name, factor in names.items():
-            columns = columns + factor * stacked_columns(frames, name)
+    for parts in (first, second):
+        columns = np.concatenate([_added(frames, names) for names in parts], axis=1)
         left = columns - basis @ (basis.T @ columns)
-        norms = np.linalg.norm(left, axis=0)
-        spaces.append(left[:, norms > 1e-9] / norms[norms > 1e-9])
+        before, norms = np.linalg.norm(columns, axis=0), np.linalg.norm(left, axis=0)
+        shown = norms > np.maximum(1e-6 * before, 1e-12)
+        spaces.append(left[:, shown] / norms[shown])
     if any(s.shape[1] == 0 for s in spaces):
         return float("nan")
     return float(np.degrees(np.min(subspace_angles(*spaces))))
+
+
+def _added(frames: Sequence[Mapping[str, Rows]], names: Mapping[str, float]) -> np.ndarray:
+    return np.sum([factor * stacked_columns(frames, name) for name, factor in names.items()], axis=0)

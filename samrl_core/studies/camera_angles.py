@@ -1,4 +1,4 @@
-"""How well effects can be told apart in images, by how the camera moves: smallest principal angles.
+"""How well effects can be told apart and measured in images, by how the camera moves.
 
 The model's own renderings of four motions of 18 s, no simulated world: `python -m
 samrl_core.studies.camera_angles`.
@@ -32,7 +32,8 @@ from samrl_core.diagnosis.residuals.images.expected import (
 
 TASK = "peg_insertion"
 SECONDS, FRAMES, SEED = 18.0, 24, 100
-ORBIT_M, ORBIT_RAD = 0.42, 0.9  # distance and elevation of the camera on the orbit
+ORBIT_M, ORBIT_RAD = 0.34, 1.1  # distance and elevation of the camera on the orbit
+ORBIT_ARC = (-0.3, -2.5)  # azimuths [rad] that the arm reaches one after the other
 EVERY = 10  # of the commanded joints are kept
 EFFECTS: dict[str, Parts] = {
     "hand-eye": ({"hand_eye": 1.0},),
@@ -63,6 +64,22 @@ def angles(recording: ImageRecording) -> dict[tuple[str, str], float]:
     return {pair: smallest_angle(frames, EFFECTS[pair[0]], EFFECTS[pair[1]]) for pair in PAIRS}
 
 
+def bounds(recording: ImageRecording) -> dict[str, float]:
+    """Least standard deviations that the images' information allows, all else open as stated, by quantity."""
+    task, cell = task_named(TASK), cell_named(DEFAULT_CELL)
+    worth = ViewInformation(TASK, DEFAULT_CELL, task.start_joints(cell))
+    for t in np.linspace(0.3, SECONDS - 0.3, FRAMES):
+        worth.take({f"{arm}_arm": recording.joints_at(arm, float(t)) for arm in ("camera", "tool")})
+    hand_eye = worth.deviations("hand_eye")
+    return {
+        "hand-eye [mm]": 1e3 * float(hand_eye[:3].max()),
+        "hand-eye [deg]": float(np.degrees(hand_eye[3:].max())),
+        "depth scale [%]": 100.0 * float(worth.deviations("depth_scale")[0]),
+        "focal length [%]": 100.0 * float(worth.deviations("focal").max()),
+        "image centre [%]": 100.0 * float(worth.deviations("centre").max()),
+    }
+
+
 def still_camera(task: Task, cell: CellSpec) -> ImageRecording:
     """The tool moves in sight, the camera stands."""
     return _recorded(task, cell, _motion(task, cell, camera_moves=False))
@@ -72,7 +89,7 @@ def orbit(task: Task, cell: CellSpec) -> ImageRecording:
     """The camera goes around at one distance, upright; the tool moves as for the still camera."""
     recording, region, start = still_camera(task, cell), task.view_region(), task.start_joints(cell)
     arm = ArmModel(cell.camera_arm, cell.camera_base_in_world, None)
-    steps = np.linspace(*region.azimuth, 25)
+    steps = np.linspace(*ORBIT_ARC, 25)
     flat, up = ORBIT_M * np.cos(ORBIT_RAD), ORBIT_M * np.sin(ORBIT_RAD)
     joints = [start["camera_arm"]]
     for azimuth in steps:
@@ -128,11 +145,17 @@ def _recorded(task: Task, cell: CellSpec, motion: CameraMotion) -> ImageRecordin
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print a line for each motion."""
+    """Print a line for each motion: angles, or bounds."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bounds", action="store_true", help="standard deviations instead of angles")
     parser.add_argument("--only", nargs="*", choices=list(MOTIONS), help="motions")
     given = parser.parse_args(arguments)
     task, cell = task_named(TASK), cell_named(DEFAULT_CELL)
+    if given.bounds:
+        for name in given.only or MOTIONS:
+            found = bounds(MOTIONS[name](task, cell))
+            print(f"{name}: " + ", ".join(f"{what} {value:.2g}" for what, value in found.items()), flush=True)
+        return
     print("| motion | " + " | ".join(f"{a}, {b}" for a, b in PAIRS) + " |")
     for name in given.only or MOTIONS:
         found = angles(MOTIONS[name](task, cell))

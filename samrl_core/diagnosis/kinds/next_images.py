@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
@@ -25,8 +26,21 @@ def next_images(
     if not pairs:
         return None, ""
     angle = np.degrees(min(principal_angle(likelihood, a, b) for a, b in pairs))
+    trial = likelihood.trials[0]
+    assert isinstance(trial, ImageTrial)
+    together = f"{' and '.join(rivals)} are {angle:.1f} degrees apart at the closest in these images"
+    if set(rivals) <= one_by_geometry(trial):
+        return None, (
+            f"{together}, and no motion of the camera splits them: a wrong zero of the last joint turns the"
+            " camera about its flange as a wrong hand-eye does; correct both as one transform"
+        )
     shown = "; ".join(f"{name}: {h.effect.excitation}" for name, h in rivals.items())
     return None, (
-        f"{' and '.join(rivals)} are {angle:.1f} degrees apart at the closest in these images; views that"
-        f" show each best: {shown}"
+        f"{together}; record views that are chosen to split them (samrl excite --set camera); what shows"
+        f" each best: {shown}"
     )
+
+
+def one_by_geometry(trial: ImageTrial) -> set[str]:
+    """Effects that move the camera alike from wherever it looks."""
+    return {f"hand_eye@{trial.places[0]}", f"encoder_offset@joint:{trial.joints['camera'][-1]}"}

@@ -13,9 +13,12 @@ from samrl_core.cell.types.observation import Frame
 from samrl_core.cell.types.pose import Pose, rotation_vector
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.effects.images.base_to_base import EFFECT as BASE
 from samrl_core.diagnosis.effects.images.depth_scale import EFFECT as DEPTH_SCALE
+from samrl_core.diagnosis.effects.images.encoder_offset import EFFECT as ZERO
 from samrl_core.diagnosis.effects.images.hand_eye import EFFECT as HAND_EYE
 from samrl_core.diagnosis.kinds.images import Images, split_images
+from samrl_core.diagnosis.kinds.next_images import next_images
 from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
 from samrl_core.diagnosis.residuals.images.image_trial import DEPTH_NOISE_PER_Z2, prepared
 from samrl_core.diagnosis.residuals.images.object_pose import solved_object
@@ -118,3 +121,18 @@ def test_a_fitted_depth_corrects_the_images(recordings: list[ImageRecording]) ->
     near = np.isfinite(first.depth[0])
     assert np.median(np.abs(spoilt[0] - first.depth[0])[near]) > 0.012
     assert np.median(np.abs(mended - first.depth[0])[near]) < 0.002
+
+
+@pytest.mark.thorough
+def test_what_no_motion_splits_is_said(recordings: list[ImageRecording]) -> None:
+    """The last joint's zero and the hand-eye turn the camera alike; a base does not."""
+    (trial,) = prepared(recordings[:1], 1)
+    likelihood = Likelihood([trial])
+    evidence = Evidence(likelihood)
+    fits = [evidence.fit([h]) for h in evidence.screen([HAND_EYE, ZERO, BASE])]
+    last = f"encoder_offset@joint:{trial.joints['camera'][-1]}"
+    hand_eye, base = "hand_eye@sensor:camera", "base_to_base@cell"
+    none, one = next_images(likelihood, fits, [hand_eye, last])
+    assert none is None and "no motion of the camera splits" in one and "0.0 degrees" in one
+    none, several = next_images(likelihood, fits, [hand_eye, base])
+    assert none is None and "samrl excite --set camera" in several

@@ -19,13 +19,14 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.model.rendering.renderer import Rendered, Renderer
 from samrl_core.model.rendering.window import Window, whole_image, window_around
-from samrl_core.model.scene.body_motion import BodyMotion
+from samrl_core.model.scene.body_motion import BodyMotion, central_differences, first_order
 from samrl_core.model.scene.chain_motion import ChainMotion
 from samrl_core.model.scene.chain_skin import CHAIN
 from samrl_core.model.scene.color_groups import lambert
 from samrl_core.model.scene.scene_mesh import SceneMesh, build_scene_mesh
 from samrl_core.model.scene.settings import ModelSettings
-from samrl_core.model.scene.target import ALONG, Reach, TargetFrames
+from samrl_core.model.scene.target import ALONG, Reach, TargetFrames, TargetPart
+from samrl_core.model.scene.target_parts import target_parts
 from samrl_core.model.task_dynamics.choose import dynamics_of
 from samrl_core.model.task_dynamics.settings import ContactSettings, TaskPhysicsSettings
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics, TaskState
@@ -68,21 +69,15 @@ class Model:
             moved.append(CHAIN)
             labels[CHAIN] = self._mesh.skin.label
         self._moved = frozenset(moved)
-        target_labels = sorted({labels[name] for name in moved})
-        if len(target_labels) != 1:
-            raise InputError(
-                f"task {task.name} moves things with labels {target_labels}; give them one label"
-            )
-        self._target_label = target_labels[0]
         self._arm = ArmModel(cell.tool_arm, cell.tool_base_in_world, None)
         self._renderer = Renderer(
             self._mesh.topology, cell.intrinsics, s.supersample, s.device, s.near, s.background, s.threads
         )
-        self._target = torch.from_numpy(self._mesh.target_of(self._moved))
-        faces = self._mesh.topology.faces
-        self._target_faces = faces[self._target.numpy()[faces[:, 0]] > 0]
+        self._parts = target_parts(task, self._mesh, {name: labels[name] for name in moved}, self._motion)
+        self._camera_moves = np.array([p.kind == "camera" for p in task.parameters()])
         self._posed: _Occluders | None = None
         self._dynamics: TaskDynamics | None = None
+        self._dynamics_of: dict[Task, TaskDynamics] = {}  # of parts of other sizes than drawn
 
     @property
     def mesh(self) -> SceneMesh:
@@ -91,8 +86,13 @@ class Model:
 
     @property
     def target(self) -> torch.Tensor:
-        """1 on the vertices that the parameters move, else 0, (V,) float32."""
-        return self._target
+        """1 on the vertices of the target's first part, else 0, (V,) float32."""
+        return self._parts[0].vertices
+
+    @property
+    def parts(self) -> tuple[TargetPart, ...]:
+        """The target by labels; the first is the one that networks are shown."""
+        return self._parts
 
     @property
     def color_names(self) -> tuple[str, ...]:
@@ -101,14 +101,13 @@ class Model:
 
     @property
     def target_label(self) -> int:
-        """Segmentation label of what the parameters move."""
-        return self._target_label
+        """Segmentation label of the target's first part."""
+        return self._parts[0].label
 
     @property
     def target_groups(self) -> np.ndarray:
-        """Which colour groups are the target's, (K,) into `color_names`."""
-        used = self._mesh.group[(self._target > 0) & self._mesh.is_grouped]
-        return np.unique(used.numpy())
+        """Which colour groups are those of the target's first part, (K,) into `color_names`."""
+        return self._parts[0].groups
 
     def initial_colors(self) -> np.ndarray:
         """CAD colours under the assumed light, (G, 3) linear RGB."""
@@ -119,35 +118,44 @@ class Model:
         flange_in_world = self._arm.link_poses_in_world(joints)[self.cell.tool_arm.flange]
         return self.cell.tool_base_in_world.inverse() @ flange_in_world @ self._scene.tool.tip_in_flange
 
-    def target_surface(self, values: np.ndarray, tool_arm_position: np.ndarray) -> np.ndarray:
+    def target_surface(self, values: np.ndarray, tool_arm_position: np.ndarray, part: int = 0) -> np.ndarray:
         """Corners of the target's triangles in world, (F, 3, 3) [m], wound outwards.
 
         Args:
             values: (P,).
             tool_arm_position: joint positions (J,) [rad].
+            part: which of `parts`.
         """
         with torch.no_grad():
             vertices = self._vertices(torch.as_tensor(values), tool_arm_position).numpy()
-        return vertices[self._target_faces]
+        return vertices[self._parts[part].faces]
 
-    def target_frames(self, values: np.ndarray, tool_arm_position: np.ndarray) -> TargetFrames:
-        """Frames that the target's parts are fixed to, and how they move with the values.
+    def target_frames(self, values: np.ndarray, tool_arm_position: np.ndarray, part: int = 0) -> TargetFrames:
+        """Frames that what one label shows is fixed to, and how they move with the values.
 
         Args:
             values: (P,).
             tool_arm_position: joint positions (J,) [rad].
+            part: which of `parts`.
         """
         values = np.asarray(values, dtype=np.float64)
-        bodies, jacobians = self._motion.rows(values), list(self._motion.jacobians(values).values())
+        used = self._parts[part]
+        bodies = {name: rows for name, rows in self._motion.rows(values).items() if name in used.frames}
+        jacobians = [rows for name, rows in self._motion.jacobians(values).items() if name in bodies]
         rows = list(bodies.values())
         points = [p.vertices for name in bodies for p in self._mesh.pieces if p.frame == name]
-        if self._links is not None:
+        if self._links is not None and used.is_chain:
             tip = self._occluders(tool_arm_position).tip
             rows += list(self._links.rows(values, tip))
             jacobians += list(self._links.jacobians(values, tip))
             points += [np.outer(ALONG * link.length, [0.0, 0.0, 1.0]) for link in self._scene.tool.chain]
         which = np.repeat(np.arange(len(points)), [len(p) for p in points])
-        return TargetFrames(np.array(rows), np.array(jacobians), np.concatenate(points), which)
+        rows, jacobians = np.array(rows), np.array(jacobians)
+        if self._camera_moves.any():
+            rows[:, 9:] += self.task.camera_shift(values)
+            jacobians[:, 9:] += self._shift_jacobian(values)
+        stretched = self.task.chain_stretch(values) != 1.0
+        return TargetFrames(rows, jacobians, np.concatenate(points), which, stretched)
 
     def chain_reach(self, tool_arm_position: np.ndarray) -> Reach | None:
         """Where the chain can be with the tool arm at a joint position (J,) [rad]; None for a rigid tool."""
@@ -155,7 +163,9 @@ class Model:
         if not chain:
             return None
         center = self._occluders(tool_arm_position).tip.position
-        return Reach(center, 1.1 * sum(link.length for link in chain))  # its thickness is within the tenth
+        # Its thickness, and what the camera shows beside its place, are within the tenth.
+        longest = self.task.chain_stretch(np.array([p.upper for p in self.task.parameters()]))
+        return Reach(center, 1.1 * longest * sum(link.length for link in chain))
 
     def render(
         self,
@@ -163,6 +173,7 @@ class Model:
         colors: torch.Tensor,
         camera: Camera | CameraPose,
         tool_arm_position: np.ndarray,
+        part: int = 0,
     ) -> Rendered:
         """The image that the camera should take; differentiable in values, colours and camera tensors.
 
@@ -171,21 +182,27 @@ class Model:
             colors: (G, 3) linear RGB in the order of `color_names`.
             camera: a camera, or world-to-camera rotation and translation as tensors.
             tool_arm_position: joint positions (J,) [rad].
+            part: which of `parts` is the target in the result.
 
         Raises:
             InputError: wrong shapes, non-finite values, or a camera with other intrinsics than the cell's.
         """
-        return self._render(values, colors, camera, tool_arm_position, False)[0]
+        return self._render(values, colors, camera, tool_arm_position, part, False)[0]
 
     def render_target(
-        self, values: torch.Tensor, colors: torch.Tensor, camera: Camera, tool_arm_position: np.ndarray
+        self,
+        values: torch.Tensor,
+        colors: torch.Tensor,
+        camera: Camera,
+        tool_arm_position: np.ndarray,
+        part: int = 0,
     ) -> tuple[Rendered, Window]:
         """Of the same image the part that shows what the parameters move, and which part that is.
 
         Arguments and errors as of `render`; of (B, P) values all images have one window. Outside of it the
         target is not visible. A fit that asks for hundreds of images needs no more.
         """
-        return self._render(values, colors, camera, tool_arm_position, True)
+        return self._render(values, colors, camera, tool_arm_position, part, True)
 
     def _render(
         self,
@@ -193,6 +210,7 @@ class Model:
         colors: torch.Tensor,
         camera: Camera | CameraPose,
         tool_arm_position: np.ndarray,
+        part: int,
         target_only: bool,
     ) -> tuple[Rendered, Window]:
         if tuple(colors.shape) != (len(self.color_names), 3):
@@ -211,11 +229,26 @@ class Model:
             colors.to("cpu", torch.float32), self._occluders(tool_arm_position).color
         )
         window, renderer = whole_image(self.cell.intrinsics), self._renderer
+        target = self._parts[part].vertices
         if target_only:
-            moved = vertices.detach()[..., self._target > 0, :].reshape(-1, 3) @ rotation.T + translation
+            moved = vertices.detach()[..., target > 0, :].reshape(-1, 3) @ rotation.T + translation
             window = window_around(moved.numpy(), self.cell.intrinsics, self.settings.near)
             renderer = renderer.cut(window)
-        return renderer(vertices, color, self._target, rotation, translation), window
+        return renderer(vertices, color, target, rotation, translation), window
+
+    def dynamics_at(self, values: np.ndarray) -> TaskDynamics:
+        """The dynamics of parts as large as the values (P,) have them; what was built is kept.
+
+        Raises:
+            InputError: as of `dynamics`.
+        """
+        task = self.task.as_believed(values)
+        if task is self.task or task == self.task:
+            return self.dynamics
+        if task not in self._dynamics_of:
+            contact = ContactSettings(table_height=self.settings.table_height)
+            self._dynamics_of[task] = dynamics_of(task, self.cell, TaskPhysicsSettings(contact=contact))
+        return self._dynamics_of[task]
 
     @property
     def dynamics(self) -> TaskDynamics:
@@ -244,7 +277,18 @@ class Model:
             elif piece.frame in poses:
                 pose = poses[piece.frame]
                 posed[k] = piece.tensor @ pose.rotation.T + pose.position
-        return torch.cat([posed[k] for k in range(len(self._mesh.pieces))])
+        vertices = torch.cat([posed[k] for k in range(len(self._mesh.pieces))])
+        if not self._camera_moves.any():
+            return vertices
+        here = values.detach().numpy()
+        return vertices + first_order(
+            self.task.camera_shift(here), lambda: self._shift_jacobian(here), values
+        )
+
+    def _shift_jacobian(self, values: np.ndarray) -> np.ndarray:
+        """How the camera's shift changes with the values, (3, P)."""
+        scale = np.array([p.scale for p in self.task.parameters()])
+        return central_differences(self.task.camera_shift, values, scale)
 
     def _occluders(self, tool_arm_position: np.ndarray) -> _Occluders:
         """What the parameters do not move, posed by the joints; cached, as a fit asks for it many times."""

@@ -120,7 +120,7 @@ def test_the_script_finds_needle_and_loose_end() -> None:
     truth = world.truth()
     world.close()
     assert isinstance(found, NeedleThreading)
-    assert np.linalg.norm(found.eye[:2] - truth.body_position[NEEDLE][:2]) < 0.004
+    assert np.linalg.norm(found.eye_at(values)[:2] - truth.body_position[NEEDLE][:2]) < 0.004
     end = found.thread_points(values, truth.tip_position)[-1]
     assert np.linalg.norm((end - truth.chain_points[-1])[:2]) < 0.008
 

@@ -59,7 +59,11 @@ def _flipping() -> Task:
 
 
 def _threading() -> Task:
-    """A thread of 1.5 mm radius for an eye of 3 to 4 mm, which stands anywhere within 2 cm."""
+    """A thread of 1.5 mm radius for an eye of 3 to 4 mm, which stands anywhere within 2 cm.
+
+    Where the needle stands, how long the thread is and how far the camera shows both beside their places is
+    estimated. A height is known to some millimetres, so that the goal is as much deeper than success needs.
+    """
     task = NeedleThreading(
         thread_radius=0.0015,
         eye_radius=0.0035,
@@ -67,6 +71,10 @@ def _threading() -> Task:
         eye_thickness=0.003,
         post_range=0.010,
         softness=3.0,
+        usual_policy="optimised",
+        length_range=0.09,
+        done_margin=0.005,
+        fine_step=0.0045,
         force_limit=1.0,
         max_actions=27,
     )

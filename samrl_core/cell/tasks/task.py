@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,8 @@ class ParameterSpec:
     scale: float  # prior standard deviation
     lower: float
     upper: float
+    # "state" changes as the tool moves, "constant" stays as it is, "camera" stays until the camera moves.
+    kind: Literal["state", "constant", "camera"] = "state"
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +112,29 @@ class Task(ABC):
     @abstractmethod
     def chain_angles(self, values: np.ndarray) -> np.ndarray:
         """Angles (2 K,) [rad] of the tool's chain of K links; (0,) for a rigid tool."""
+
+    def chain_stretch(self, values: np.ndarray) -> float:
+        """Length of the tool's chain by the parameters (P,), as a share of the drawn one [-]."""
+        return 1.0
+
+    def camera_shift(self, values: np.ndarray) -> np.ndarray:
+        """How far (3,) [m] in world the camera shows everything beside where the encoders have it.
+
+        What errors of hand-eye, bases and encoders come to near the target; what is drawn there and what is
+        held are shown beside their places by the same.
+        """
+        return np.zeros(3)
+
+    def aim(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
+        """What the next actions have to hit, as a distance (A,) [m] that views shall make known.
+
+        (0,) where a view is worth what it tells of all parameters alike.
+        """
+        return np.zeros(0)
+
+    def as_believed(self, values: np.ndarray) -> Task:
+        """This task with what the parameters (P,) say of its parts' sizes drawn in, for the physics."""
+        return self
 
     @abstractmethod
     def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:

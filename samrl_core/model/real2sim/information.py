@@ -194,6 +194,17 @@ def newton_step(
             covariance (P, P); the step then goes to the likeliest point of both. Without it, directions that
             the image does not show are left alone.
     """
+    normal, gradient = normal_equations(view, real, outlier)
+    if belief is not None:
+        home, precision = belief
+        return np.linalg.solve(normal + precision, gradient + precision @ home)
+    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ gradient
+
+
+def normal_equations(
+    view: ViewInformation, real: TargetImage, outlier: float = 3.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Matrix (P, P) and right side (P,) of the least squares that `newton_step` solves; so views add up."""
     near = view.near
     measured = (view.inside & eroded(real.mask, real.rim) & np.isfinite(real.depth))[near]
     color = real.color[near] / view.unit[:, :3]
@@ -205,11 +216,7 @@ def newton_step(
     size = np.sqrt((residual**2).sum(axis=-1) * own)
     weight = view.weight * np.minimum(1.0, outlier / np.maximum(size, 1e-12))
     normal = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
-    gradient = np.einsum("kci,k,kc->i", rows, weight, residual)
-    if belief is not None:
-        home, precision = belief
-        return np.linalg.solve(normal + precision, gradient + precision @ home)
-    return np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ gradient
+    return normal, np.einsum("kci,k,kc->i", rows, weight, residual)
 
 
 def fused(

@@ -117,7 +117,8 @@ class Misfit:
         cloud = self._renderer.cloud(rendered)
         if len(cloud) < 8:  # out of sight in the model: pull with the whole body instead
             cloud = self._renderer.whole_surface(values)
-        moved = earth_movers(cloud, self._real.cloud, min(max_points, self.points(cloud)))
+        compared = self._renderer.compared_points(cloud)
+        moved = earth_movers(compared, self._real.cloud, min(max_points, self.points(cloud)))
         used = moved.matched[:, 0]
-        motion = self._renderer.motion(values, cloud[used])
+        motion = self._renderer.compared_motion(self._renderer.motion(values, cloud[used]))
         return moved.value, np.einsum("nc,ncp->p", moved.gradient[used], motion)

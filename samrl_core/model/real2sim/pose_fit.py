@@ -120,10 +120,11 @@ class PoseObjective:
         cloud = self._renderer.cloud(rendered)
         if len(cloud) < 8:  # out of sight in the model: pull with the whole target instead
             cloud = self._renderer.whole_surface(values)
-        moved = earth_movers(cloud, self._real.cloud, self._misfit.points(cloud))
+        compared = self._renderer.compared_points(cloud)
+        moved = earth_movers(compared, self._real.cloud, self._misfit.points(cloud))
         used, wanted = moved.matched.T
-        motion = self._renderer.motion(values, cloud[used])
-        distance = np.linalg.norm(cloud[used] - self._real.cloud[wanted], axis=1)
+        motion = self._renderer.compared_motion(self._renderer.motion(values, cloud[used]))
+        distance = np.linalg.norm(compared[used] - self._real.cloud[wanted], axis=1)
         weight = 1.0 / np.maximum(distance, _NEAR) / len(used)
         gradient = np.einsum("nc,ncp->p", moved.gradient[used], motion)
         curvature = np.einsum("ncp,n,ncq->pq", motion, weight, motion, optimize=True)
@@ -162,9 +163,56 @@ def fit_pose(
         settings: see there.
         watch: called with the best values after each rendering with gradient, and after each step at the end.
     """
-    s = settings
-    specs = renderer.model.task.parameters()
-    scale, lower, upper = (np.array([getattr(p, n) for p in specs]) for n in ("scale", "lower", "upper"))
+    s, scale, lower, upper = settings, *_bounds(renderer)
+    descent = descend(renderer, real, misfit, start, colors, belief, s, watch)
+    values, colors, evaluations = descent.values, descent.colors, descent.evaluations
+    if descent.why_stopped == "diverged":
+        return descent
+
+    def view_at(at: np.ndarray) -> ViewInformation:
+        return pose_information(renderer, at, colors, noise, s)
+
+    view = view_at(values)
+    widened = widened_belief(start, belief, values, view.matrix, s.surprise)
+    precision = np.linalg.inv(widened)
+    covariance = np.linalg.inv(precision + view.matrix)
+    why = descent.why_stopped
+    for k in range(s.polish):
+        if k:
+            view = view_at(values)
+        covariance = np.linalg.inv(precision + view.matrix)
+        change = newton_step(view, real.image, belief=(start - values, precision))
+        squared = float(change @ np.linalg.solve(covariance, change)) / change.size  # of the whole step
+        limit = np.minimum(renderer.pixel_steps(values, s.polish_limit), scale)
+        change = change / max(1.0, float(np.abs(change / limit).max()))
+        values = np.clip(values + change, lower, upper)
+        if watch is not None:
+            watch(values)
+        small = squared < s.polish_enough**2
+        why = "converged" if small else "iteration_limit"
+        if small:
+            break
+    if overlap(renderer.image(values, colors).mask, real.image.mask) < s.least_overlap:
+        why, covariance = "iteration_limit", belief  # it may stand still, but elsewhere: nothing is learnt
+    return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)
+
+
+def descend(
+    renderer: TargetRenderer,
+    real: RealTarget,
+    misfit: Misfit,
+    start: np.ndarray,
+    colors: np.ndarray,
+    belief: np.ndarray,
+    settings: PoseFitSettings,
+    watch: Callable[[np.ndarray], None] | None = None,
+) -> PoseFit:
+    """The least of eq. 6 near a belief, and colours for it; its covariance is the belief's.
+
+    Arguments as of `fit_pose`.
+    """
+    s, scale, lower, upper = settings, *_bounds(renderer)
+    specs = renderer.specs
     deviation = np.sqrt(np.diag(belief))
     objective = PoseObjective(renderer, real, misfit, (start, deviation), s.belief_weight)
     low, high = s.step_limits
@@ -190,43 +238,33 @@ def fit_pose(
         return PoseFit(start, belief, colors, evaluations, "diverged")
     values = fit.parameters
     colors = fit_colors(renderer, real, values, colors)
-
-    def view_at(at: np.ndarray) -> ViewInformation:
-        steps = np.minimum(renderer.pixel_steps(at, s.jacobian_pixels), scale)
-        return view_information(
-            lambda v: renderer.image(v, colors),
-            at,
-            steps,
-            noise,
-            render_all=lambda many: renderer.images(many, colors),
-        )
-
-    view = view_at(values)
-    widened = widened_belief(start, belief, values, view.matrix, s.surprise)
-    precision = np.linalg.inv(widened)
-    covariance = np.linalg.inv(precision + view.matrix)
-    why = fit.why_stopped
-    for k in range(s.polish):
-        if k:
-            view = view_at(values)
-        covariance = np.linalg.inv(precision + view.matrix)
-        change = newton_step(view, real.image, belief=(start - values, precision))
-        squared = float(change @ np.linalg.solve(covariance, change)) / change.size  # of the whole step
-        limit = np.minimum(renderer.pixel_steps(values, s.polish_limit), scale)
-        change = change / max(1.0, float(np.abs(change / limit).max()))
-        values = np.clip(values + change, lower, upper)
-        if watch is not None:
-            watch(values)
-        small = squared < s.polish_enough**2
-        why = "converged" if small else "iteration_limit"
-        if small:
-            break
-    if _overlap(renderer.image(values, colors).mask, real.image.mask) < s.least_overlap:
-        why, covariance = "iteration_limit", belief  # it may stand still, but elsewhere: nothing is learnt
-    return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)
+    return PoseFit(values, belief, colors, evaluations, fit.why_stopped)
 
 
-def _overlap(a: np.ndarray, b: np.ndarray) -> float:
+def pose_information(
+    renderer: TargetRenderer,
+    values: np.ndarray,
+    colors: np.ndarray,
+    noise: ImageNoise,
+    settings: PoseFitSettings,
+) -> ViewInformation:
+    """What an image says near values (Q,), by steps of so many pixels of the fastest point."""
+    scale, _, _ = _bounds(renderer)
+    return view_information(
+        lambda v: renderer.image(v, colors),
+        values,
+        np.minimum(renderer.pixel_steps(values, settings.jacobian_pixels), scale),
+        noise,
+        render_all=lambda many: renderer.images(many, colors),
+    )
+
+
+def _bounds(renderer: TargetRenderer) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scales and bounds (Q,) of the renderer's values."""
+    return tuple(np.array([getattr(p, n) for p in renderer.specs]) for n in ("scale", "lower", "upper"))  # type: ignore[return-value]
+
+
+def overlap(a: np.ndarray, b: np.ndarray) -> float:
     """Share of the mask (H, W) that lies within a pixel of the other, the smaller one of the two ways."""
     if not (a.any() and b.any()):
         return 0.0

@@ -34,6 +34,14 @@ class PredictionSettings:
     other_spread: float = 2.0  # standard deviation of the less likely ones, in scales [-]
 
 
+@dataclass(frozen=True)
+class CameraErrors:
+    """How the error of what the camera shows changes while the camera moves, standard deviations."""
+
+    per_metre: float = 0.004  # of the camera's way [m/m]
+    per_radian: float = 0.003  # of its turn [m/rad]
+
+
 def predictions(
     dynamics: TaskDynamics,
     specs: tuple[ParameterSpec, ...],
@@ -79,6 +87,8 @@ def predictions(
         for _ in range(steps):
             state = dynamics.forward(state, action)
     ends = np.array([dynamics.read(q)[0] for q in state.q.numpy()])
+    stays = np.array([p.kind != "state" for p in specs])
+    ends[:, stays] = starts[:, stays]
     jacobian = (ends[1 : count + 1] - ends[count + 1 :]).T / (2 * spread)
     change = ends[0] - estimate.values
     # What keeps its own error is untouched; what does not is held by contact, as well as the model knows it.
@@ -96,6 +106,32 @@ def predictions(
             loose = np.diag((s.other_spread * scale) ** 2)
             found.append(replace(estimate, values=np.clip(other, lower, upper), covariance=loose))
     return tuple(found)
+
+
+def seen_from_elsewhere(
+    estimate: Estimate, specs: tuple[ParameterSpec, ...], way: float, turn: float, settings: CameraErrors
+) -> Estimate:
+    """The estimate after the camera moved: what it shows beside its place is another error there.
+
+    Wider, never wider than before the first image, towards which it goes back: a process that forgets
+    (Uhlenbeck and Ornstein 1930).
+
+    Args:
+        estimate: before.
+        specs: `Task.parameters`.
+        way: of the camera [m].
+        turn: of the camera [rad].
+        settings: how fast the error changes.
+    """
+    camera = np.array([p.kind == "camera" for p in specs])
+    if not camera.any():
+        return estimate
+    spread = (settings.per_metre * way) ** 2 + (settings.per_radian * turn) ** 2
+    prior = np.array([p.scale for p in specs]) ** 2
+    kept = np.where(camera, np.sqrt(prior / (prior + spread)), 1.0)
+    nominal = np.array([p.nominal for p in specs])
+    covariance = estimate.covariance * np.outer(kept, kept) + np.diag(prior * (1.0 - kept**2))
+    return replace(estimate, values=nominal + kept * (estimate.values - nominal), covariance=covariance)
 
 
 def likeliest(updates: Sequence[Estimate]) -> Estimate:

@@ -20,6 +20,7 @@ from samrl_core.model.real2sim.information import (
 )
 from samrl_core.model.real2sim.minimize import MinimizeSettings, Minimum, minimize
 from samrl_core.model.real2sim.misfit import Losses, Misfit, RealTarget
+from samrl_core.model.real2sim.part_fit import PartFit, PartSettings, seen_parts
 from samrl_core.model.real2sim.pose_fit import PoseFit, PoseFitSettings, acts_together, fit_pose
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
 
@@ -70,6 +71,7 @@ class Real2SimSettings:
     jacobian_step: float = 0.035  # half span of the differences for the covariance [parameter's scale]
     noise: ImageNoise = field(default_factory=ImageNoise)
     pose: PoseFitSettings = field(default_factory=PoseFitSettings)  # of rotations and joints
+    parts: PartSettings = field(default_factory=PartSettings)  # of targets with several labels
     coarse: MinimizeSettings = MinimizeSettings(
         first_step=0.5, largest_step=1.0, smallest_step=0.03, max_evaluations=14
     )
@@ -118,6 +120,7 @@ class Real2Sim:
         self._scale = np.array([p.scale for p in specs])
         self._lower = np.array([p.lower for p in specs])
         self._upper = np.array([p.upper for p in specs])
+        self._moves = np.array([p.kind == "state" for p in specs])
         self._together = acts_together(model.task)
 
     def update(
@@ -147,6 +150,8 @@ class Real2Sim:
             and colours unchanged.
         """
         s = self._settings
+        if len(self._model.parts) > 1:
+            return self._update_parts(estimate, observation, watch, compared)
         joints = observation.tool_arm.position
         real = RealTarget.of(observation, self._model.target_label, self._model.chain_reach(joints))
         renderer = TargetRenderer(self._model, observation.camera, joints, real.clear)
@@ -202,6 +207,44 @@ class Real2Sim:
         belief = (values, covariance, colors, color_variance)
         count = coarse_evaluations + fit.evaluations
         return _estimate(estimate, observation.stamp_ns, belief, losses, count, fit.why_stopped)
+
+    def _update_parts(
+        self,
+        estimate: Estimate,
+        observation: Observation,
+        watch: Callable[[np.ndarray], None] | None,
+        compared: bool,
+    ) -> Estimate:
+        """`update` where the target has several labels; without its first part nothing is fitted."""
+        s = self._settings
+        seen = seen_parts(self._model, estimate.values, observation, s.parts)
+        if not seen or seen[0].number != 0:
+            return replace(
+                estimate,
+                stamp_ns=observation.stamp_ns,
+                **_NO_FIT,
+                why_stopped="no_target",
+                converged=False,
+            )
+        fitting = PartFit(self._model, seen, s.parts, s.pose, (s.color_weight, s.emd_weight))
+        before = fitting.losses(estimate.values, estimate.colors)
+        belief = estimate.covariance + np.diag(
+            np.where(self._moves, s.parts.motion * self._scale, s.drift) ** 2
+        )
+        fit = fitting.fit(estimate.values, estimate.colors, belief, s.worse, watch)
+        known = (estimate.colors, estimate.color_variance)
+        pixels = fitting.group_pixels(fit.values, fit.colors)
+        colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
+        after = fitting.losses(fit.values, colors)
+        loss_known = fitting.losses(fit.values, estimate.colors).total if compared else float("nan")
+        found, losses = (
+            (fit.values, fit.covariance, colors, color_variance),
+            (before, after, loss_known),
+        )
+        if fit.why_stopped == "diverged":
+            found = (estimate.values, belief, estimate.colors, estimate.color_variance)
+            losses = (before, before, before.total)
+        return _estimate(estimate, observation.stamp_ns, found, losses, fit.evaluations, fit.why_stopped)
 
     def _update_together(
         self,

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from samrl_core.cell.tasks.task import ParameterSpec
 from samrl_core.cell.types.camera import Camera
+from samrl_core.cell.types.scene import Capsule
+from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.information import TargetImage
 from samrl_core.model.real2sim.target_cloud import target_cloud
@@ -22,20 +25,52 @@ class TargetRenderer:
         camera: Camera,
         tool_arm_position: np.ndarray,
         clear: np.ndarray | None = None,
+        part: int = 0,
+        others: np.ndarray | None = None,
+        taken: np.ndarray | None = None,
+        plane: float = 0.0,
     ) -> None:
-        """What the task's parameters move is the target; `clear` as in `RealTarget`."""
+        """One part of what the task's parameters move is the target; `clear` as in `RealTarget`.
+
+        Where there are several parts, values are those of the parameters `taken` (Q,), by default those that
+        move this one (`TargetPart.parameters`), and `others` (P,) has those of the rest. With a `plane` above
+        0, clouds are compared as they are seen, all points at that depth [m]: depth may be too poor to match.
+        """
+        self._plane = plane
+        self._axis = camera.camera_in_world.rotation[:, 2]  # optical, in world
         self.model = model
         self.camera = camera
-        self.label = model.target_label
+        self.part, which = model.parts[part], part
+        self.label = self.part.label
         # A thread is all boundary: taking the rim off would leave nothing.
-        self.thin = model.chain_reach(tool_arm_position) is not None
+        self.thin = self.part.is_chain
+        self._which = which
+        self.taken = self.part.parameters if taken is None else taken
+        self._others = None if others is None or len(model.parts) == 1 else torch.tensor(others)
         self._tool_arm = tool_arm_position
         shape = (camera.intrinsics.height, camera.intrinsics.width)
         self._clear = np.ones(shape, dtype=bool) if clear is None else clear
 
     def render(self, values: torch.Tensor, colors: torch.Tensor) -> Rendered:
         """The model's image (eq. 2)."""
-        return self.model.render(values, colors, self.camera, self._tool_arm)
+        return self.model.render(self._whole(values), colors, self.camera, self._tool_arm, self._which)
+
+    @property
+    def specs(self) -> tuple[ParameterSpec, ...]:
+        """Of the values that this part takes."""
+        specs = self.model.task.parameters()
+        return specs if self._others is None else tuple(specs[k] for k in self.taken)
+
+    def _whole(self, values: torch.Tensor) -> torch.Tensor:
+        """The task's values (..., P) of the part's."""
+        if self._others is None:
+            return values
+        whole = self._others.repeat(*values.shape[:-1], 1) if values.ndim > 1 else self._others.clone()
+        whole[..., torch.from_numpy(self.taken)] = values
+        return whole
+
+    def _whole_values(self, values: np.ndarray) -> np.ndarray:
+        return values if self._others is None else self._whole(torch.as_tensor(values)).numpy()
 
     def compared(self, rendered: Rendered) -> torch.Tensor:
         """G_sim x I_sim of eq. 4, (..., H, W, 3).
@@ -62,7 +97,11 @@ class TargetRenderer:
         """The same for values (B, P), in one rendering; depth is 0 far from the target."""
         with torch.no_grad():
             rendered = self.model.render_target(
-                torch.as_tensor(values), torch.as_tensor(colors), self.camera, self._tool_arm
+                self._whole(torch.as_tensor(values)),
+                torch.as_tensor(colors),
+                self.camera,
+                self._tool_arm,
+                self._which,
             )
             color, depth, mask = self._shown(*rendered)
         shape = (self.camera.intrinsics.height, self.camera.intrinsics.width)
@@ -92,6 +131,20 @@ class TargetRenderer:
         mask = rendered.target.detach().numpy() > 0.5
         return target_cloud(rendered.xyz.detach().numpy().astype(np.float64), mask)
 
+    def compared_points(self, cloud: np.ndarray) -> np.ndarray:
+        """Points (N, 3) as eq. 5 matches them: where they are, or where they are seen in the plane [m]."""
+        if not self._plane:
+            return cloud
+        pose = self.camera.camera_in_world
+        local = pose.inverse().apply(cloud)
+        return pose.apply(local * (self._plane / np.maximum(local[:, 2:], 1e-3)))
+
+    def compared_motion(self, motion: np.ndarray) -> np.ndarray:
+        """Motion (N, 3, P) of such points: across the optical axis alone, where they are matched as seen."""
+        if not self._plane:
+            return motion
+        return motion - self._axis[None, :, None] * np.einsum("c,ncp->np", self._axis, motion)[:, None]
+
     def _thin_mask(self, coverage: np.ndarray, label: np.ndarray, clear: np.ndarray) -> np.ndarray:
         """Half of a pixel's samples: as many pixels as a sensor with one sample in each would see."""
         return (coverage >= 0.5) & (label == self.label) & clear
@@ -116,7 +169,7 @@ class TargetRenderer:
     @property
     def target_groups(self) -> np.ndarray:
         """Which colour groups are the target's (K,)."""
-        return self.model.target_groups
+        return self.part.groups
 
     def group_shares(self, values: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What eq. 4 compares, as a linear function of the target's colours.
@@ -151,7 +204,25 @@ class TargetRenderer:
 
     def motion(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
         """How points (N, 3) of the target move with the parameters, (N, 3, P), fixed to their part."""
-        return self.model.target_frames(values, self._tool_arm).motion(points)
+        frames = self.model.target_frames(self._whole_values(values), self._tool_arm, self._which)
+        motion = frames.motion(points)
+        return motion if self._others is None else motion[..., self.taken]
+
+    def line(self, values: np.ndarray) -> np.ndarray:
+        """Points (N, 3) along the middle of the target's chain, from the tool to the loose end [m]."""
+        return self.model.target_frames(self._whole_values(values), self._tool_arm, self._which).points
+
+    def thickness(self) -> float:
+        """Radius of the target's chain [m].
+
+        Raises:
+            InputError: the target is no chain of capsules.
+        """
+        chain = self.model.task.scene(self.model.cell).tool.chain
+        part = chain[-1].parts[0] if chain else None
+        if not (self.part.is_chain and isinstance(part, Capsule)):
+            raise InputError(f"task {self.model.task.name} has no thread of capsules; it has no thickness")
+        return part.radius
 
     def visibility(self, values: np.ndarray, colors: np.ndarray) -> float:
         """Share of the target's surface turned to the camera that the image shows, 0..1.
@@ -159,7 +230,7 @@ class TargetRenderer:
         Evaluated at the faces' centres, by projected area; what lies outside the image or behind something,
         the target itself included, is not shown.
         """
-        corners = self.model.target_surface(values, self._tool_arm)  # (F, 3, 3)
+        corners = self._surface(values)  # (F, 3, 3)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # twice the area
         centre = corners.mean(axis=1)
         towards = self.camera.camera_in_world.position - centre
@@ -180,4 +251,7 @@ class TargetRenderer:
 
     def whole_surface(self, values: np.ndarray) -> np.ndarray:
         """Corners of the target's triangles (N, 3) [m], for when none of it is in the model's image."""
-        return np.unique(self.model.target_surface(values, self._tool_arm).reshape(-1, 3), axis=0)
+        return np.unique(self._surface(values).reshape(-1, 3), axis=0)
+
+    def _surface(self, values: np.ndarray) -> np.ndarray:
+        return self.model.target_surface(self._whole_values(values), self._tool_arm, self._which)

@@ -17,6 +17,8 @@ from samrl_core.model.scene.body_motion import TensorPose, central_differences, 
 class ChainMotion:
     """Forward kinematics of K links below a tool tip that is known, e.g. from measured joints.
 
+    Where the parameters stretch the chain, the links' z axes are as long as the stretch.
+
     Joint angles follow from the parameters by `Task.chain_angles`, whose Jacobian is taken by central
     differences; from the angles on it is that of the kinematics (a joint turns all links below it
     about its axis).
@@ -57,10 +59,21 @@ class ChainMotion:
         rows = np.concatenate([np.swapaxes(turning, 2, 3).reshape(count, -1, 9), moving], axis=2)
         by_angle = rows * below[..., None]
         angle_jacobian = central_differences(self._task.chain_angles, values, self._scale)  # (2K, P)
-        return np.einsum("kac,ap->kcp", by_angle, angle_jacobian)
+        by_values = np.einsum("kac,ap->kcp", by_angle, angle_jacobian)
+        stretch_jacobian = central_differences(self._stretch, values, self._scale)  # (1, P)
+        if not stretch_jacobian.any():
+            return by_values
+        longer = np.zeros((count, 12))
+        longer[:, [2, 5, 8]] = turns[:, :, 2]
+        longer[:, 9:] = positions - positions[0]
+        return by_values + longer[:, :, None] * stretch_jacobian / self._stretch(values)
+
+    def _stretch(self, values: np.ndarray) -> np.ndarray:
+        return np.array([self._task.chain_stretch(values)])
 
     def _frames(self, values: np.ndarray, tip: Pose) -> tuple[np.ndarray, np.ndarray]:
         """Rotations (K, 3, 3) and joints (K, 3) [m]."""
         angles = checked_angles(self._chain, self._task.chain_angles(values))
-        turns, points = link_frames([link.length for link in self._chain], tip, angles)
-        return turns, points[:-1]
+        stretch = self._task.chain_stretch(values)
+        turns, points = link_frames([stretch * link.length for link in self._chain], tip, angles)
+        return (turns if stretch == 1.0 else turns * [1.0, 1.0, stretch]), points[:-1]

@@ -10,9 +10,10 @@ import numpy as np
 import torch
 
 from samrl_core.cell.types.observation import Observation
+from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.prediction import likeliest, predictions
+from samrl_core.model.real2sim.prediction import CameraErrors, likeliest, predictions, seen_from_elsewhere
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
@@ -207,6 +208,7 @@ class Agent:
             self._tip_offset = self._tip_offset_fit.begin(self._kept_offset)
         self._tip_seen_ns = -1  # stamp of the image that the tip's offset was corrected by last [ns]
         self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
+        self._camera: Pose | None = None  # the same of the camera
         self._noted_contact = False
 
     @property
@@ -238,20 +240,27 @@ class Agent:
         return tip if self._tip_offset is None else tip + self._tip_offset.offset
 
     def _predictions(self, observation: Observation) -> tuple[Estimate, ...]:
-        tip = self._tip_by_image(observation)
+        tip, camera = self._tip_by_image(observation), observation.camera.camera_in_world
         before, self._tip = self._tip, tip
+        specs = self.model.task.parameters()
+        if self._camera is not None:
+            way = float(np.linalg.norm(camera.position - self._camera.position))
+            turn = camera.angle_to(self._camera)
+            self.estimate = seen_from_elsewhere(self.estimate, specs, way, turn, CameraErrors())
+        self._camera = camera
         if before is None:
             return (self.estimate,)
-        specs = self.model.task.parameters()
         try:
-            return predictions(self.model.dynamics, specs, self.estimate, before, tip)
+            dynamics = self.model.dynamics_at(self.estimate.values)
+            return predictions(dynamics, specs, self.estimate, before, tip)
         except SolveError as error:
             self._log(f"the last estimate stands in for a prediction: {error}")
             return (self.estimate,)
 
     def _planned_action(self, values: np.ndarray, tip: np.ndarray) -> tuple[str, np.ndarray]:
         """Name of the next sub-goal, and the first action (3,) [m] of a plan; "none" and 0 when done."""
-        label = label_of(self.model.dynamics, self.model.task, values, tip, self.settings.plan)
+        dynamics = self.model.dynamics_at(values)
+        label = label_of(dynamics, self.model.task, values, tip, self.settings.plan)
         if label.why_straight:
             self._log(f"no plan, straight to the next sub-goal instead: {label.why_straight}")
         return label.sub_goal, label.action

@@ -78,8 +78,8 @@ class ViewAscent:
 
         def visibility(camera_in_world: Pose) -> float:
             camera = Camera(self._cell.intrinsics, camera_in_world)
-            renderer = TargetRenderer(self._model, camera, tool_arm_position)
-            return renderer.visibility(estimate.values, estimate.colors)
+            renderer = TargetRenderer(self._model, camera, tool_arm_position, others=estimate.values)
+            return renderer.visibility(estimate.values[renderer.taken], estimate.colors)
 
         found = self._run_search(
             search.run(

@@ -17,10 +17,13 @@ from samrl_core.cell.types.camera import Camera, Intrinsics
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.information import ImageNoise, TargetImage, ViewInformation, view_information
+from samrl_core.model.real2sim.information import ImageNoise, TargetImage, view_information
+from samrl_core.model.real2sim.part_fit import PartSettings
 from samrl_core.model.real2sim.pose_fit import PoseFitSettings, acts_together
+from samrl_core.model.real2sim.prediction import CameraErrors, seen_from_elsewhere
 from samrl_core.model.real2sim.real2sim import Estimate, Real2SimSettings
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
+from samrl_core.model.real2sim.thread_line import line_equations
 from samrl_core.model.scene.settings import ModelSettings
 from samrl_core.policy.view.view_reach import SPEED_SHARE, ReachSettings, View, ViewReach, motion_seconds
 
@@ -32,12 +35,14 @@ class ViewPlanningSettings:
     """Error model, penalty for moving, and how many views are rendered in full."""
 
     noise: ImageNoise = field(default_factory=ImageNoise)
+    parts: PartSettings = field(default_factory=PartSettings)  # of targets with several labels
     reach: ReachSettings = ReachSettings()
     coarse_scale: int = 2  # the first images of all views are this many times smaller
     finalists: int = 4  # views that are rendered in full
     jacobian_step: float = Real2SimSettings.jacobian_step  # half span of the differences [parameter's scale]
     min_gain: float = 0.15  # least gain over the present view, the motion's penalty subtracted [nat]
     time_penalty: float = 0.03  # of camera motion [nat/s]
+    enough: float = 0.0006  # standard deviation of a task's aim below which the camera stays [m]
     speed_share: float = SPEED_SHARE  # of the joints' velocity limits, for the time of a motion
 
 
@@ -115,10 +120,12 @@ class ViewPlanner:
             raise InputError(f"no view strategy is named {strategy!r}; there are: {', '.join(STRATEGIES)}")
         here = np.asarray(camera_arm_position, dtype=np.float64)
         present_pose = self._reach.camera_at(here)
-        present = self._score(self._model, present_pose, estimate, tool_arm_position, 1)
+        present = self._score(self._model, present_pose, estimate, tool_arm_position, 1, present_pose)
         stay = _Scored(present_pose, here, present, present)
         if strategy == "fixed":
             return self._choice(False, stay, present, [], estimate, tool_arm_position, "fixed view")
+        if strategy == "best" and self._aim_is_known(estimate, tool_arm_position):
+            return self._choice(False, stay, present, [], estimate, tool_arm_position, "stays: sees enough")
         obstacles = self._reach.obstacles(tool_arm_position, estimate.values)
         free = self._reach.clear_views(obstacles)
         if strategy == "random":
@@ -172,33 +179,76 @@ class ViewPlanner:
         self, model: Model, view: View, stay: _Scored, estimate: Estimate, tool: np.ndarray, scale: int
     ) -> _Scored:
         s = self._settings
-        score = self._score(model, view.camera_in_world, estimate, tool, scale)
+        score = self._score(model, view.camera_in_world, estimate, tool, scale, stay.camera_in_world)
         velocity = self._cell.camera_arm.limits.velocity
         seconds = motion_seconds(stay.joint_position, view.joint_position, velocity, s.speed_share)
         return _Scored(view.camera_in_world, view.joint_position, score, score - s.time_penalty * seconds)
 
     def _score(
-        self, model: Model, camera_in_world: Pose, estimate: Estimate, tool: np.ndarray, scale: int
+        self,
+        model: Model,
+        camera_in_world: Pose,
+        estimate: Estimate,
+        tool: np.ndarray,
+        scale: int,
+        present: Pose,
     ) -> float:
-        """log det of the information after an image from there, in units of the parameters' scales."""
-        information = self._information(model, camera_in_world, estimate, tool, scale).matrix
-        total = np.linalg.inv(estimate.covariance) + information
+        """log det of the information after an image from there, in units of the parameters' scales.
+
+        Where the task has an aim, the information about that, in millimetres.
+        """
+        way = float(np.linalg.norm(camera_in_world.position - present.position))
+        turn = camera_in_world.angle_to(present)
+        there = seen_from_elsewhere(estimate, self._task.parameters(), way, turn, CameraErrors())
+        information = self._information(model, camera_in_world, there, tool, scale)
+        total = np.linalg.inv(there.covariance) + information
+        aim = self._aim_jacobian(estimate, tool)
+        if len(aim):
+            return -float(np.linalg.slogdet(1e6 * aim @ np.linalg.inv(total) @ aim.T)[1])
         scaled = total * np.outer(self._scale, self._scale)
         return float(np.linalg.slogdet(scaled)[1])
 
+    def _aim_jacobian(self, estimate: Estimate, tool: np.ndarray) -> np.ndarray:
+        """How the task's aim changes with the values (A, P), by differences of a thousandth of a scale."""
+        tip, values = self._model.tip_in_base(tool).position, estimate.values
+        steps = np.diag(1e-3 * self._scale)
+        ends = [(self._task.aim(values + h, tip), self._task.aim(values - h, tip)) for h in steps]
+        return np.array([a - b for a, b in ends]).T.reshape(-1, len(values)) / (2e-3 * self._scale)
+
+    def _aim_is_known(self, estimate: Estimate, tool: np.ndarray) -> bool:
+        aim = self._aim_jacobian(estimate, tool)
+        if not len(aim):
+            return False
+        spread = np.linalg.eigvalsh(aim @ estimate.covariance @ aim.T).max()
+        return float(np.sqrt(spread)) < self._settings.enough
+
     def _information(
         self, model: Model, camera_in_world: Pose, estimate: Estimate, tool: np.ndarray, scale: int
-    ) -> ViewInformation:
-        s = self._settings
-        renderer = TargetRenderer(model, Camera(model.cell.intrinsics, camera_in_world), tool)
+    ) -> np.ndarray:
+        """(P, P) of an image from there, over all parts of the target."""
+        s, camera = self._settings, Camera(model.cell.intrinsics, camera_in_world)
+        matrix = np.zeros((len(self._scale), len(self._scale)))
+        for part in range(len(model.parts)):
+            renderer = TargetRenderer(model, camera, tool, part=part, others=estimate.values)
+            at = renderer.taken
+            noise = s.noise if len(model.parts) == 1 else s.parts.noise
+            if len(model.parts) > 1 and renderer.thin:
+                seen = renderer.image(estimate.values[at], estimate.colors).mask
+                line = line_equations(renderer, estimate.values[at], seen, s.parts.line, 1.0 / scale)
+                matrix[np.ix_(at, at)] += line.information
+                continue
 
-        def image(values: np.ndarray) -> TargetImage:
-            return renderer.image(values, estimate.colors)
+            def image(values: np.ndarray, renderer: TargetRenderer = renderer) -> TargetImage:
+                return renderer.image(values, estimate.colors)
 
-        step = s.jacobian_step * scale * self._scale
-        if acts_together(model.task):  # a parameter's scale hardly determines how far it moves the picture
-            step = renderer.pixel_steps(estimate.values, PoseFitSettings.jacobian_pixels)
-        return view_information(image, estimate.values, step, s.noise, 1.0 / scale, central=scale == 1)
+            step = s.jacobian_step * scale * self._scale[at]
+            if acts_together(
+                model.task
+            ):  # a parameter's scale hardly determines how far it moves the picture
+                step = renderer.pixel_steps(estimate.values[at], PoseFitSettings.jacobian_pixels)
+            view = view_information(image, estimate.values[at], step, noise, 1.0 / scale, central=scale == 1)
+            matrix[np.ix_(at, at)] += view.matrix
+        return matrix
 
     def _choice(
         self,
@@ -211,13 +261,14 @@ class ViewPlanner:
         reason: str,
     ) -> ViewChoice:
         camera = Camera(self._cell.intrinsics, view.camera_in_world)
+        target = TargetRenderer(self._model, camera, tool, others=estimate.values)
         return ViewChoice(
             move=move,
             camera_in_world=view.camera_in_world,
             joint_position=view.joint_position,
             score=view.score,
             present_score=present,
-            visibility=TargetRenderer(self._model, camera, tool).visibility(estimate.values, estimate.colors),
+            visibility=target.visibility(estimate.values[target.taken], estimate.colors),
             candidates=len(seen),
             reason=reason,
             scored=tuple(ViewScore(s.camera_in_world, s.score) for s in seen),

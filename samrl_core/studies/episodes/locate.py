@@ -54,20 +54,26 @@ def _threading(
     task: NeedleThreading, points: np.ndarray, mask: np.ndarray, tip: np.ndarray
 ) -> tuple[Task, np.ndarray]:
     """A thread taken for a straight line to its loose end, and the ring's middle for the eye."""
+    values, count = np.array([p.nominal for p in task.parameters()]), 2 * task.links
     ring = _at_height(points[mask == task.needle_label], task.eye_z)
     if len(ring) >= _FEWEST:  # the post stands at its +y side, so the other edge is the ring's own
         low, high = np.quantile(ring[:, :2], 0.05, axis=0), np.quantile(ring[:, :2], 0.95, axis=0)
-        task = task.with_needle_at(np.array([0.5 * (low[0] + high[0]), low[1] + task.eye_outer_radius]))
+        place = np.array([0.5 * (low[0] + high[0]), low[1] + task.eye_outer_radius])
+        if task.finds_needle:
+            values[count : count + 2] = place
+        else:
+            task = task.with_needle_at(place)
     thread = points[mask == task.thread_label]
     thread = thread[np.isfinite(thread).all(axis=1)]
     near = np.linalg.norm(thread - tip, axis=1) < 1.2 * task.links * task.link_length
     thread = thread[near]
     if len(thread) < _FEWEST:
-        return task, np.zeros(2 * task.links)
+        return task, values
     lowest = np.quantile(thread[:, 2], 0.05)
     way = thread[thread[:, 2] < lowest + _LOOSE].mean(axis=0) - tip
     way *= task.link_length / np.linalg.norm(way)
-    return task, task.values_of(tip + np.arange(task.links + 1)[:, None] * way)
+    values[:count] = task.values_of(tip + np.arange(task.links + 1)[:, None] * way)
+    return task, values
 
 
 def _at_height(points: np.ndarray, height: float) -> np.ndarray:

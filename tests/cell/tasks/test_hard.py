@@ -158,6 +158,52 @@ def test_a_needle_that_was_found_moves_goals_and_scene_alike() -> None:
     np.testing.assert_allclose(above.tip_position[:2], [0.507, -0.004], atol=1e-12)
 
 
+def needle_values(place: tuple[float, float], length: float = 1.0) -> np.ndarray:
+    """A straight thread, and a needle that stands there [m]."""
+    return np.concatenate([np.zeros(20), place, [0.05, length], np.zeros(3)])
+
+
+def test_an_unknown_needle_is_a_parameter_that_moves_body_and_goals() -> None:
+    task, values = threading(), needle_values((0.507, -0.004))
+    assert [p.kind for p in task.parameters()] == ["state"] * 20 + ["constant"] * 4 + ["camera"] * 3
+    needle = task.body_poses(values)[NEEDLE]
+    np.testing.assert_allclose(needle.position, [0.507, -0.004, task.eye_z])
+    np.testing.assert_allclose(task.values_at({NEEDLE: needle}, np.zeros(20)), values, atol=1e-12)
+    tip = np.array([0.5, 0.0, 0.3])
+    above = task.sub_goals(values, tip)[0]
+    np.testing.assert_allclose(above.tip_position[:2], [0.507, -0.004], atol=1e-12)
+    np.testing.assert_allclose(task.aim(values, tip), [-0.007, 0.004], atol=1e-12)
+
+
+def test_a_longer_thread_stops_higher_above_the_eye() -> None:
+    task, tip = threading(), np.array([0.5, 0.0, 0.3])
+    drawn, longer = (task.sub_goals(needle_values((0.5, 0.0), s), tip)[0] for s in (1.0, 1.06))
+    assert longer.tip_position[2] - drawn.tip_position[2] == pytest.approx(0.006, abs=1e-9)
+
+
+def test_a_believed_length_is_drawn_into_the_links_and_read_back() -> None:
+    task, values = threading(), needle_values((0.5, 0.0), 1.061)
+    believed = task.as_believed(values)
+    assert believed.link_length == pytest.approx(1.06 * task.link_length)
+    assert believed.values_at(believed.body_poses(values), np.zeros(20))[23] == pytest.approx(1.06)
+    assert believed.chain_stretch(values) == pytest.approx(1.061 / 1.06)
+    assert task.as_believed(needle_values((0.5, 0.0), 1.004)) == task
+
+
+def test_truth_is_read_as_length_and_place_of_the_needle() -> None:
+    task, values = threading(), needle_values((0.492, 0.006), 0.95)
+    points = task.thread_points(values, np.array([0.5, 0.0, 0.3]))
+    found = task.values_from_truth(task.body_poses(values), points)
+    np.testing.assert_allclose(found, values, atol=1e-9)
+
+
+def test_a_wrong_number_of_values_names_what_is_expected() -> None:
+    with pytest.raises(InputError, match="7 numbers of needle, length and camera"):
+        threading().body_poses(np.zeros(20))
+    with pytest.raises(InputError, match="length_range"):
+        replace(threading(), length_range=0.0)
+
+
 @pytest.mark.parametrize(
     ("change", "word"),
     [({"fits": (0.0004, 0.0005)}, "fits"), ({"tilt": -0.1}, "tilt"), ({"force_limit": 0.0}, "force_limit")],

@@ -1,7 +1,8 @@
 """Needle threading after the paper: a thread of 10 links, gripped at its upper end, goes through an eye.
 
-What is unknown is how the thread hangs, 20 joint angles. The eye stands where it is known to stand; one that
-may stand elsewhere is found first (`with_needle_at`).
+What is unknown is how the thread hangs, 20 joint angles. Where a needle may stand elsewhere than drawn
+(`post_range`), its place and turn, the thread's length, and how far the camera shows all beside where the
+encoders have it are unknown too.
 """
 
 from __future__ import annotations
@@ -16,16 +17,30 @@ from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.chain import link_frames
 from samrl_core.cell.tasks.hand import TOOL_LABEL
 from samrl_core.cell.tasks.needle_threading.eye import needle_body
-from samrl_core.cell.tasks.needle_threading.thread import crossing_distance, length_below, points_at
+from samrl_core.cell.tasks.needle_threading.thread import (
+    crossing_distance,
+    length_below,
+    point_at,
+    points_at,
+)
 from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
+from samrl_core.cell.tasks.needle_threading.unknowns import (
+    CAMERA,
+    COUNT,
+    LENGTH,
+    PLACE,
+    TURN,
+    NeedleUnknowns,
+)
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
-from samrl_core.cell.tasks.task import Ending, EpisodeStart, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import ChainLink, Rgb, Scene, Tool
 from samrl_core.common.errors import InputError
 
 NEEDLE = "needle"
+_LENGTHS = 0.02  # steps of a thread's length that a physics of its own is built for [-]
 
 
 @dataclass(frozen=True)
@@ -40,6 +55,7 @@ class NeedleThreading(Task):
 
     name: str = "needle_threading"
     variant_of: str = ""
+    usual_policy: str = ""
     max_actions: int = 100
     links: int = 10
     link_length: float = 0.010  # [m]
@@ -72,6 +88,8 @@ class NeedleThreading(Task):
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
     post_range: float = 0.0  # the needle stands within +- this of its place, in x and y [m]
+    length_range: float = 0.0  # the thread is within +- this share of its drawn length [-]
+    stretch: float = 1.0  # of the thread's length over that of its links as drawn; see `as_believed` [-]
     eyes: tuple[float, ...] = ()  # least and largest radius of eyes as made; (): fitted to the thread [m]
     softness: float = 1.0  # times what `Parts` says of the thread's length and stiffness [-]
     force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
@@ -98,6 +116,8 @@ class NeedleThreading(Task):
                 f"post_range is {self.post_range} m, softness {self.softness}, force_limit "
                 f"{self.force_limit} N; must be at least 0 m, and positive"
             )
+        if self.finds_needle and not 0.0 < self.length_range < 0.5:
+            raise InputError(f"length_range is {self.length_range}, must be a share between 0 and 0.5")
         if not self.links * self.link_length > self.success_depth + self.done_margin + self.thread_step:
             raise InputError(
                 f"thread of {self.links * self.link_length} m is too short to hang {self.success_depth} m "
@@ -151,33 +171,64 @@ class NeedleThreading(Task):
         )
 
     def with_needle_at(self, place: np.ndarray) -> NeedleThreading:
-        """This task with the needle found at `place` (2,), the eye's centre in x and y [m]."""
+        """This task with a needle that is known to stand at `place` (2,), the eye's centre [m]."""
         x, y = np.asarray(place, dtype=np.float64).tolist()
-        return replace(self, eye_x=x, eye_y=y)
+        return replace(self, eye_x=x, eye_y=y, post_range=0.0)
+
+    @property
+    def finds_needle(self) -> bool:
+        """Whether the needle's place, the thread's length and the camera's error are parameters."""
+        return self.post_range > 0.0
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
-        """Angles of all joints about x and y, from the gripper down; uniform at the start."""
+        """Angles of all joints about x and y, from the gripper down; uniform at the start.
+
+        Then, if `finds_needle`: the eye's place and the needle's turn, the thread's length over the drawn
+        one, and the camera's shift.
+        """
         scale = self.half_range / math.sqrt(3.0)
-        return tuple(
+        angles = tuple(
             ParameterSpec(f"thread_{i}_{axis}", "rad", 0.0, scale, -self.bend_limit, self.bend_limit)
             for i in range(self.links)
             for axis in "xy"
         )
+        return (*angles, *self._unknowns.specs(self.eye_x, self.eye_y)) if self.finds_needle else angles
 
     def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
-        """None: the needle is known."""
-        self.chain_angles(values)
-        return {}
+        """The needle's, where it is not known."""
+        found = self._found(values)
+        if not len(found):
+            return {}
+        return {NEEDLE: Pose.from_rpy(np.array([*found[PLACE], self.eye_z]), (0.0, 0.0, float(found[TURN])))}
 
     def chain_angles(self, values: np.ndarray) -> np.ndarray:
-        """The values themselves."""
-        v = np.asarray(values, dtype=np.float64)
-        if v.shape != (2 * self.links,) or not np.isfinite(v).all():
-            raise InputError(f"needle threading estimates {2 * self.links} joint angles [rad], got {values}")
-        return v
+        """The first of the values."""
+        return self._checked(values)[: 2 * self.links]
+
+    def chain_stretch(self, values: np.ndarray) -> float:
+        """See `Task`; of the links as they are drawn in here."""
+        found = self._found(values)
+        return float(found[LENGTH]) / self.stretch if len(found) else 1.0
+
+    def camera_shift(self, values: np.ndarray) -> np.ndarray:
+        """See `Task`."""
+        found = self._found(values)
+        return found[CAMERA] if len(found) else np.zeros(3)
+
+    def as_believed(self, values: np.ndarray) -> NeedleThreading:
+        """Links of another length, to 2 %: 2 mm of a thread."""
+        if not self.finds_needle:
+            return self
+        times = round(self.chain_stretch(values) * self.stretch / _LENGTHS) * _LENGTHS / self.stretch
+        return replace(self, link_length=self.link_length * times, stretch=self.stretch * times)
+
+    def eye_at(self, values: np.ndarray) -> np.ndarray:
+        """Centre of the eye (3,) in world by the parameters (P,) [m]."""
+        found = self._found(values)
+        return np.array([*found[PLACE], self.eye_z]) if len(found) else self.eye
 
     def values_of(self, points: np.ndarray) -> np.ndarray:
-        """The parameters of a thread whose joints and end lie at `points` (links + 1, 3) [m]."""
+        """Angles (2 K,) [rad] of a thread whose joints and end lie at `points` (links + 1, 3) [m]."""
         turn = DOWN
         values = []
         for step in np.diff(points, axis=0):
@@ -192,15 +243,26 @@ class NeedleThreading(Task):
     def thread_points(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
         """Joints and end of the thread (links + 1, 3) [m], hanging from a tip that points down."""
         tip = Pose.from_rotation(checked_tip(tip_position), DOWN)
-        return link_frames([self.link_length] * self.links, tip, self.chain_angles(values))[1]
+        lengths = [self.link_length * self.chain_stretch(values)] * self.links
+        return link_frames(lengths, tip, self.chain_angles(values))[1]
 
     def values_at(self, body_in_world: dict[str, Pose], chain_angles: np.ndarray) -> np.ndarray:
-        """The angles themselves."""
-        return self.chain_angles(chain_angles)
+        """The angles, and the needle's place; of a thread as drawn in here, and a camera without error."""
+        if not self.finds_needle:
+            return self._checked(chain_angles)
+        x, y, _ = body_in_world[NEEDLE].position
+        turn = body_in_world[NEEDLE].rotation
+        found = self._unknowns.nominal(x, y, self.stretch)
+        found[TURN] = math.atan2(turn[1, 0], turn[0, 0])
+        return self._checked(np.concatenate([chain_angles, found]))
 
     def values_from_truth(self, body_in_world: dict[str, Pose], chain_points: np.ndarray) -> np.ndarray:
-        """See `Task`."""
-        return self.values_of(chain_points)
+        """See `Task`; of the camera's error nothing is known."""
+        values = self.values_at(body_in_world, self.values_of(chain_points))
+        if self.finds_needle:
+            length = float(np.linalg.norm(np.diff(chain_points, axis=0), axis=1).mean())
+            values[2 * self.links + LENGTH] = length / self.link_length * self.stretch
+        return values
 
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:
         """A straight thread would end above the eye; camera in the middle of its region."""
@@ -229,24 +291,24 @@ class NeedleThreading(Task):
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
             return ()
-        points = self.thread_points(values, tip)
+        points, eye = self.thread_points(values, tip), self.eye_at(values)
         end = points[-1]
         below = length_below(points, self.eye_z)
         numbers = np.arange(1, math.ceil(self._goal_length(points) / self.thread_step) + 1)
         ahead = numbers[numbers * self.thread_step > below + 0.5 * self.thread_step]
-        places = tip + self.eye - points_at(points, ahead * self.thread_step)
+        places = tip + eye - points_at(points, ahead * self.thread_step)
         goals = [
             SubGoal(f"thread_{k}", place, 0.0015, self.fine_step)
             for k, place in zip(ahead, places, strict=True)
         ]
         if below > 0.0:
-            if crossing_distance(points, self.eye) < self.eye_radius:
+            if crossing_distance(points, eye) < self.eye_radius:
                 return tuple(goals)
             up = tip + [0.0, 0.0, self.eye_z + self.hover - end[2]]
             clear = (SubGoal("clear", up, 0.002, self.free_step),)
         else:
             clear = ()
-        over = np.array([self.eye_x, self.eye_y, self.eye_z + self.hover]) - end
+        over = np.array([eye[0], eye[1], self.eye_z + self.hover]) - end
         lateral = float(np.hypot(over[0], over[1]))
         clearance = self.eye_radius - self.thread_radius
         # On the way down more is allowed, or a swing of the thread would send it up again and again.
@@ -255,28 +317,39 @@ class NeedleThreading(Task):
             return tuple(goals)
         return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *goals)
 
+    def aim(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
+        """From the eye to where the thread passes its plane, or to its end above it, in x and y.
+
+        Of a needle that is known every joint counts, as the trained networks were taught.
+        """
+        if not self.finds_needle:
+            return np.zeros(0)
+        points = self.thread_points(values, tip_position)
+        return (point_at(points, length_below(points, self.eye_z)) - self.eye_at(values))[:2]
+
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""
         points = self.thread_points(values, tip_position)
-        return self._threaded(points, self.success_depth + self.done_margin, self.eye)
+        return self._threaded(points, self.success_depth + self.done_margin, self.eye_at(values))
 
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
-        """All joints uniform within their range."""
-        return rng.uniform(-self.half_range, self.half_range, 2 * self.links)
+        """All joints uniform within their range, and the needle's place within its own."""
+        angles = rng.uniform(-self.half_range, self.half_range, 2 * self.links)
+        if not self.finds_needle:
+            return angles
+        x, y = [self.eye_x, self.eye_y] + rng.uniform(-self.post_range, self.post_range, 2)
+        return np.concatenate([angles, self._unknowns.nominal(x, y, self.stretch)])
 
     @property
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:
         """See `Task`."""
         bound = np.full(2 * self.links, self.half_range)
-        return -bound, bound
-
-    def sample_start(self, rng: np.random.Generator) -> EpisodeStart:
-        """See `Task`; where the needle stands, none of the parameters says."""
-        angles = self.chain_angles(self.start_values(rng))
-        if not self.post_range:
-            return EpisodeStart({}, angles)
-        place = self.eye + [*rng.uniform(-self.post_range, self.post_range, 2), 0.0]
-        return EpisodeStart({NEEDLE: Pose(place, np.array([0.0, 0.0, 0.0, 1.0]))}, angles)
+        if not self.finds_needle:
+            return -bound, bound
+        middle = self._unknowns.nominal(self.eye_x, self.eye_y, self.stretch)
+        place = np.zeros(len(middle))
+        place[PLACE] = self.post_range
+        return np.concatenate([-bound, middle - place]), np.concatenate([bound, middle + place])
 
     def succeeded(self, ending: Ending) -> bool:
         """The centre line passes the eye's plane in the eye, the end is deep, and nothing was pressed."""
@@ -294,6 +367,23 @@ class NeedleThreading(Task):
         """Less the distance between the thread and where it hangs in the eye [m]."""
         return -self.final_error(ending)
 
+    @property
+    def _unknowns(self) -> NeedleUnknowns:
+        return NeedleUnknowns(self.post_range, length=self.length_range)
+
+    def _found(self, values: np.ndarray) -> np.ndarray:
+        """What follows the angles: (7,), or (0,) where the needle is known."""
+        return self._checked(values)[2 * self.links :]
+
+    def _checked(self, values: np.ndarray) -> np.ndarray:
+        v, count = np.asarray(values, dtype=np.float64), 2 * self.links + COUNT * self.finds_needle
+        if v.shape != (count,) or not np.isfinite(v).all():
+            more = f", then {COUNT} numbers of needle, length and camera" if self.finds_needle else ""
+            raise InputError(
+                f"needle threading estimates {2 * self.links} joint angles [rad]{more}, got {values}"
+            )
+        return v
+
     def _threaded(self, points: np.ndarray, depth: float, eye: np.ndarray) -> bool:
         deep = points[-1, 2] <= eye[2] - depth
         return bool(deep and crossing_distance(points, eye) < self.eye_radius)
@@ -301,6 +391,8 @@ class NeedleThreading(Task):
     def _goal_length(self, points: np.ndarray) -> float:
         """Length of thread below the eye at which its end hangs deep enough, by its present shape [m]."""
         whole = self.links * self.link_length
+        if self.finds_needle:
+            whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         depth = self.success_depth + 2 * self.done_margin
         lengths = np.arange(self.thread_step, whole, self.thread_step)
         deep = points_at(points, lengths)[:, 2] - points[-1, 2] >= depth

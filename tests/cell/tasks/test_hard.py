@@ -175,6 +175,19 @@ def test_an_unknown_needle_is_a_parameter_that_moves_body_and_goals() -> None:
     np.testing.assert_allclose(task.aim(values, tip), [-0.007, 0.004], atol=1e-12)
 
 
+def test_a_bent_threads_end_is_taken_into_the_eye_before_its_bend() -> None:
+    """The next point of a thread that ends aslant would draw the end aside before it has entered."""
+    task, values = threading(), needle_values((0.5, 0.0))
+    values[:20] = np.tile([0.0, 0.08], 10)
+    for height, first in ((0.012, "enter"), (0.006, "enter"), (0.001, "thread_1")):
+        end = task.thread_points(values, np.zeros(3))[-1]
+        tip = task.eye_at(values) - end + [0.0, 0.0, height]
+        goals = task.sub_goals(values, tip)
+        assert goals[0].name == first
+        straight_down = goals[0].tip_position - tip
+        assert bool(np.abs(straight_down[:2]).max() < 1e-9) is (first == "enter")
+
+
 def test_a_longer_thread_stops_higher_above_the_eye() -> None:
     task, tip = threading(), np.array([0.5, 0.0, 0.3])
     drawn, longer = (task.sub_goals(needle_values((0.5, 0.0), s), tip)[0] for s in (1.0, 1.06))

@@ -18,7 +18,9 @@ from samrl_core.cell.tasks.chain import link_frames
 from samrl_core.cell.tasks.hand import TOOL_LABEL
 from samrl_core.cell.tasks.needle_threading.eye import needle_body
 from samrl_core.cell.tasks.needle_threading.thread import (
+    bend_angles,
     crossing_distance,
+    hanging_length,
     length_below,
     point_at,
     points_at,
@@ -229,16 +231,7 @@ class NeedleThreading(Task):
 
     def values_of(self, points: np.ndarray) -> np.ndarray:
         """Angles (2 K,) [rad] of a thread whose joints and end lie at `points` (links + 1, 3) [m]."""
-        turn = DOWN
-        values = []
-        for step in np.diff(points, axis=0):
-            # Direction of the link in the frame of the one before: Rx(a) Ry(b) z.
-            d = turn.T @ (step / np.linalg.norm(step))
-            about_y = math.asin(float(np.clip(d[0], -1.0, 1.0)))
-            about_x = math.atan2(-d[1], d[2])
-            values += [about_x, about_y]
-            turn = turn @ _about_x(about_x) @ _about_y(about_y)
-        return np.array(values)
+        return bend_angles(points, DOWN)
 
     def thread_points(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
         """Joints and end of the thread (links + 1, 3) [m], hanging from a tip that points down."""
@@ -284,7 +277,8 @@ class NeedleThreading(Task):
 
     def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
         """`above`: the thread's end over the eye; then `thread_1`, `thread_2`, ...: ever higher points of the
-        thread, as it hangs, lie in the eye's centre. Empty when done.
+        thread, as it hangs, lie in the eye's centre. Empty when done. Where the needle is unknown, `enter`
+        takes the end there first.
 
         An end that is below the eye but not through it first goes up (`clear`).
         """
@@ -314,7 +308,10 @@ class NeedleThreading(Task):
         # On the way down more is allowed, or a swing of the thread would send it up again and again.
         allowed = 0.8 * clearance if over[2] > 0.002 else 0.4 * clearance
         if not clear and lateral < allowed and over[2] > -0.002:
-            return tuple(goals)
+            # Straight down first: a bent thread's next point would draw the end aside of so small an eye.
+            enter = SubGoal("enter", tip + eye - end, 0.0015, self.fine_step)
+            ahead_of_eye = self.finds_needle and float(np.linalg.norm(eye - end)) > enter.tolerance
+            return (enter, *goals) if ahead_of_eye else tuple(goals)
         return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *goals)
 
     def aim(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
@@ -393,10 +390,7 @@ class NeedleThreading(Task):
         whole = self.links * self.link_length
         if self.finds_needle:
             whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        depth = self.success_depth + 2 * self.done_margin
-        lengths = np.arange(self.thread_step, whole, self.thread_step)
-        deep = points_at(points, lengths)[:, 2] - points[-1, 2] >= depth
-        return float(lengths[deep][0]) if deep.any() else whole
+        return hanging_length(points, self.success_depth + 2 * self.done_margin, self.thread_step, whole)
 
     def _tool(self) -> Tool:
         return hand_with_thread(self._chain(), self.thread_radius, self.thread_friction, self.tool_label)
@@ -416,13 +410,3 @@ class NeedleThreading(Task):
             )
             for i in range(self.links)
         )
-
-
-def _about_x(angle: float) -> np.ndarray:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def _about_y(angle: float) -> np.ndarray:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

@@ -1,6 +1,8 @@
-"""Where a thread, a line of points from the gripped end to the loose one, passes a horizontal plane."""
+"""A thread as a line of points from the gripped end to the loose one: bends, lengths, and where it passes."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -44,3 +46,45 @@ def crossing_distance(points: np.ndarray, eye: np.ndarray) -> float:
     """
     place = point_at(points, length_below(points, float(eye[2])))
     return float(np.linalg.norm(place[:2] - eye[:2]))
+
+
+def hanging_length(points: np.ndarray, depth: float, step: float, whole: float) -> float:
+    """Length from the loose end, in steps, of the first point that lies `depth` above the end [m].
+
+    Args:
+        points: (K + 1, 3) [m].
+        depth: [m].
+        step: between lengths that are tried [m].
+        whole: length of the thread, which is given where none lies so high [m].
+    """
+    lengths = np.arange(step, whole, step)
+    deep = points_at(points, lengths)[:, 2] - points[-1, 2] >= depth
+    return float(lengths[deep][0]) if deep.any() else whole
+
+
+def bend_angles(points: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Angles (2 K,) about x and y of each link [rad] of a thread whose joints and end lie at `points`.
+
+    Args:
+        points: (K + 1, 3) [m].
+        turn: (3, 3) rotation of what it hangs from.
+    """
+    values = []
+    for step in np.diff(points, axis=0):
+        # Direction of the link in the frame of the one before: Rx(a) Ry(b) z.
+        d = turn.T @ (step / np.linalg.norm(step))
+        about_y = math.asin(float(np.clip(d[0], -1.0, 1.0)))
+        about_x = math.atan2(-d[1], d[2])
+        values += [about_x, about_y]
+        turn = turn @ _about_x(about_x) @ _about_y(about_y)
+    return np.array(values)
+
+
+def _about_x(angle: float) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def _about_y(angle: float) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from samrl_core.cell.excitation.camera_views import CameraMotion, camera_motion
-from samrl_core.cell.robots.arm_model import ArmModel, Payload
+from samrl_core.cell.robots.arm_model import ArmModel, nominal_payloads
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import CellSpec
@@ -123,10 +123,7 @@ def _motion(
     task: Task, cell: CellSpec, worth: ViewInformation | None = None, camera_moves: bool = True
 ) -> CameraMotion:
     tool = task.scene(cell).tool
-    loads = {
-        "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-        "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
-    }
+    loads = nominal_payloads(cell, tool)
     return camera_motion(task, cell, loads, SEED, SECONDS, camera_moves=camera_moves, worth=worth)
 
 

@@ -80,7 +80,7 @@ class Experiment:
     name: str
     shows: str  # one line
     tasks: tuple[str, ...]  # that it knows
-    run: Callable[[Options, Progress], dict[str, Any]]  # returns the summary; writes `<name>.png` in `out`
+    run: Callable[[Options, Progress], dict[str, Any]]  # returns the summary; writes `<name>*.png` in `out`
     on_request: tuple[str, ...] = ()  # tasks that it knows, too, and leaves out unless asked for
     conditions: tuple[str, ...] = ()  # that may be asked for without the others; none: it makes them all
     one_machine: bool = False  # its processes need each other

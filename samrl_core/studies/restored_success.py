@@ -27,7 +27,7 @@ from samrl_core.cell.calibration.cell_correction import (
 from samrl_core.cell.excitation.camera_views import camera_motion
 from samrl_core.cell.instance.cell_instance import CellInstance, InstanceName, instance_named
 from samrl_core.cell.instance.dominant import DOMINANT
-from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks import task_named
@@ -99,10 +99,7 @@ def examined(job: CellJob) -> list[Case]:
     task, cell = task_named(job.task), cell_named(job.cell)
     instance = instance_named(job.instance, cell)
     tool = task.scene(cell).tool
-    loads = {
-        "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-        "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
-    }
+    loads = nominal_payloads(cell, tool)
     recordings = []
     for name, seed in RECORDINGS:
         motion = camera_motion(task, cell, loads, seed, SECONDS)
@@ -212,7 +209,7 @@ def draw_restored(found: dict[str, Any], task: str, path: Path) -> None:
     table = [[a["instance"], f"{a['verdict']} {a['named']}", *(str(a[row]) for row in rows)] for a in answers]
     drawn = lower.table(
         cellText=table, colLabels=["cell", "diagnosis", *rows], loc="center", cellLoc="left",
-        colWidths=[0.3, 0.36, *(0.34 / len(rows) for _ in rows)],
+        colWidths=[0.28, 0.42, *(0.3 / len(rows) for _ in rows)],
     )  # fmt: skip
     drawn.auto_set_font_size(False)
     drawn.set_fontsize(7)

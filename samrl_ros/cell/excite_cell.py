@@ -21,7 +21,7 @@ from samrl_core.cell.excitation.signal import (
     minimum_jerk_velocity,
     sample_times,
 )
-from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
@@ -41,15 +41,6 @@ _LOOKED_AT = 60  # poses of a path at which distances are taken
 Progress = Callable[[str, float, float], None]  # (what, done [s], of [s])
 
 
-def payloads(task: Task, cell: CellSpec) -> dict[str, Payload]:
-    """What each arm of the cell carries, nominally."""
-    tool = task.scene(cell).tool
-    return {
-        "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-        "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
-    }
-
-
 class CellPlayer:
     """Records one arm; the other waits out of its way."""
 
@@ -57,7 +48,7 @@ class CellPlayer:
         self._role, self._other = role, next(r for r in ROLES if r != role)
         self._task, self._cell = task, cell
         self._kind, self._seed = world_kind, seed
-        self._loads = payloads(task, cell)
+        self._loads = nominal_payloads(cell, task.scene(cell).tool)
         self._lines = {r: ArmLine(cell.arm(r), self._loads[r], cell.base_in_world(r)) for r in ROLES}
 
     def record(self, run: Run, progress: Progress) -> ArmRecording:

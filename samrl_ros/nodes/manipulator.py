@@ -11,7 +11,7 @@ from samrl_msgs.msg import MotionStatus, ToolAction
 from samrl_core.cell.control.cartesian import LONGEST_DISPLACEMENT, straight_line
 from samrl_core.cell.control.guard import CommandGuard
 from samrl_core.cell.control.trajectory_rules import TrajectoryPoint, check_trajectory
-from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import ROLES
@@ -75,10 +75,7 @@ class Manipulator(Behaviour):
             settings.goal_timeout,
             round(settings.horizon * 1e9),
         )
-        payloads = {
-            "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-            "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
-        }
+        payloads = nominal_payloads(cell, tool)
         self._arms = {r: ArmMotion(cell.arm(r), cell.base_in_world(r), payloads[r], motion) for r in ROLES}
         self._guards = {r: CommandGuard(cell.arm(r).limits, cell.arm(r).joint_names) for r in ROLES}
         self._ids: dict[str, tuple[int, int]] = dict.fromkeys(ROLES, (0, 0))

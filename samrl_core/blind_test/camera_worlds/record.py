@@ -8,7 +8,7 @@ import numpy as np
 
 from samrl_core.blind_test.camera_worlds.plan import CameraWorld, instance_of
 from samrl_core.cell.excitation.camera_views import CameraMotion, camera_motion
-from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks import task_named
@@ -32,12 +32,7 @@ class CameraRecorder:
         self.task: Task = task_named(TASK)
         self.cell: CellSpec = cell_named(DEFAULT_CELL)
         tool = self.task.scene(self.cell).tool
-        loads = {
-            "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-            "camera_arm": Payload(
-                self.cell.camera_mass, self.cell.camera_center_of_mass, self.cell.camera_inertia
-            ),
-        }
+        loads = nominal_payloads(self.cell, tool)
         self._motions: list[tuple[str, CameraMotion]] = [
             (name, camera_motion(self.task, self.cell, loads, seed, duration_s)) for name, seed in MOTIONS
         ]

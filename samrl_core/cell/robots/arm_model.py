@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from samrl_core.cell.robots.robot import RobotSpec
+from samrl_core.cell.robots.robot import CellSpec, RobotSpec
 from samrl_core.cell.robots.urdf import check_robot
 from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.scene import Tool
 from samrl_core.common.errors import InputError
 
 
@@ -42,6 +43,14 @@ class Payload:
             raise InputError(
                 f"payload principal moments {moments} break the triangle inequality of real bodies"
             )
+
+
+def nominal_payloads(cell: CellSpec, tool: Tool) -> dict[str, Payload]:
+    """What each arm of a cell carries, by role, as it is described."""
+    return {
+        "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
+        "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
+    }
 
 
 class ArmModel:

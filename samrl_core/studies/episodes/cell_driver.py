@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
-from samrl_core.cell.robots.arm_model import ArmModel, Payload
+from samrl_core.cell.robots.arm_model import ArmModel, nominal_payloads
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.observation import ArmCommand, Observation
@@ -27,10 +27,7 @@ class CellDriver:
         self.world = world
         self._correction = correction
         self._cell = cell
-        load = {
-            "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-            "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
-        }
+        load = nominal_payloads(cell, tool)
         self._arms = {r: ArmModel(cell.arm(r), cell.base_in_world(r), load[r]) for r in ROLES}
 
     def observe(self) -> Observation:

@@ -35,6 +35,14 @@ forge_app = typer.Typer(
     invoke_without_command=True,
 )
 
+Out = Annotated[Path, typer.Option(help="Folder of the worlds; an unfinished one is resumed.")]
+Seed = Annotated[int | None, typer.Option(help="Seed of the worlds.", min=0)]
+Commit = Annotated[str | None, typer.Option(help="Commit whose hash gives the seed (HEAD unless given).")]
+Single = Annotated[int | None, typer.Option(help="Worlds with one effect.", min=0)]
+Without = Annotated[int | None, typer.Option(help="Worlds without an effect.", min=0)]
+Outside = Annotated[int | None, typer.Option(help="Worlds with an effect outside the library.", min=0)]
+Double = Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)]
+Duration = Annotated[float | None, typer.Option(help="Length of each recording in seconds.")]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that samrl forge made.")]
 Workers = Annotated[int, typer.Option(help="Worlds at once.", min=1)]
 OnRay = Annotated[bool, typer.Option("--ray", help="Spread over a Ray cluster that sees the same folder.")]
@@ -46,19 +54,15 @@ def forge(
     out: Annotated[
         Path | None, typer.Option(help="Folder of the worlds; an unfinished one is resumed.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the worlds.", min=0)] = None,
-    commit: Annotated[
-        str | None, typer.Option(help="Commit whose hash gives the seed (HEAD unless given).")
-    ] = None,
+    seed: Seed = None,
+    commit: Commit = None,
     worlds: Annotated[
         int | None, typer.Option(help="Worlds in all, kinds in the usual shares.", min=1)
     ] = None,
-    single: Annotated[int | None, typer.Option(help="Worlds with one effect.", min=0)] = None,
-    none: Annotated[int | None, typer.Option(help="Worlds without an effect.", min=0)] = None,
-    outside: Annotated[
-        int | None, typer.Option(help="Worlds with an effect outside the library.", min=0)
-    ] = None,
-    double: Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)] = None,
+    single: Single = None,
+    none: Without = None,
+    outside: Outside = None,
+    double: Double = None,
     mujoco: Annotated[
         int | None, typer.Option(help="Of all, by MuJoCo instead of PyBullet; else the usual share.", min=0)
     ] = None,
@@ -76,7 +80,7 @@ def forge(
         list[str] | None,
         typer.Option("--family", "--effect", help="Only this family of effects; may be repeated."),
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
+    duration: Duration = None,
     workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
@@ -86,11 +90,11 @@ def forge(
     if out is None:
         raise typer.BadParameter("--out is missing: the folder of the worlds")
     from samrl_core.blind_test.engines.simulate import DivergedError
-    from samrl_core.blind_test.worlds.plan import ForgeSettings, plan_worlds, seed_from_commit
+    from samrl_core.blind_test.worlds.plan import ForgeSettings, plan_worlds
     from samrl_ros.blind_test.runs import Making, make
 
     study = Study(out.resolve())
-    chosen = None if seed is not None else (commit or commit_before(study) or head())
+    chosen, number = _seed_of(study, seed, commit)
     every = ForgeSettings()
     drawn = ForgeSettings(
         single=0,
@@ -110,7 +114,7 @@ def forge(
     asked = {"single": single, "none": none, "outside": outside, "double": double}
     counts |= {kind: count for kind, count in asked.items() if count is not None}
     settings = ForgeSettings(
-        seed=seed if seed is not None else seed_from_commit(chosen or ""),
+        seed=number,
         second_set=second_set,
         duration_s=every.duration_s if duration is None else duration,
         families=drawn.families,
@@ -133,32 +137,27 @@ def forge(
 
 @forge_app.command()
 def servos(
-    out: Annotated[Path, typer.Option(help="Folder of the worlds; an unfinished one is resumed.")],
-    seed: Annotated[int | None, typer.Option(help="Seed of the worlds.", min=0)] = None,
-    commit: Annotated[
-        str | None, typer.Option(help="Commit whose hash gives the seed (HEAD unless given).")
-    ] = None,
-    single: Annotated[int | None, typer.Option(help="Worlds with one effect.", min=0)] = None,
-    none: Annotated[int | None, typer.Option(help="Worlds without an effect.", min=0)] = None,
-    outside: Annotated[
-        int | None, typer.Option(help="Worlds with an effect outside the library.", min=0)
-    ] = None,
-    double: Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)] = None,
-    duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
+    out: Out,
+    seed: Seed = None,
+    commit: Commit = None,
+    single: Single = None,
+    none: Without = None,
+    outside: Outside = None,
+    double: Double = None,
+    duration: Duration = None,
     workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
     """Make sealed worlds of servo machines of one to three axes, as users' logs with mappings."""
     from samrl_core.blind_test.servo_worlds.engine import RanAwayError
     from samrl_core.blind_test.servo_worlds.plan import ServoSettings, plan_servos
-    from samrl_core.blind_test.worlds.plan import seed_from_commit
     from samrl_ros.blind_test.servo_runs import ServoMaking, make_servo
 
     study = Study(out.resolve())
-    chosen = None if seed is not None else (commit or commit_before(study) or head())
+    chosen, number = _seed_of(study, seed, commit)
     asked = {"single": single, "none": none, "outside": outside, "double": double, "duration_s": duration}
     settings = ServoSettings(
-        seed=seed if seed is not None else seed_from_commit(chosen or ""),
+        seed=number,
         **{name: value for name, value in asked.items() if value is not None},  # type: ignore[arg-type]
     )
     same_as_before(study, {"settings": asdict(settings), "commit": chosen})
@@ -171,31 +170,28 @@ def servos(
 
 @forge_app.command()
 def cameras(
-    out: Annotated[Path, typer.Option(help="Folder of the worlds; an unfinished one is resumed.")],
-    seed: Annotated[int | None, typer.Option(help="Seed of the worlds.", min=0)] = None,
-    commit: Annotated[
-        str | None, typer.Option(help="Commit whose hash gives the seed (HEAD unless given).")
-    ] = None,
+    out: Out,
+    seed: Seed = None,
+    commit: Commit = None,
     single: Annotated[int | None, typer.Option(help="Worlds with one known cause.", min=0)] = None,
     none: Annotated[int | None, typer.Option(help="Worlds without a cause.", min=0)] = None,
     outside: Annotated[
         int | None, typer.Option(help="Worlds with a cause outside the library.", min=0)
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="Length of each recording in seconds.")] = None,
+    duration: Duration = None,
     workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
     """Make sealed typical cells with one cause in front of or behind the camera, as bags of images."""
     from samrl_core.blind_test.camera_worlds.forge_plan import CameraForgeSettings, plan_cameras
     from samrl_core.blind_test.engines.simulate import DivergedError
-    from samrl_core.blind_test.worlds.plan import seed_from_commit
     from samrl_ros.blind_test.camera_runs import PARTS, CameraMaking, make_camera
 
     study = Study(out.resolve())
-    chosen = None if seed is not None else (commit or commit_before(study) or head())
+    chosen, number = _seed_of(study, seed, commit)
     asked = {"single": single, "none": none, "outside": outside, "duration_s": duration}
     settings = CameraForgeSettings(
-        seed=seed if seed is not None else seed_from_commit(chosen or ""),
+        seed=number,
         **{name: value for name, value in asked.items() if value is not None},  # type: ignore[arg-type]
     )
     same_as_before(study, {"settings": asdict(settings), "commit": chosen})
@@ -207,6 +203,16 @@ def cameras(
         "arguments": ["--camera", "--scene", "peg_insertion"],
     }  # fmt: skip
     make_and_seal(study, [item.id for item in plan], make_camera, todo, facts, DivergedError, workers, ray)
+
+
+def _seed_of(study: Study, seed: int | None, commit: str | None) -> tuple[str | None, int]:
+    """Commit that gives the seed, None where the seed is given; and the seed."""
+    from samrl_core.blind_test.worlds.plan import seed_from_commit
+
+    if seed is not None:
+        return None, seed
+    chosen = commit or commit_before(study) or head()
+    return chosen, seed_from_commit(chosen)
 
 
 def _published(settings: dict[str, Any]) -> dict[str, Any]:

@@ -14,12 +14,13 @@ from rich.progress import Progress, TextColumn
 from rich.table import Table
 
 from samrl_core.cell.excitation import KINDS, SETS, Run, TrajectoryFile, file_runs, set_run
+from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.world import DEFAULT_WORLD
 from samrl_core.common.errors import InputError
-from samrl_ros.cell.excite_cell import CellPlayer, payloads
+from samrl_ros.cell.excite_cell import CellPlayer
 from samrl_ros.cli.cell.excite_camera import record_views
 from samrl_ros.contract.exit_codes import INTERRUPTED, OK
 from samrl_ros.recordings.write import write_recording
@@ -165,7 +166,7 @@ def _runs(options: ExciteOptions, cell: CellSpec) -> list[tuple[str, Run]]:
     choices = {"all": "ABC", "ALL": "ABC"} | {letter: letter for letter in SETS}
     if which is not None and which.upper() not in choices:
         raise InputError(f"--set is {which!r}; choose all, {', '.join(SETS)}, or {CAMERA}")
-    loads = payloads(task_named(DEFAULT_TASK), cell)
+    loads = nominal_payloads(cell, task_named(DEFAULT_TASK).scene(cell).tool)
     runs: list[tuple[str, Run]] = []
     if which is not None or not options.trajectories:
         role = arm or "tool_arm"

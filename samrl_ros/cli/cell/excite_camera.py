@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from samrl_core.cell.excitation.camera_views import camera_motion
+from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.world import make_world
 from samrl_core.cell.world.camera_recording import record_camera
 from samrl_core.common.errors import InputError
-from samrl_ros.cell.excite_cell import payloads
 
 LETTERS = "ABC"  # C is held out: its views are drawn, not chosen
 LEAST_S = 6.0
@@ -41,7 +41,7 @@ def record_views(
         if path.exists():
             raise InputError(f"{path} exists; choose another --out or move it away")
     task, cell = task_named(task_name), cell_named(cell_name)
-    loads = payloads(task, cell)
+    loads = nominal_payloads(cell, task.scene(cell).tool)
     worth, made = ViewInformation(task_name, cell_name, task.start_joints(cell)), []
     for k, (letter, path) in enumerate(paths.items()):
         progress(f"{letter}: choosing views")

@@ -75,6 +75,7 @@ def run_experiment(options: ExperimentOptions) -> int:
         raise
     except OSError as error:
         raise InputError(f"cannot write to {out} ({error}); give another --out") from error
-    for kind in ("json", "png"):
-        console.print(out / f"{options.name}.{kind}", highlight=False, soft_wrap=True)
+    # A picture of its own for each task, where it makes them so.
+    for path in (out / f"{options.name}.json", *sorted(out.glob(f"{options.name}*.png"))):
+        console.print(path, highlight=False, soft_wrap=True)
     return 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.arm_model import Payload, nominal_payloads
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES, RobotSpec
 from samrl_core.cell.tasks import task_named
@@ -22,10 +22,7 @@ class CarryingArm:
 def _arms() -> dict[str, CarryingArm]:
     cell = cell_named()
     tool = task_named("peg_insertion").scene(cell).tool
-    loads = {
-        "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-        "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
-    }
+    loads = nominal_payloads(cell, tool)
     return {role: CarryingArm(role, cell.arm(role), loads[role]) for role in ROLES}
 
 

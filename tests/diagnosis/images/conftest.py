@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from samrl_core.cell.excitation.camera_views import camera_motion
-from samrl_core.cell.robots.arm_model import Payload
+from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.image_recording import ImageRecording
@@ -20,10 +20,7 @@ def recordings() -> list[ImageRecording]:
     """Two motions in the nominal cell, the block of seed 5."""
     task, cell = task_named("peg_insertion"), cell_named(DEFAULT_CELL)
     tool = task.scene(cell).tool
-    loads = {
-        "tool_arm": Payload(tool.mass, tool.center_of_mass, tool.inertia),
-        "camera_arm": Payload(cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia),
-    }
+    loads = nominal_payloads(cell, tool)
     made = []
     for name, seed in (("A", 100), ("C", 101)):
         world = make_world("pybullet", task, cell)

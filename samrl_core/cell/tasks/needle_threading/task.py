@@ -20,25 +20,18 @@ from samrl_core.cell.tasks.needle_threading.eye import needle_body
 from samrl_core.cell.tasks.needle_threading.thread import (
     bend_angles,
     crossing_distance,
+    crossing_offset,
     hanging_length,
     length_below,
-    point_at,
     points_at,
 )
 from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
-from samrl_core.cell.tasks.needle_threading.unknowns import (
-    CAMERA,
-    COUNT,
-    LENGTH,
-    PLACE,
-    TURN,
-    NeedleUnknowns,
-)
+from samrl_core.cell.tasks.needle_threading.unknowns import CAMERA, COUNT, LENGTH, PLACE, TURN, NeedleUnknowns
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
 from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
 from samrl_core.cell.types.pose import Pose
-from samrl_core.cell.types.scene import ChainLink, Rgb, Scene, Tool
+from samrl_core.cell.types.scene import Rgb, Scene, Tool
 from samrl_core.common.errors import InputError
 
 NEEDLE = "needle"
@@ -321,8 +314,7 @@ class NeedleThreading(Task):
         """
         if not self.finds_needle:
             return np.zeros(0)
-        points = self.thread_points(values, tip_position)
-        return (point_at(points, length_below(points, self.eye_z)) - self.eye_at(values))[:2]
+        return crossing_offset(self.thread_points(values, tip_position), self.eye_at(values))
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""
@@ -393,20 +385,12 @@ class NeedleThreading(Task):
         return hanging_length(points, self.success_depth + 2 * self.done_margin, self.thread_step, whole)
 
     def _tool(self) -> Tool:
-        return hand_with_thread(self._chain(), self.thread_radius, self.thread_friction, self.tool_label)
-
-    def _chain(self) -> tuple[ChainLink, ...]:
-        return tuple(
+        chain = tuple(
             thread_link(
-                f"thread_{i}",
-                self.link_length,
-                self.thread_radius,
-                self.link_mass,
-                self.stiffness,
-                self.damping,
-                self.thread_friction,
-                self.thread_label,
+                f"thread_{i}", self.link_length, self.thread_radius, self.link_mass, self.stiffness,
+                self.damping, self.thread_friction, self.thread_label,
                 self.link_colors[i % len(self.link_colors)],
             )
             for i in range(self.links)
-        )
+        )  # fmt: skip
+        return hand_with_thread(chain, self.thread_radius, self.thread_friction, self.tool_label)

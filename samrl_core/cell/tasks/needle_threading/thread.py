@@ -39,13 +39,17 @@ def point_at(points: np.ndarray, length: float) -> np.ndarray:
     return points_at(points, np.array([length]))[0]
 
 
-def crossing_distance(points: np.ndarray, eye: np.ndarray) -> float:
-    """Horizontal distance from the eye's centre (3,) to where the thread passes its plane [m].
+def crossing_offset(points: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """From the eye's centre (3,) to where the thread passes its plane, in x and y (2,) [m].
 
-    Of a thread that hangs above the plane, the distance of its loose end counts.
+    Of a thread that hangs above the plane, its loose end counts.
     """
-    place = point_at(points, length_below(points, float(eye[2])))
-    return float(np.linalg.norm(place[:2] - eye[:2]))
+    return (point_at(points, length_below(points, float(eye[2]))) - eye)[:2]
+
+
+def crossing_distance(points: np.ndarray, eye: np.ndarray) -> float:
+    """Length of `crossing_offset` [m]."""
+    return float(np.linalg.norm(crossing_offset(points, eye)))
 
 
 def hanging_length(points: np.ndarray, depth: float, step: float, whole: float) -> float:

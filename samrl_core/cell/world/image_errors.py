@@ -91,9 +91,16 @@ class ImageErrors:
         if steps < 0:
             inside = cv2.distanceTransform(labelled, cv2.DIST_L2, 3)
             return np.where(inside > chance - steps, mask, 0).astype(np.uint8)
+        if not labelled.any():
+            return mask.copy()
         outside = cv2.distanceTransform(1 - labelled, cv2.DIST_L2, 3)
-        near = cv2.dilate(mask, _NEIGHBOURS)
-        return np.where((mask == 0) & (outside <= chance + steps), near, mask).astype(np.uint8)
+        _, numbered = cv2.distanceTransformWithLabels(
+            1 - labelled, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+        )
+        index = np.asarray(numbered, dtype=np.intp)  # of the nearest pixel that has a label
+        label_of = np.zeros(int(index.max()) + 1, np.uint8)
+        label_of[index[mask > 0]] = mask[mask > 0]
+        return np.where((mask == 0) & (outside <= chance + steps), label_of[index], mask).astype(np.uint8)
 
     def _disc(self, middle: np.ndarray, radius: float) -> np.ndarray:
         v, u = np.ogrid[: self._shape[0], : self._shape[1]]

@@ -1,8 +1,9 @@
 """The true lens: where a pixel of the sensor looks, against where the nominal pinhole has it.
 
-An ideal pinhole image is rendered with a margin and remapped through true focal lengths, principal point and
-Brown's distortion, x' = x (1 + k1 r2 + k2 r4) + 2 p1 xy + p2 (r2 + 2 x2) and so on (Brown 1966; the model of
-OpenCV and of ROS's plumb_bob).
+A pinhole image is rendered with the true focal lengths, principal point and a margin, and remapped through
+Brown's distortion alone, x' = x (1 + k1 r2 + k2 r4) + 2 p1 xy + p2 (r2 + 2 x2) and so on (Brown 1966; the
+model of OpenCV and of ROS's plumb_bob). Depths and labels are those of the nearest pixel: were the nominal
+image remapped through all of the lens, they would not move at all where it is off by less than half a pixel.
 """
 
 from __future__ import annotations
@@ -35,19 +36,22 @@ class Lens:
         matrix = np.eye(3)
         coefficients = np.array([*optics.radial, *optics.tangential])
         rays = cv2.undistortPoints(seen.reshape(-1, 1, 2), matrix, coefficients).reshape(seen.shape)
-        pixels = rays * [k.fx, k.fy]  # of the ideal image, from its principal point
-        reach = np.abs(pixels).max(axis=(0, 1)) + 1.5
-        half = np.ceil(np.maximum(reach, 0.5 * size)).astype(int)
-        if not np.isfinite(pixels).all() or (half > (0.5 + MOST_MARGIN) * size).any():
+        pixels = rays * focal + centre
+        size = size.astype(int)
+        before = np.maximum(np.ceil(1.0 - pixels.min(axis=(0, 1))), 0.0)
+        after = np.maximum(np.ceil(1.0 + pixels.max(axis=(0, 1))) - size, 0.0)
+        if not np.isfinite(pixels).all() or (np.maximum(before, after) > MOST_MARGIN * size).any():
             raise InputError(
                 f"lens with focal errors {optics.focal}, distortion {coefficients} looks far outside "
                 f"the image; scale the group optics down"
             )
-        width, height = (2 * half).tolist()
-        self.ideal = Intrinsics(width, height, k.fx, k.fy, float(half[0]), float(half[1]))
+        before, after = before.astype(int), after.astype(int)
+        width, height = (size + before + after).tolist()
+        fx, fy, cx, cy = *focal.tolist(), *(centre + before).tolist()
+        self.ideal = Intrinsics(width, height, fx, fy, cx, cy)
         # cv2 counts from the middle of the first pixel.
-        self._x = (pixels[..., 0] + half[0] - 0.5).astype(np.float32)
-        self._y = (pixels[..., 1] + half[1] - 0.5).astype(np.float32)
+        x, y = np.moveaxis(pixels + before - 0.5, -1, 0).astype(np.float32)
+        self._x, self._y = np.ascontiguousarray(x), np.ascontiguousarray(y)
         self._column = np.clip(np.rint(self._x), 0, width - 1).astype(np.intp)
         self._row = np.clip(np.rint(self._y), 0, height - 1).astype(np.intp)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -180,6 +181,32 @@ def test_the_lens_moves_pixels_by_browns_formula() -> None:
     column, row = focal * place + centre
     near = seen[int(row), int(column)]
     np.testing.assert_allclose(near[:2], [x, y], atol=1.0 / k.fx)
+
+
+@pytest.mark.parametrize("growth", [-2.5, 0.4, 3.0])
+def test_masks_grow_by_as_many_pixels_as_drawn(growth: float) -> None:
+    plain = instance_named("nominal", CELL)
+    instance = replace(plain, segmentation=replace(plain.segmentation, growth=growth))
+    mask = np.zeros((128, 128), dtype=np.uint8)
+    mask[30:70, 30:70], mask[90:110, 30:70] = 1, 2
+    found = ImageErrors(instance, CELL.intrinsics).segment(np.random.default_rng(0), mask)
+    for label, rows in ((1, slice(40, 60)), (2, slice(97, 103))):
+        widths = (found[rows] == label).sum(axis=1)
+        assert np.mean(0.5 * (widths - 40.0)) == pytest.approx(growth, abs=0.25)
+
+
+@pytest.mark.parametrize("error", [0.3, 0.7])
+def test_a_lens_that_is_off_by_less_than_a_pixel_moves_depth_by_as_much(error: float) -> None:
+    """Depth and labels are those of where the true lens looks, not of the nearest nominal pixel."""
+    plain = instance_named("nominal", CELL).optics
+    k = CELL.intrinsics
+    lens = Lens(replace(plain, centre=np.array([error / k.width, 0.0]), focal=np.array([0.01, 0.0])), k)
+    ideal = lens.ideal
+    u = np.arange(ideal.width) + 0.5
+    ray = np.broadcast_to((u - ideal.cx) / ideal.fx, (ideal.height, ideal.width))
+    seen = lens.nearest(ray)[0]
+    wanted = (np.arange(k.width) + 0.5 - k.cx - error) / (1.01 * k.fx)
+    np.testing.assert_allclose(seen, wanted, atol=1e-9)
 
 
 def test_masks_miss_merge_and_invent_as_often_as_drawn() -> None:

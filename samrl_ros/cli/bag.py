@@ -114,9 +114,7 @@ def draft_command(
 ) -> None:
     """Draft a mapping for `samrl bag import`: entries with reasons, questions where nothing proves them."""
     from samrl_core.diagnosis.nominal_model.read_model import read_model
-    from samrl_ros.log_import.draft.draft import draft_mapping
-    from samrl_ros.log_import.draft.pose_draft import draft_poses
-    from samrl_ros.log_import.draft.reading_draft import draft_readings
+    from samrl_ros.log_import.draft.any_draft import draft_any
     from samrl_ros.log_import.draft.writing import as_yaml
     from samrl_ros.recordings.described import xacro_values
 
@@ -125,9 +123,7 @@ def draft_command(
             raise InputError(f"{out} exists already; choose another --out or move it away")
         given = xacro_values(xacro_arg or ())
         text = read_model(urdf, given).urdf if urdf is not None else None
-        # Without a robot two poses beside each other are a camera's and its arm's.
-        drafted = draft_poses(logs) or draft_readings(logs) if urdf is None else None
-        drafted = drafted or draft_mapping(logs, text, None if urdf is None else str(urdf.resolve()), effort)
+        drafted = draft_any(logs, text, None if urdf is None else str(urdf.resolve()), effort)
         drafted.xacro_args = dict(given)
         if out is not None:
             write_whole(out, as_yaml(drafted))

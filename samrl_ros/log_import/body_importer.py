@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.body_recording import BodyRecording, BodyTolerances, BodyTrack
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import read_text
 from samrl_core.diagnosis.kinds.bodies import SEVERAL
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_ros.log_import.body_specs import TURNS, BodyRecordingSpec, BodyTrackSpec
-from samrl_ros.log_import.imported_files import check_names, mapping_entries, write_imported
+from samrl_ros.log_import.imported_files import check_names, entries_of, write_imported
 from samrl_ros.log_import.pose_importer import block_of, inside_range, matrices_of
 from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, rotations_of
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
@@ -41,7 +42,19 @@ def import_body_logs(path: Path, data: Path, out: Path | None) -> list[ImportedB
     Raises:
         InputError: with the key path of what is wrong; or a file of `out` exists already.
     """
-    text, general, entries = mapping_entries(path)
+    made = bodies_of(read_text(path, "the mapping"), path, data)
+    if out is not None:
+        write_imported(made, out, SUFFIX, lambda each, file: write_body_file(each.recording, file))
+    return made
+
+
+def bodies_of(text: str, path: Path, data: Path) -> list[ImportedBody]:
+    """Every recording of a mapping's text; `path` names it in messages.
+
+    Raises:
+        InputError: with the key path of what is wrong.
+    """
+    general, entries = entries_of(text, path)
     made: list[ImportedBody] = []
     stated: list[str | None] = []
     for number, entry in enumerate(entries):
@@ -52,11 +65,7 @@ def import_body_logs(path: Path, data: Path, out: Path | None) -> list[ImportedB
             stated.append(spec.role)
             made.append(import_body(spec, text, data))
     check_names(made, path)
-    made = _with_roles(made, [r for r in stated if r is not None])
-    if out is None:
-        return made
-    write_imported(made, out, SUFFIX, lambda each, file: write_body_file(each.recording, file))
-    return made
+    return _with_roles(made, [r for r in stated if r is not None])
 
 
 def _with_roles(made: list[ImportedBody], stated: list[str]) -> list[ImportedBody]:

@@ -8,8 +8,8 @@ from pathlib import Path
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_folder
 from samrl_ros.bags.reader import open_bag
+from samrl_ros.log_import.devices import data_folder, refuse_questions
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.draft.writing import as_yaml
@@ -49,13 +49,8 @@ def read_foreign(
         raise InputError(
             f"{path} holds several recordings ({names}): name each file, and one of them by --held-out"
         )
-    if draft.questions:
-        asked = "".join(f"\n  {question}" for question in draft.questions)
-        raise InputError(
-            f"{path} is not in samrl's topics, and not all of it is sure:{asked}\n`samrl bag draft {path}"
-            " --out mapping.yaml` writes down what was found; answer there, then `samrl bag import`"
-        )
-    data = path if is_folder(path) and not _is_one(draft.sources, path) else path.parent
+    refuse_questions(draft, [path])
+    data = data_folder(draft, path)
     mapping = parse_mapping(as_yaml(draft), Path("the drafted mapping"))
     made = import_recording(mapping.recordings[0], mapping, data)
     recording = made.recording
@@ -63,8 +58,3 @@ def read_foreign(
         recording = replace(recording, arm=replace(recording.arm, tolerances=tolerances))
     reasons = tuple(f"{guess.key}: {guess.reason}" for guess in draft.guesses)
     return replace(recording, name=path.stem, source=str(path)), (*reasons, *made.notes)
-
-
-def _is_one(sources: dict[str, dict], path: Path) -> bool:
-    """Whether all sources are the folder itself: a bag's, a dataset's."""
-    return all(source["file"] == path.name for source in sources.values())

@@ -10,23 +10,22 @@ from typing import Any
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there, write_whole
-from samrl_core.common.text_files import parse_yaml, read_text
+from samrl_core.common.text_files import parse_yaml
 
 INDEX = "recordings.json"
 
 
-def mapping_entries(path: Path) -> tuple[str, dict[str, Any], list[Any]]:
-    """Text of a mapping, what holds for all its recordings, and its list of them.
+def entries_of(text: str, path: Path) -> tuple[dict[str, Any], list[Any]]:
+    """What holds for all recordings of a mapping's text, and its list of them; `path` is for messages.
 
     Raises:
-        InputError: it cannot be read, or has no list `recordings`.
+        InputError: it is no YAML, or has no list `recordings`.
     """
-    text = read_text(path, "the mapping")
     content = parse_yaml(text, str(path))
     if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
         raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
     general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
-    return text, general, content["recordings"]
+    return general, content["recordings"]
 
 
 def check_names(made: Sequence[Any], path: Path) -> None:

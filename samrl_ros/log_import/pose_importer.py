@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from samrl_core.common.files import is_file
 from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.imported_files import check_names, mapping_entries, write_imported
+from samrl_ros.log_import.imported_files import check_names, entries_of, write_imported
 from samrl_ros.log_import.pose_specs import (
     ANGLES,
     LENGTHS,
@@ -64,28 +65,50 @@ def import_pose_logs(path: Path, data: Path, out: Path | None) -> list[ImportedP
     Raises:
         InputError: with the key path of what is wrong; or a file of `out` exists already.
     """
-    text, general, entries = mapping_entries(path)
+    made = poses_of(read_text(path, "the mapping"), path, data)
+    if out is not None:
+        write_imported(made, out, SUFFIX, lambda each, file: write_pose_file(each.recording, file))
+    return made
+
+
+def poses_of(text: str, path: Path, data: Path) -> list[ImportedPoses]:
+    """Every recording of a mapping's text; `path` names it in messages.
+
+    Raises:
+        InputError: with the key path of what is wrong.
+    """
+    general, entries = entries_of(text, path)
     made = []
     for number, entry in enumerate(entries):
         where = f"{path.name}: recordings[{number}]"
         spec = PoseRecordingSpec.read({**general, **entry} if isinstance(entry, dict) else entry, where)
         made.append(import_poses(spec, text, data, path.parent))
     check_names(made, path)
-    if out is None:
-        return made
-    write_imported(made, out, SUFFIX, lambda each, file: write_pose_file(each.recording, file))
     return made
 
 
-def import_poses(spec: PoseRecordingSpec, text: str, data: Path, beside: Path) -> ImportedPoses:
-    """Make one recording; `text` is the mapping's, `beside` its folder.
+def import_poses(
+    spec: PoseRecordingSpec,
+    text: str,
+    data: Path,
+    beside: Path,
+    known: Mapping[str, SourceData] | None = None,
+) -> ImportedPoses:
+    """Make one recording.
+
+    Args:
+        spec: of the recording.
+        text: the mapping's.
+        data: folder that paths count from.
+        beside: the mapping's folder.
+        known: sources that were read already.
 
     Raises:
         InputError: with the key path of what is wrong.
     """
     notes: list[str] = []
     constants = {name: np.asarray(value, dtype=float) for name, value in spec.constants.items()}
-    cache: dict[str, SourceData] = {}
+    cache = dict(known or {})
     for source in map(spec.source_of, spec.readers().values()):
         if source not in cache:
             cache[source] = read_source(spec, source, constants, data, notes, spec.poses.at_rest)

@@ -12,9 +12,10 @@ from pydantic import model_validator
 
 from samrl_core.cell.types.reading_recording import UNITS, ReadingRecording, ReadingTolerances
 from samrl_core.common.errors import InputError
+from samrl_core.common.text_files import read_text
 from samrl_core.common.validation import Checked, fault
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.imported_files import check_names, mapping_entries, write_imported
+from samrl_ros.log_import.imported_files import check_names, entries_of, write_imported
 from samrl_ros.log_import.pose_specs import LENGTHS, Formula, FormulaList
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import LoggedSpec
@@ -74,16 +75,25 @@ def import_reading_logs(path: Path, data: Path, out: Path | None) -> list[Import
     Raises:
         InputError: with the key path of what is wrong; or a file of `out` exists already.
     """
-    text, general, entries = mapping_entries(path)
+    made = readings_of(read_text(path, "the mapping"), path, data)
+    if out is not None:
+        write_imported(made, out, SUFFIX, lambda each, file: write_reading_file(each.recording, file))
+    return made
+
+
+def readings_of(text: str, path: Path, data: Path) -> list[ImportedReadings]:
+    """Every recording of a mapping's text; `path` names it in messages.
+
+    Raises:
+        InputError: with the key path of what is wrong.
+    """
+    general, entries = entries_of(text, path)
     made = []
     for number, entry in enumerate(entries):
         own = {**general, **entry} if isinstance(entry, dict) else entry
         spec = ReadingRecordingSpec.read(own, f"{path.name}: recordings[{number}]")
         made.append(import_readings(spec, text, data))
     check_names(made, path)
-    if out is None:
-        return made
-    write_imported(made, out, SUFFIX, lambda each, file: write_reading_file(each.recording, file))
     return made
 
 

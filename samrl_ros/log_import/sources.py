@@ -146,11 +146,13 @@ def _time(spec: TimeSpec | None, table: Table, count: int, where: str) -> np.nda
         if table.time is None:
             raise InputError(f"{where} is missing: {table.path.name} has no time of its own; name its column")
         return table.time
-    if spec.rate_hz is not None:
+    if spec.column is None and spec.rate_hz is not None:
         return np.arange(count) / spec.rate_hz + spec.offset_s
     name, where = str(spec.column), f"{where}.column"
-    scale = factor("time", spec.unit, where)
+    scale = 1.0 / spec.rate_hz if spec.rate_hz is not None else factor("time", spec.unit, where)
     values = table.times(name, where) if spec.iso else table.numbers(name, where) * scale
+    if spec.nanoseconds is not None:
+        values = values + 1e-9 * table.numbers(spec.nanoseconds, f"{where}.nanoseconds")
     if values.ndim != 1:
         raise InputError(f"{where}: {name!r} has shape {values.shape}, must be one number per sample")
     return values + spec.offset_s

@@ -64,27 +64,31 @@ Pair = Annotated[tuple[int | float | None, int | float | None], BeforeValidator(
 class CsvOptions(Checked):
     """How a text file is written."""
 
-    delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","
-    header: bool = True  # first line names the columns; else they are called 0, 1, ...
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] = ","  # a blank: any white space
+    # First line names the columns; else they are called 0, 1, ..., or as listed here, and every line is data.
+    header: bool | Annotated[list[str], Field(min_length=1)] = True
     skip_lines: NonNegativeInt = 0  # before the header
     comment: str = ""  # lines that start with it are left out
     decimal: Annotated[str, Field(min_length=1, max_length=1)] = "."
 
 
 class TimeSpec(Checked):
-    """Where a source's time comes from: a column, or a rate."""
+    """Where a source's time comes from: a column, a rate, or a column that counts frames at a rate."""
 
     column: Header | None = None
     unit: str = "s"
     iso: bool = False
-    rate_hz: Positive | None = None
+    nanoseconds: Header | None = None  # a second column that is added, such as a ROS stamp's nanosec
+    rate_hz: Positive | None = None  # without a column: of all rows
     offset_s: float = 0.0
     repeated: Literal["error", "drop"] = "error"
 
     @model_validator(mode="after")
     def _either(self) -> TimeSpec:
-        if (self.column is None) == (self.rate_hz is None):
-            raise fault(" must have either column or rate_hz")
+        if self.column is None and self.rate_hz is None:
+            raise fault(" must have column or rate_hz; both where the column counts frames")
+        if self.rate_hz is not None and (self.iso or self.nanoseconds is not None or self.unit != "s"):
+            raise fault(" with rate_hz counts frames: leave unit, iso and nanoseconds out")
         _known_unit("time", self.unit)
         return self
 

@@ -26,6 +26,8 @@ class Table:
     decimal: str = "."
     time: np.ndarray | None = None  # (N,) [s] that the file itself gives its rows, if it does
     notes: list[str] = field(default_factory=list)  # what is odd about the file
+    units: dict[str, str] = field(default_factory=dict)  # of columns, where the file states them
+    maker: str = ""  # whose layout it is, where that is known
 
     def numbers(self, name: str, where: str) -> np.ndarray:
         """A column (N,), a list of columns (N, K) or a single number (1,). Missing cells are NaN."""

@@ -20,7 +20,7 @@ from samrl_ros.log_import.formats.text import read_text_table
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
-_TEXT = (".csv", ".tsv", ".txt")
+TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 # What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".
 _UNREADABLE = (*UNREADABLE, pd.errors.ParserWarning, pd.errors.ParserError, NotImplementedError)
 
@@ -35,7 +35,7 @@ class _Format:
 
 
 FORMATS = (
-    _Format(_TEXT, lambda path, part, csv, where: read_text_table(path, csv, where), parts=False),
+    _Format(TEXT_SUFFIXES, lambda path, part, csv, where: read_text_table(path, csv, where), parts=False),
     _Format((".npz", ".npy"), lambda path, part, csv, where: read_numpy_table(path), parts=False),
     _Format((".mat",), lambda path, part, csv, where: read_mat_table(path, where), parts=False),
     _Format((".parquet",), lambda path, part, csv, where: read_parquet_table(path, where), parts=False),

@@ -61,12 +61,22 @@ def read_by_role(
     """
     if others := [p.name for p in (*fit, *held_out) if not p.name.endswith(suffix)]:
         raise InputError(f"{', '.join(others)}: recordings of another kind; diagnose each kind for itself")
-    groups = [[read(p) for p in paths] for paths in (fit, held_out)]
+    return restated([read(p) for p in fit], [read(p) for p in held_out], tolerances)
+
+
+def restated(
+    fit: Sequence[R], held_out: Sequence[R], tolerances: tuple[type[StatedTolerances], Path | None]
+) -> tuple[list[R], list[R]]:
+    """Recordings whose tolerances are those of a YAML file (their class, and the file; None keeps them).
+
+    Raises:
+        InputError: as `read_stated`.
+    """
     kind, path = tolerances
-    if path is not None:
-        stated = read_stated(kind, path)
-        groups = [[replace(r, tolerances=stated) for r in group] for group in groups]
-    return groups[0], groups[1]
+    if path is None:
+        return list(fit), list(held_out)
+    stated = read_stated(kind, path)
+    return [replace(r, tolerances=stated) for r in fit], [replace(r, tolerances=stated) for r in held_out]
 
 
 def read_stated(kind: type[StatedTolerances], path: Path) -> StatedTolerances:

@@ -77,7 +77,17 @@ def load_body_files(
         InputError: as `read_body_file`; files of another kind; held-out poses that were fitted.
     """
     stated = (BodyTolerances, tolerances)
-    fit, held = read_by_role(fit_paths, held_paths, SUFFIX, read_body_file, stated)
+    return body_roles(*read_by_role(fit_paths, held_paths, SUFFIX, read_body_file, stated))
+
+
+def body_roles(
+    fit: list[BodyRecording], held: list[BodyRecording]
+) -> tuple[list[BodyRecording], list[BodyRecording], list[str]]:
+    """Recordings by role, a part held out where none is, with notes.
+
+    Raises:
+        InputError: held-out poses that were fitted, or too few to hold any out.
+    """
     if not held:
         fit, held, note = split_bodies(fit)
         return fit, held, [note]

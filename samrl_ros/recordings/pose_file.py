@@ -98,7 +98,17 @@ def load_pose_files(
         InputError: as `read_pose_file`; files of another kind among them; held-out poses that are fitted.
     """
     stated = (PoseTolerances, tolerances)
-    fit, held = read_by_role(fit_paths, held_paths, SUFFIX, read_pose_file, stated)
+    return pose_roles(*read_by_role(fit_paths, held_paths, SUFFIX, read_pose_file, stated))
+
+
+def pose_roles(
+    fit: list[PoseRecording], held: list[PoseRecording]
+) -> tuple[list[PoseRecording], list[PoseRecording], list[str]]:
+    """Recordings by role, a part held out where none is, with notes.
+
+    Raises:
+        InputError: held-out poses that are fitted, or too few to hold any out.
+    """
     notes: list[str] = []
     if not held and not fit[0].timed and len(fit[0].seen) < LEAST_AT_REST:
         count = len(fit[0].seen)

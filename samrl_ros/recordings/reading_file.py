@@ -63,7 +63,17 @@ def load_reading_files(
         InputError: as `read_reading_file`; files of another kind; held-out readings that were fitted.
     """
     stated = (ReadingTolerances, tolerances)
-    fit, held = read_by_role(fit_paths, held_paths, SUFFIX, read_reading_file, stated)
+    return reading_roles(*read_by_role(fit_paths, held_paths, SUFFIX, read_reading_file, stated))
+
+
+def reading_roles(
+    fit: list[ReadingRecording], held: list[ReadingRecording]
+) -> tuple[list[ReadingRecording], list[ReadingRecording], list[str]]:
+    """Recordings by role, a part held out where none is, with notes.
+
+    Raises:
+        InputError: held-out readings that were fitted, or too few to hold any out.
+    """
     if not held:
         first, last = split_readings(fit[0])
         return [first], [last], [f"{fit[0].name} is alone: a part of it is held out"]

@@ -17,6 +17,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.pose_draft import draft_poses
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.pose_importer import import_pose_logs
@@ -130,6 +131,10 @@ LOGS: dict[str, tuple[Callable[[Path], list[Path]], Callable[[], tuple[PoseTrack
 }
 
 
+def drafted(paths: list[Path]) -> Draft | None:
+    return draft_poses([track for table in read_logged_tables(paths) for track in table.tracks()])
+
+
 def imported(draft: Draft, folder: Path) -> PoseRecording:
     """By the draft, with its questions answered as they stand."""
     content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
@@ -142,7 +147,7 @@ def imported(draft: Draft, folder: Path) -> PoseRecording:
 )
 def test_each_log_is_read_as_it_was_made(log: str, tmp_path: Path) -> None:
     write, true, arm, asked = LOGS[log]
-    draft = draft_poses(write(tmp_path))
+    draft = drafted(write(tmp_path))
     assert draft is not None
     assert len(draft.questions) == asked, draft.questions
     got = imported(draft, tmp_path)
@@ -163,7 +168,7 @@ def test_poses_of_two_things_are_asked_about(tmp_path: Path) -> None:
     columns = {"timestamp": seen.time}
     columns |= named("tag_{}", "xyz", seen.position[order]) | named("tag_q{}", "xyzw", seen.quat_xyzw[order])
     columns |= named("ee_{}", "xyz", flange.position) | named("ee_q{}", "xyzw", flange.quat_xyzw)
-    draft = draft_poses([write_csv(tmp_path / "a.csv", columns)])
+    draft = drafted([write_csv(tmp_path / "a.csv", columns)])
     assert draft is not None and any("no description closes" in q for q in draft.questions)
 
 
@@ -173,7 +178,7 @@ def test_poses_that_stand_still_prove_nothing(tmp_path: Path) -> None:
     columns = {"t": np.arange(20.0)}
     for name in ("tag", "ee"):
         columns |= named(f"{name}_{{}}", "xyz", still) | named(f"{name}_q{{}}", "xyzw", still[:, 3:])
-    draft = draft_poses([write_csv(tmp_path / "a.csv", columns)])
+    draft = drafted([write_csv(tmp_path / "a.csv", columns)])
     assert draft is not None
     assert any("is 't' in ms, and not in s?" in q for q in draft.questions), draft.questions
     assert any("is it so, and not that" in q for q in draft.questions), draft.questions
@@ -181,7 +186,7 @@ def test_poses_that_stand_still_prove_nothing(tmp_path: Path) -> None:
 
 def test_a_log_of_joints_is_none_of_poses(tmp_path: Path) -> None:
     time = np.arange(60.0)
-    assert draft_poses([write_csv(tmp_path / "a.csv", {"t": time, "q1": time, "q2": time})]) is None
+    assert drafted([write_csv(tmp_path / "a.csv", {"t": time, "q1": time, "q2": time})]) is None
 
 
 def test_the_command_writes_a_mapping_that_waits_for_the_answer(

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from samrl_ros.cli.main import run
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.reading_draft import draft_readings
 from samrl_ros.recordings.reading_file import read_reading_file
 
@@ -16,6 +18,10 @@ def log(path: Path, **columns: np.ndarray) -> Path:
     names = ",".join(columns)
     np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header=names, comments="")
     return path
+
+
+def drafted(path: Path) -> Draft | None:
+    return draft_readings(read_logged_tables([path]))
 
 
 def distances(factor: float = 1.0) -> np.ndarray:
@@ -31,7 +37,7 @@ def test_a_depth_log_is_drafted_and_imported(
 ) -> None:
     true = distances(factor)
     path = log(tmp_path / "run.csv", **dict(zip(names, (1.01 * true, true), strict=True)))
-    draft = draft_readings([path])
+    draft = drafted(path)
     assert draft is not None and not draft.questions
     assert draft.readings["unit"] == unit
     assert run(["bag", "draft", str(path), "--out", str(tmp_path / "mapping.yaml")]) == 0
@@ -44,7 +50,7 @@ def test_a_depth_log_is_drafted_and_imported(
 def test_two_depths_are_asked_for(tmp_path: Path) -> None:
     true = distances()
     path = log(tmp_path / "run.csv", depth_left=1.01 * true, depth_right=0.99 * true, distance=true)
-    draft = draft_readings([path])
+    draft = drafted(path)
     assert draft is not None
     (question,) = draft.questions
     assert "'depth_right' against 'distance'" in question
@@ -57,10 +63,10 @@ def test_what_is_no_depth_against_a_distance_is_left_to_others(tmp_path: Path) -
         {"depth": true, "temperature": true},  # no truth
         {"depth": true, "distance": noise},  # of something else
     ):
-        assert draft_readings([log(tmp_path / "run.csv", **columns)]) is None
+        assert drafted(log(tmp_path / "run.csv", **columns)) is None
 
 
 def test_millimetres_that_might_be_centimetres_are_asked_for(tmp_path: Path) -> None:
     true = distances(1000.0)
-    draft = draft_readings([log(tmp_path / "run.csv", depth=1.01 * true, distance=true)])
+    draft = drafted(log(tmp_path / "run.csv", depth=1.01 * true, distance=true))
     assert draft is not None and len(draft.questions) == 1 and " cm" in draft.questions[0]

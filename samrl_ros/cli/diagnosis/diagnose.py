@@ -234,23 +234,20 @@ def load(
     Raises:
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
     """
+    from samrl_ros.cli.diagnosis.load_devices import load_device_files, load_device_logs
     from samrl_ros.recordings import read_tolerances
-    from samrl_ros.recordings.body_file import is_body_file, load_body_files
     from samrl_ros.recordings.described import described_by
-    from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files
-    from samrl_ros.recordings.reading_file import is_reading_file, load_reading_files
 
     fit_paths, held_paths = _roles(options.bags, options.held_out)
     if options.camera:
         from samrl_ros.recordings.image_bag import load_image_bags
 
         return load_image_bags(fit_paths, held_paths, options.scene, options.tolerances)
-    if any(is_pose_file(p) for p in (*fit_paths, *held_paths)):
-        return load_pose_files(fit_paths, held_paths, options.tolerances)
-    if any(is_reading_file(p) for p in (*fit_paths, *held_paths)):
-        return load_reading_files(fit_paths, held_paths, options.tolerances)
-    if any(is_body_file(p) for p in (*fit_paths, *held_paths)):
-        return load_body_files(fit_paths, held_paths, options.tolerances)
+    devices = load_device_files(fit_paths, held_paths, options.tolerances)
+    if devices is None and model is None:
+        devices = load_device_logs(options.bags, options.held_out, options.tolerances)
+    if devices is not None:
+        return devices
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []

@@ -46,10 +46,16 @@ class Draft:
     sources: dict[str, dict[str, Any]] = field(default_factory=dict)
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
     poses: dict[str, Any] = field(default_factory=dict)  # of a log of poses, which has no joints
+    bodies: dict[str, Any] = field(default_factory=dict)  # of tracks of a free body, likewise
     readings: dict[str, Any] = field(default_factory=dict)  # of a log of depth against distances, likewise
     recordings: list[dict[str, Any]] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)  # columns that went nowhere, and why
+
+    @property
+    def kind(self) -> str:
+        """What the log holds: poses, bodies, readings or joints."""
+        return next((kind for kind in ("poses", "bodies", "readings") if getattr(self, kind)), "joints")
 
     @property
     def questions(self) -> list[str]:
@@ -67,7 +73,7 @@ class Draft:
     def as_mapping(self) -> dict[str, Any]:
         """As a mapping file holds it; `questions` keeps it from being used before they are answered."""
         content: dict[str, Any] = {"about": self.about}
-        if not self.poses and not self.readings:
+        if self.kind == "joints":
             content["joints"] = self.joints
         if self.questions:
             content = {"questions": self.questions, **content}
@@ -75,7 +81,7 @@ class Draft:
             content["urdf"] = self.urdf
         if self.xacro_args:
             content["xacro_args"] = self.xacro_args
-        described: dict[str, Any] = {"poses": self.poses} if self.poses else {"channels": self.channels}
-        if self.readings:
-            described = {"readings": self.readings}
+        described = (
+            {"channels": self.channels} if self.kind == "joints" else {self.kind: getattr(self, self.kind)}
+        )
         return content | {"sources": self.sources} | described | {"recordings": self.recordings}

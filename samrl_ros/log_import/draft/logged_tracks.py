@@ -1,4 +1,4 @@
-"""Poses of a log with what names them: columns, files, topics, and the frames of headers."""
+"""Tracks of a log with what names them: columns, files, topics, and the frames of headers."""
 
 from __future__ import annotations
 
@@ -7,27 +7,39 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
-from samrl_ros.log_import.draft.pose_tracks import LEAST, FoundTrack, find_tracks, named_frames
+from samrl_ros.log_import.draft.pose_tracks import (
+    LEAST,
+    FoundTrack,
+    find_positions,
+    named_frames,
+    position_of,
+)
+from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import SUFFIXES, read_table
 
 POSES = frozenset(
-    f"geometry_msgs/msg/{name}" for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped")
-)
+    f"geometry_msgs/msg/{name}"
+    for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped", "PointStamped", "Pose")
+) | {"nav_msgs/msg/Odometry"}
 
 
 @dataclass(frozen=True, eq=False)
-class LoggedPose:
-    """A pose over time in its file."""
+class LoggedTrack:
+    """A pose or a position over time in its file."""
 
     path: Path
     table: Table
     track: FoundTrack
     part: str = ""  # of a bag: the topic
     header: tuple[str, str] = ("", "")  # child and parent frame, of a bag
+    csv: CsvOptions = CsvOptions()  # how the file is written
 
     @property
     def frames(self) -> tuple[frozenset[str], frozenset[str]] | None:
@@ -49,37 +61,74 @@ class LoggedPose:
         """For sentences."""
         return f"{self.path.name}: {self.part or self.track.names}"
 
+    @property
+    def place(self) -> tuple[str, str]:
+        """File and part: tracks of one place share a source."""
+        return self.path.name, self.part
 
-def read_logged_poses(paths: Sequence[Path]) -> list[LoggedPose] | None:
-    """Every pose of files, bags, or what lies in a folder; None where something is no log of numbers.
+    @property
+    def position(self) -> np.ndarray:
+        """(N, K) along its axes, as it stands in the log; NaN where nothing was seen."""
+        return position_of(self.table, self.track)
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedTable:
+    """A table of a log, read once for every kind of draft."""
+
+    path: Path
+    table: Table
+    part: str = ""
+    header: tuple[str, str] = ("", "")
+    csv: CsvOptions = CsvOptions()
+
+    def tracks(self) -> list[LoggedTrack]:
+        """Its poses and positions; of a topic the first."""
+        found = find_positions(self.table)[: 1 if self.part else None]
+        return [LoggedTrack(self.path, self.table, t, self.part, self.header, self.csv) for t in found]
+
+
+def read_logged_tables(paths: Sequence[Path]) -> list[LoggedTable]:
+    """Tables of files, of a bag's topics that are poses, or of what lies in folders; none of other logs.
+
+    Files of a folder that cannot be read are passed over: what else lies there is no fault.
 
     Raises:
-        InputError: a file that cannot be read.
+        InputError: a named file that cannot be read.
     """
-    found: list[LoggedPose] = []
-    for path in (file for given in paths for file in _files(given)):
-        if is_bag(path):
-            found += _topics(path)
-            continue
-        if not is_file(path) or path.suffix.lower() not in SUFFIXES:
-            return None
-        table = read_table(path, CsvOptions(), "the log", "")
-        found += [LoggedPose(path, table, track) for track in find_tracks(table)]
+    found: list[LoggedTable] = []
+    for given in paths:
+        for path in files_of(given):
+            try:
+                found += _tables_of(path)
+            except InputError:
+                if path == given:
+                    raise
     return found
 
 
-def _files(path: Path) -> list[Path]:
+def _tables_of(path: Path) -> list[LoggedTable]:
+    if is_bag(path):
+        return _topics(path)
+    if not is_file(path) or path.suffix.lower() not in SUFFIXES:
+        return []
+    options = text_options(path)
+    return [LoggedTable(path, read_table(path, options, "the log", ""), csv=options)]
+
+
+def files_of(path: Path) -> list[Path]:
+    """What lies in a folder, by name; else the path itself."""
     return sorted(path.iterdir()) if is_folder(path) and not is_bag(path) else [path]
 
 
-def _topics(path: Path) -> list[LoggedPose]:
+def _topics(path: Path) -> list[LoggedTable]:
     """Topics of a bag that are poses of one thing."""
     out = []
     for topic in list_topics(path, "the log"):
         if topic.type in POSES and topic.count >= LEAST:
             table = read_table(path, CsvOptions(), "the log", topic.name)
             header = read_frames(path, topic.name, "the log")
-            out += [LoggedPose(path, table, track, topic.name, header) for track in find_tracks(table)[:1]]
+            out.append(LoggedTable(path, table, topic.name, header))
     return out
 
 

@@ -17,13 +17,20 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
-from samrl_ros.log_import.draft import evidence
-from samrl_ros.log_import.draft.column_names import is_time, meaning
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_poses import LoggedPose, read_logged_poses
-from samrl_ros.log_import.draft.pose_tracks import position_of
+from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.track_entries import (
+    FAR,
+    FoundTime,
+    add_track_entry,
+    add_track_source,
+    find_time,
+    rotation_orders,
+    source_data,
+)
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
+from samrl_ros.log_import.sources import SourceData
 
 SEEN = frozenset(
     "tag tags marker markers target aruco apriltag april board charuco checkerboard chessboard object cam"
@@ -34,129 +41,116 @@ CARRIED = frozenset(
 )
 CAMERAS = frozenset("cam camera optical rgb".split())
 BASES = frozenset("base world link0 root origin".split())
-FAR = 20.0  # of a position: no arm and no camera is so far off in metres
 CLEARLY = 4.0  # times better than the next description: that is proof
 NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that stand still close any chain
 LONGEST_REST_S = 600.0  # from one pair of poses at rest to the next
 CLOSES_M = 0.05  # beyond it no description fits
-FULL_TURN = 2.0 * np.pi + 0.1
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+MOST_CM = 250.0  # that a camera sees or an arm reaches
 
 
-def draft_poses(paths: Sequence[Path]) -> Draft | None:
+def draft_poses(tracks: Sequence[LoggedTrack]) -> Draft | None:
     """A draft of a log that holds a target's poses and a flange's; None of any other log.
 
     Raises:
-        InputError: a file that cannot be read.
+        InputError: the two cannot be compared.
     """
-    placed = read_logged_poses(paths)
-    if placed is None or len(placed) < 2:
+    placed = [each for each in tracks if each.track.whole]
+    if len(placed) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     seen, carried = _roles(placed, draft)
     draft.unused += [each.name for each in placed if each is not seen and each is not carried]
-    at_rest = _add_sources(seen, carried, draft)
-    tracks = {"seen": _entry(seen, draft), "carried": _entry(carried, draft)}
-    _describe(seen, carried, tracks, at_rest, draft)
+    keys = {"target": seen} | ({"flange": carried} if carried.place != seen.place else {})
+    times = {key: _add_source(key, each, (seen, carried), draft) for key, each in keys.items()}
+    at_rest = any(slow for _, slow in times.values())
+    entries = {
+        "seen": add_track_entry(seen, "target", draft),
+        "carried": add_track_entry(carried, list(keys)[-1], draft),
+    }
+    cache = {key: source_data([each], draft.sources[key], times[key][0]) for key, each in keys.items()}
+    _ask_of_units({"target_in_camera": seen, "flange": carried}, draft)
+    _describe(seen, carried, entries, at_rest, cache, draft)
     names = list(dict.fromkeys(each.path.stem for each in (seen, carried)))
-    draft.recordings = [{"name": names[0] if len(names) == 1 else _common(names), "role": "fit"}]
+    draft.recordings = [{"name": names[0] if len(names) == 1 else common_name(names), "role": "fit"}]
     return draft
 
 
-def _roles(placed: list[LoggedPose], draft: Draft) -> tuple[LoggedPose, LoggedPose]:
+def are_roles_sure(tracks: Sequence[LoggedTrack]) -> bool:
+    """Whether names say that one track is a target's and another a flange's."""
+    told = {_side(each) for each in tracks if each.track.whole}
+    return {1, -1} <= told
+
+
+def _side(each: LoggedTrack) -> int:
+    """1 of what a camera sees, -1 of what an arm carries, 0 where no name says it."""
+    words = each.words | set().union(*each.frames or ())
+    return bool(words & SEEN) - bool(words & CARRIED and not words & SEEN)
+
+
+def _roles(placed: list[LoggedTrack], draft: Draft) -> tuple[LoggedTrack, LoggedTrack]:
     """The target's poses and the flange's, by their names."""
-
-    def says(each: LoggedPose) -> int:
-        words = each.words | set().union(*each.frames or ())
-        return bool(words & SEEN) - bool(words & CARRIED and not words & SEEN)
-
-    ranked = sorted(placed, key=says, reverse=True)
+    ranked = sorted(placed, key=_side, reverse=True)
     seen, carried = ranked[0], ranked[-1]
-    sure = says(seen) > 0 > says(carried) and len(placed) == 2
+    sure = _side(seen) > 0 > _side(carried) and len(placed) == 2
     question = "" if sure else f"is it the target as the camera sees it, and {carried.name} the flange's?"
     draft.note("poses.target_in_camera", f"{seen.name}: {'by its name' if sure else 'a guess'}", question)
     return seen, carried
 
 
-def _add_sources(seen: LoggedPose, carried: LoggedPose, draft: Draft) -> bool:
-    """The files with their times; whether poses were taken at rest."""
-    at_rest = False
-    for key, each in {"target": seen, "flange": carried}.items():
-        if key == "flange" and (each.path, each.part) == (seen.path, seen.part):
-            continue
-        source: dict[str, Any] = {"file": each.path.name}
-        if each.part:
-            source["part"] = each.part
-        used = {n for one in (seen, carried) for names in one.track.columns.values() for n in names}
-        times = [n for n in each.table.columns if is_time(n) and n not in used]
-        path = f"sources.{key}.time"
-        if each.table.time is not None:
-            draft.note(path, "the log's own")
-            at_rest |= _slow(each.table.time)
-        elif times:
-            values = np.asarray(each.table.numbers(times[0], "the log"))
-            said = meaning(times[0]).unit
-            units = evidence.time_unit(np.diff(values))
-            unit = said if said in _SECONDS else (units[0] if units else "s")
-            step = float(np.median(np.diff(values)))
-            # Poses at rest may be seconds apart: steps of 1 are as good 1 s as 1 ms.
-            open_ = len(units) != 1 or (unit != "s" and 1.0 / SLOW_HZ < step < LONGEST_REST_S)
-            question = f"is {times[0]!r} in {unit}, and not in s?" if open_ and said not in _SECONDS else ""
-            draft.note(path, f"{times[0]!r} in {unit}: steps of {step:g}", question)
-            source["time"] = {"column": times[0], "unit": unit}
-            at_rest |= _slow(values * _SECONDS[unit])
-        else:
-            draft.note(path, "no column is named as time: rows are pairs, taken at rest")
-            at_rest = True
-        source["columns"] = {}
-        draft.sources[key] = source
-    return at_rest
+def _add_source(
+    key: str, each: LoggedTrack, both: Sequence[LoggedTrack], draft: Draft
+) -> tuple[np.ndarray, bool]:
+    """A file with its time; times (N,) [s] of its rows, and whether poses were taken at rest."""
+    source, path = add_track_source(key, each, draft), f"sources.{key}.time"
+    found = find_time(each, [name for one in both for name in one.track.used])
+    if found is None:
+        draft.note(path, "no column is named as time: rows are pairs, taken at rest")
+        return np.arange(float(len(each.position))), True
+    unit, step = found.units[0], _typical_step(found)
+    # Poses at rest may be seconds apart: steps of 1 are as good 1 s as 1 ms.
+    open_ = len(found.units) != 1 or (unit != "s" and 1.0 / SLOW_HZ < step < LONGEST_REST_S)
+    named = found.entry.get("column")
+    question = f"is {named!r} in {unit}, and not in s?" if open_ and not found.proof else ""
+    draft.note(path, found.proof or f"{named!r} in {unit}: steps of {step:g}", question)
+    if found.entry:
+        plain = found.entry.get("iso") or "nanoseconds" in found.entry
+        source["time"] = found.entry if plain else {**found.entry, "unit": unit}
+    time = found.seconds(unit)
+    backwards = np.diff(time[np.isfinite(time)]) <= 0
+    if "time" in source and backwards.any():
+        source["time"] = {**source["time"], "repeated": "drop"}
+        draft.note(path, f"{int(backwards.sum())} steps do not increase; such rows are left out")
+    return time, bool(np.nanmedian(np.diff(time)) > 1.0 / SLOW_HZ)
 
 
-def _slow(time: np.ndarray) -> bool:
-    return bool(np.median(np.diff(time)) > 1.0 / SLOW_HZ)
+def _ask_of_units(tracks: dict[str, LoggedTrack], draft: Draft) -> None:
+    """Between cm and mm only a size decides: an arm does not reach far beyond two metres."""
+    for key, each in tracks.items():
+        farthest = float(np.nanmax(np.abs(each.position)))
+        if not each.track.unit and FAR < farthest < MOST_CM:
+            draft.note(
+                f"poses.{key}", f"numbers up to {farthest:.4g} are no metres", "is the unit mm, and not cm?"
+            )
 
 
-def _entry(each: LoggedPose, draft: Draft) -> dict[str, Any]:
-    """A track as the mapping names it, as far as its own names and numbers say."""
-    key = next(
-        k for k, s in draft.sources.items() if (s["file"], s.get("part", "")) == (each.path.name, each.part)
-    )
-    columns: dict[str, str] = draft.sources[key]["columns"]
-    entry: dict[str, Any] = {"source": key}
-    for kind, names in each.track.columns.items():
-        if kind not in ("position", each.track.rotation):
-            continue
-        formulas = []
-        for name in names:
-            short = "".join(c if c.isalnum() else "_" for c in name)
-            short = short if short.isidentifier() else f"c_{short}"
-            columns[short] = name
-            formulas.append(short)
-        entry[kind] = formulas if len(formulas) > 1 else formulas[0]
-    entry["unit"] = each.track.unit or (
-        "mm" if np.abs(position_of(each.table, each.track)).max() > FAR else "m"
-    )
-    if each.track.rotation in ("rpy", "rotation_vector"):
-        parts = [
-            np.asarray(each.table.numbers(n, "the log")) for n in each.track.columns[each.track.rotation]
-        ]
-        turned = max(float(np.abs(p).max()) for p in parts)
-        entry["angle_unit"] = each.track.angle_unit or ("deg" if turned > FULL_TURN else "rad")
-    return entry
+def _typical_step(found: FoundTime) -> float:
+    return float(np.nanmedian(np.diff(found.values)))
 
 
 def _describe(
-    seen: LoggedPose, carried: LoggedPose, tracks: dict[str, dict[str, Any]], at_rest: bool, draft: Draft
+    seen: LoggedTrack,
+    carried: LoggedTrack,
+    entries: dict[str, dict[str, Any]],
+    at_rest: bool,
+    cache: dict[str, SourceData],
+    draft: Draft,
 ) -> None:
     """Who carries the camera and what the log leaves open, by which description closes the chain."""
-    options = [
-        ("order", ("xyzw", "wxyz")) if t.track.rotation == "quaternion" and not t.track.order else None
-        for t in (seen, carried)
-    ]
+    arms, orders = ("camera_arm", "tool_arm"), (rotation_orders(seen), rotation_orders(carried))
+    open_ = [len(each) > 1 for each in orders]
     found: list[tuple[float, dict[str, Any], str]] = []
-    for arm, first, second in product(("camera_arm", "tool_arm"), *(o[1] if o else ("",) for o in options)):
-        one, two = dict(tracks["seen"]), dict(tracks["carried"])
+    for arm, first, second in product(arms, *orders):
+        one, two = dict(entries["seen"]), dict(entries["carried"])
         for entry, order in ((one, first), (two, second)):
             if order:
                 entry["order"] = order
@@ -164,8 +158,9 @@ def _describe(
         if at_rest:
             poses["at_rest"] = True
         said = "the arm carries the camera" if arm == "camera_arm" else "the camera stands still"
-        said += "".join(f", {o} quaternions" for o in dict.fromkeys((first, second)) if o)
-        if (left := _closing(poses, seen, draft)) is not None:
+        tried = [order for order, is_open in zip((first, second), open_, strict=True) if is_open]
+        said += "".join(f", {order} quaternions" for order in dict.fromkeys(tried))
+        if (left := _closing(poses, cache, draft)) is not None:
             found.append((left, poses, said))
     if not found:
         raise InputError(
@@ -198,7 +193,7 @@ def _describe(
     )
 
 
-def _asked_of_frames(seen: LoggedPose, carried: LoggedPose, arm: str) -> str:
+def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
     """What only names say: that no track is given the other way round."""
     if seen.frames and carried.frames:
         (child, parent), (flange, base) = seen.frames, carried.frames
@@ -211,17 +206,17 @@ def _asked_of_frames(seen: LoggedPose, carried: LoggedPose, arm: str) -> str:
     )
 
 
-def _closing(poses: dict[str, Any], seen: LoggedPose, draft: Draft) -> float | None:
+def _closing(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> float | None:
     """Of one description [m]; None where it cannot be read or solved."""
     content = {"name": "drafted", "sources": draft.sources, "poses": poses}
     try:
         spec = PoseRecordingSpec.read(content, "draft")
-        return closing_error(import_poses(spec, "", seen.path.parent, seen.path.parent).recording)
+        return closing_error(import_poses(spec, "", Path(), Path(), cache).recording)
     except InputError:
         return None
 
 
-def _common(names: Sequence[str]) -> str:
+def common_name(names: Sequence[str]) -> str:
     """What names of files begin with alike."""
     shared = names[0]
     for name in names[1:]:

@@ -1,37 +1,54 @@
-"""Poses in the columns of a table: a position and a rotation, or one matrix, that go by one name."""
+"""Poses and positions in the columns of a table: numbers that go by one name."""
 
 from __future__ import annotations
 
 import re
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from samrl_ros.log_import.draft.blocks import numbers_of
+from samrl_ros.log_import.draft.column_names import is_time
 from samrl_ros.log_import.table import Table
 
 LEAST = 6  # rows, below which no pair of poses says anything
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
-_UNITS = {"m": "m", "cm": "cm", "mm": "mm", "rad": "rad", "deg": "deg"}
+_UNITS = {"m": "m", "cm": "cm", "mm": "mm", "rad": "rad", "deg": "deg", "in": "in", "px": "px"}
 _POSITION = {"p", "pos", "position", "t", "trans", "translation", "tvec", "loc", "location", "xyz"}
 _QUATERNION = {"q", "quat", "quaternion", "orientation", "rotation", "rot", "ori"}
 _VECTOR = {"rvec", "rotvec", "rodrigues", "aa", "axisangle"}
 _EULER = {"rpy", "euler"}
 _MATRIX = {"r", "rot", "rotation", "rmat", "t", "tf", "transform", "pose", "matrix", "h"}
+RATES = frozenset(
+    "v vel velocity velocities speed linear angular twist acc accel a acceleration gyro omega force forces"
+    " torque torques wrench tau mag field b bias std cov covariance err error euler size scale".split()
+)
 _LETTERS = ("x", "y", "z", "w")
 _FULL = {"position": 3, "quaternion": 4, "rotation_vector": 3, "rpy": 3}
+_UNIT_LENGTH = 0.01  # by which a quaternion's length may differ from 1
+_TURNED = 1e-3  # likewise of rotation matrices
+
+
+@dataclass(frozen=True)
+class Component:
+    """One number of a pose: a column, or one number of a column that holds lists."""
+
+    column: str
+    index: int | None = None
 
 
 @dataclass
 class FoundTrack:
-    """Where the numbers of one pose stand in a table."""
+    """Where the numbers of one pose, or of one position, stand in a table."""
 
     stem: tuple[str, ...]  # words that its names share
-    columns: dict[str, list[str]] = field(default_factory=dict)  # position, quaternion, ... -> columns
+    columns: dict[str, list[Component]] = field(default_factory=dict)  # position, quaternion, ... -> numbers
+    axes: str = "xyz"  # that the position has
     order: str = ""  # of a quaternion: xyzw by names, wxyz, or empty where nothing says it
     unit: str = ""  # of the position, where the names say it
     angle_unit: str = ""
+    named: bool = True  # by its columns; else by what the numbers look like
 
     @property
     def rotation(self) -> str:
@@ -42,45 +59,79 @@ class FoundTrack:
     @property
     def whole(self) -> bool:
         """Whether it is a pose."""
-        return self.rotation == "matrix" or bool(self.rotation and "position" in self.columns)
+        return self.rotation == "matrix" or bool(self.rotation and self.axes == "xyz" and self.positioned)
+
+    @property
+    def positioned(self) -> bool:
+        """Whether it has a position of its own, or within a matrix."""
+        return "position" in self.columns or self.rotation == "matrix"
+
+    @property
+    def used(self) -> list[str]:
+        """Its columns."""
+        return list(dict.fromkeys(c.column for parts in self.columns.values() for c in parts))
 
     @property
     def names(self) -> str:
         """Its columns, as a reader finds them."""
-        return ", ".join(name for names in self.columns.values() for name in names)
+        return ", ".join(self.used)
 
 
 def find_tracks(table: Table) -> list[FoundTrack]:
     """Every pose of a table, in the order of its columns."""
+    return [track for track in find_positions(table) if track.whole]
+
+
+def find_positions(table: Table) -> list[FoundTrack]:
+    """Every pose, and every position of one to three axes, in the order of the columns."""
     found: dict[tuple[str, ...], FoundTrack] = {}
     single: dict[tuple[tuple[str, ...], str], dict[str, str]] = defaultdict(dict)
     units: dict[tuple[tuple[str, ...], str], str] = {}
+    arrays: dict[str, np.ndarray] = {}
     for name in table.columns:
         values = numbers_of(table, name)
         if values is None or len(values) < LEAST:
             continue
+        arrays[name] = values
         words = [w.lower() for w in _WORD.findall(name)]
-        unit = _UNITS.get(words[-1], "") if len(words) > 1 else ""
-        words = words[:-1] if unit else words
+        unit = table.units.get(name, "")
+        if len(words) > 1 and words[-1] in _UNITS and not (words[-1] == "m" and len(words) < 2):
+            unit, words = unit or _UNITS[words[-1]], words[:-1]
         if values.ndim == 2:
             _add_array(found, name, words, values.shape[1], unit)
         elif (one := _component(words)) is not None:
             stem, kind, letter = one
             single[stem, kind][letter] = name
             units[stem, kind] = unit
+    _add_helical_quaternions(single)
     for (stem, kind), columns in single.items():
-        letters = _LETTERS[: _FULL[kind]]
-        if set(columns) != set(letters):
+        letters = [letter for letter in _LETTERS[: _FULL[kind]] if letter in columns]
+        if kind != "position" and len(letters) < _FULL[kind]:
             continue
         track = found.setdefault(stem, FoundTrack(stem))
-        track.columns[kind] = [columns[letter] for letter in letters]
+        track.columns[kind] = [Component(columns[letter]) for letter in letters]
         if kind == "quaternion":
             track.order = "xyzw"  # by their letters
         elif kind == "position":
-            track.unit = units[stem, kind]
+            track.unit, track.axes = units[stem, kind], "".join(letters)
         else:
             track.angle_unit = units[stem, kind]
-    return [track for track in found.values() if track.whole]
+    tracks = _paired(list(found.values()))
+    return tracks or _find_unnamed(arrays)
+
+
+def _paired(tracks: list[FoundTrack]) -> list[FoundTrack]:
+    """A position and a rotation under names of their own are one pose where there is one of each."""
+    positions = [t for t in tracks if not t.rotation]
+    rotations = [t for t in tracks if t.rotation and not t.positioned]
+    placed = [t for t in tracks if t.positioned]
+    if len(positions) == 1 and len(rotations) == 1 and positions[0].axes == "xyz":
+        one, other = positions[0], rotations[0]
+        pose = replace(
+            one, columns=one.columns | other.columns, order=other.order, angle_unit=other.angle_unit
+        )
+        return [pose if t is one else t for t in placed]
+    return placed
 
 
 def _component(words: list[str]) -> tuple[tuple[str, ...], str, str] | None:
@@ -93,6 +144,8 @@ def _component(words: list[str]) -> tuple[tuple[str, ...], str, str] | None:
     for prefixes, kind in ((("q",), "quaternion"), (("t", "p"), "position"), (("r",), "rotation_vector")):
         if len(last) == 2 and last[0] in prefixes and last[1] in _LETTERS[: _FULL[kind]]:
             return tuple(rest), kind, last[1]
+    if last == "rw":  # beside rx, ry, rz: a quaternion, as Vicon Tracker names it
+        return tuple(rest), "quaternion", "w"
     if last not in _LETTERS:
         return None
     before = rest[-1] if rest else ""
@@ -101,7 +154,22 @@ def _component(words: list[str]) -> tuple[tuple[str, ...], str, str] | None:
     ):  # fmt: skip
         if before in names and last in _LETTERS[: _FULL[kind]]:
             return tuple(rest[:-1]), kind, last
+    if rest and rest[0] == "q":  # q_RS_w, of EuRoC's data sets
+        return tuple(rest[1:]), "quaternion", last
+    if rest and rest[0] == "p" and last != "w":
+        return tuple(rest[1:]), "position", last
+    if set(rest) & RATES:
+        return None
     return (tuple(rest), "position", last) if last != "w" else None
+
+
+def _add_helical_quaternions(single: dict[tuple[tuple[str, ...], str], dict[str, str]]) -> None:
+    """RX, RY, RZ with RW beside them are a quaternion and no rotation vector."""
+    for stem, kind in list(single):
+        vector = single.get((stem, "rotation_vector"), {})
+        if kind == "quaternion" and set(single[stem, kind]) == {"w"} and len(vector) == 3:
+            single[stem, kind] = {**vector, "w": single[stem, kind]["w"]}
+            del single[stem, "rotation_vector"]
 
 
 def _add_array(
@@ -110,33 +178,78 @@ def _add_array(
     """An array (N, width) that is a part of a pose by its name and width."""
     first = words[0] if words else ""
     kind, known = {
+        2: ("position", _POSITION),
         3: (
             "rotation_vector" if set(words) & _VECTOR or first == "rvec" else "position",
             _VECTOR | _POSITION,
         ),
         4: ("quaternion", _QUATERNION),
+        7: ("pose", _MATRIX),
         9: ("rotation_matrix", _MATRIX),
         12: ("matrix", _MATRIX),
         16: ("matrix", _MATRIX),
     }.get(width, ("", set()))
-    if not kind:
+    if not kind or (kind in ("position", "pose") and set(words) & RATES):
         return
     stem = tuple(words[1:] if first in known else words[:-1] if words and words[-1] in known else words)
     track = found.setdefault(stem, FoundTrack(stem))
-    track.columns[kind] = [name]
+    order = next((o for o in ("wxyz", "xyzw") if o in words), "")
+    if kind == "pose":  # a position and then a quaternion
+        track.columns["position"] = [Component(name, k) for k in range(3)]
+        track.columns["quaternion"] = [Component(name, k) for k in range(3, 7)]
+        track.unit, track.order = unit, order
+        return
+    track.columns[kind] = [Component(name)]
     if kind == "position":
-        track.unit = unit
+        track.unit, track.axes = unit, "xyz"[:width]
     elif kind == "quaternion":
-        track.order = next((o for o in ("wxyz", "xyzw") if o in words), "")
+        track.order = order
+
+
+def _find_unnamed(arrays: dict[str, np.ndarray]) -> list[FoundTrack]:
+    """A pose in columns without names: a time or none, then TUM's seven numbers or KITTI's twelve."""
+    names = [name for name in arrays if name.isdecimal() and arrays[name].ndim == 1]
+    if len(names) != len(arrays) or len(names) not in (3, 4, 7, 8, 12, 13):
+        return []
+    first = len(names) % 2 if len(names) in (12, 13) else int(len(names) in (4, 8))
+    numbers = np.column_stack([arrays[name] for name in names[first:]])
+    seen = np.isfinite(numbers).all(axis=1)
+    if seen.sum() < LEAST:
+        return []
+    parts = [Component(name) for name in names[first:]]
+    numbers = numbers[seen]
+    if numbers.shape[1] == 7:
+        length = np.linalg.norm(numbers[:, 3:], axis=1)
+        if float(np.abs(length - 1.0).max()) > _UNIT_LENGTH:
+            return []
+        return [FoundTrack((), {"position": parts[:3], "quaternion": parts[3:]}, named=False)]
+    if numbers.shape[1] == 12:
+        turns = numbers.reshape(-1, 3, 4)[:, :, :3]
+        off = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max()
+        return [FoundTrack((), {"matrix": parts}, named=False)] if off < _TURNED else []
+    return [FoundTrack((), {"position": parts}, named=False)] if numbers.shape[1] == 3 else []
+
+
+def numbers_of_parts(table: Table, parts: list[Component]) -> np.ndarray:
+    """Numbers (N, K) of components, as they stand in the log."""
+    blocks = []
+    for part in parts:
+        values = np.asarray(table.numbers(part.column, "the log"))
+        values = values if values.ndim == 2 else values[:, None]
+        blocks.append(values if part.index is None else values[:, part.index : part.index + 1])
+    return np.concatenate(blocks, axis=1)
 
 
 def position_of(table: Table, track: FoundTrack) -> np.ndarray:
-    """Positions (N, 3) as they stand in the log."""
+    """Positions (N, K) of its axes as they stand in the log."""
     if track.rotation == "matrix":
-        (name,) = track.columns["matrix"]
-        return np.asarray(table.numbers(name, "the log"))[:, [3, 7, 11]]
-    parts = [np.asarray(table.numbers(name, "the log")) for name in track.columns["position"]]
-    return parts[0] if len(parts) == 1 else np.stack(parts, axis=1)
+        return numbers_of_parts(table, track.columns["matrix"])[:, [3, 7, 11]]
+    return numbers_of_parts(table, track.columns["position"])
+
+
+def time_columns(table: Table, used: list[str]) -> list[str]:
+    """Columns that are named as time and are no part of a pose."""
+    return [name for name in table.columns if is_time(name) and name not in used]
 
 
 def named_frames(words: tuple[str, ...]) -> tuple[str, str] | None:

@@ -1,25 +1,26 @@
-"""Drafts a mapping of depth readings: which column the sensor gave, which is the true distance, the unit.
+"""Drafts a mapping of readings: which column the sensor gave, which is the truth, in which unit.
 
 Nothing but names says which of two columns is the truth: a factor of 1.01 is 0.99 the other way round. Metres
-show in the numbers, since no depth camera measures 100 m; between cm and mm a name must decide.
+show in the numbers, since no depth camera measures 100 m; between cm and mm a name must decide. Two clocks
+that stamp the same events are told by their names, too, and by running alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from samrl_core.common.files import is_file
+from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.column_names import is_time, words_in
+from samrl_ros.log_import.draft.column_names import is_time, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.formats.rosbag import is_bag
+from samrl_ros.log_import.draft.logged_tracks import LoggedTable
+from samrl_ros.log_import.draft.text_layout import stated_options
+from samrl_ros.log_import.draft.track_entries import SECONDS
 from samrl_ros.log_import.pose_specs import LENGTHS
-from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
-from samrl_ros.log_import.tables import SUFFIXES, read_table
 
 DEPTH = frozenset("depth range tof lidar".split())
 TRUTH = frozenset("true truth reference ref gt groundtruth ground actual laser plane distance".split())
@@ -27,33 +28,57 @@ GIVEN = frozenset("measured raw reading sensor camera cam estimated est".split()
 FARTHEST, NEAREST = 30.0, 0.05  # [m] that depth cameras measure
 ALIKE = 0.9  # correlation of a reading with its reference
 LEAST = 50  # rows
+HOST = frozenset(
+    "host receive received recv arrival arrived system pc ptp local ros bag reference ref log".split()
+)
+DEVICE = frozenset("device camera cam sensor hardware hw header exposure image imu driver mcu robot".split())
+COUNTERS = frozenset("frame frames seq index id number count".split())
+RUNS_ALIKE = 0.999  # correlation of two clocks
+FAR_APART_S = 5.0  # that no clock is off, which counts from the same moment
 
 
-def draft_readings(paths: Sequence[Path]) -> Draft | None:
-    """A draft of a table that holds a depth and its reference; None of any other log.
+def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
+    """A draft of tables that hold a depth and its reference, or two clocks; None of any other log.
 
-    Raises:
-        InputError: a file that cannot be read.
+    Several tables must be alike: runs of one sensor, of which the last is held out.
     """
-    if len(paths) != 1 or is_bag(paths[0]) or not is_file(paths[0]):
+    if not tables or any(each.part for each in tables):
         return None
-    (path,) = paths
-    if path.suffix.lower() not in SUFFIXES:
-        return None
-    table = read_table(path, CsvOptions(), "the log", "")
-    columns = {name: values for name in table.columns if (values := _numbers(table, name)) is not None}
+    columns = {
+        name: v for name in tables[0].table.columns if (v := _numbers(tables[0].table, name)) is not None
+    }
     read = [name for name in columns if _says_depth(name) and not _says_truth(name)]
     true = [name for name in columns if _says_truth(name)]
-    if not read or not true:
-        return None
     pairs = [(a, b) for a in read for b in true if _alike(columns[a], columns[b])]
-    if not pairs:
-        return None
-    return _drafted(path, columns, pairs)
-
-
-def _drafted(path: Path, columns: dict[str, np.ndarray], pairs: list[tuple[str, str]]) -> Draft:
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
+    if pairs:
+        used = _describe_depth(columns, pairs, draft)
+    elif clocks := _clocks(tables[0].table):
+        used = _describe_clocks(*clocks, tables[0].table, draft)
+    else:
+        return None
+    if any(not set(used) <= set(each.table.columns) for each in tables):
+        return None
+    source: dict[str, Any] = {"file": tables[0].path.name}
+    if stated := stated_options(tables[0].csv):
+        source["csv"] = stated
+    draft.sources["log"] |= source
+    if any(np.isnan(each.table.numbers(name, "the log")).any() for each in tables for name in used):
+        draft.sources["log"]["missing"] = "drop_row"
+    paths = [each.path for each in tables]
+    draft.recordings = [{"name": path.stem, "role": "fit"} for path in paths]
+    if len(paths) > 1:
+        draft.sources["log"]["file"] = f"{{name}}{paths[0].suffix}"
+        draft.recordings[-1]["role"] = "held_out"
+        draft.note("recordings", "files with the same columns: one sensor's; the last by name is held out")
+    draft.unused += [f"{paths[0].name}: {n}" for n in columns if n not in used]
+    return draft
+
+
+def _describe_depth(
+    columns: dict[str, np.ndarray], pairs: list[tuple[str, str]], draft: Draft
+) -> tuple[str, str]:
+    """Roles and unit; the columns used."""
     reading, reference = pairs[0]
     several = len(pairs) > 1
     draft.note(
@@ -70,13 +95,77 @@ def _drafted(path: Path, columns: dict[str, np.ndarray], pairs: list[tuple[str, 
     others = " or ".join(each for each in known if each != unit) or "another"
     question = "" if said or known == [unit] else f"is the unit {unit}, and not {others}?"
     draft.note("readings", f"in {unit}: {why}", question)
-    draft.sources["log"] = {"file": path.name, "columns": {"reading": reading, "reference": reference}}
-    if not both.all():
-        draft.sources["log"]["missing"] = "drop_row"
-    draft.readings = {"quantity": "depth", "reading": "reading", "reference": "reference", "unit": unit}
-    draft.recordings = [{"name": path.stem, "role": "fit"}]
-    draft.unused += [f"{path.name}: {n}" for n in columns if n not in (reading, reference)]
-    return draft
+    formulas = ["reading", "reference"]
+    own = [next((u for u in LENGTHS if u in words_in(name)), unit) for name in (reading, reference)]
+    if own[0] != own[1]:
+        formulas = [f"{LENGTHS[u]:g} * {f}" for u, f in zip(own, formulas, strict=True)]
+        unit = "m"
+        draft.note("readings", f"{reading!r} in {own[0]} and {reference!r} in {own[1]} are both taken to m")
+    draft.sources["log"] = {"columns": {"reading": reading, "reference": reference}}
+    draft.readings = {"quantity": "depth", "reading": formulas[0], "reference": formulas[1], "unit": unit}
+    return reading, reference
+
+
+def _clocks(table: Table) -> tuple[str, str] | None:
+    """(device's, host's) stamps of the same events, by their names, in a table that holds little else."""
+    stamps: list[tuple[str, np.ndarray]] = []
+    others = 0
+    for name in table.columns:
+        values = numbers_of(table, name)
+        if values is None or values.ndim != 1 or np.isfinite(values).sum() < LEAST:
+            continue
+        if is_time(name) or set(words_in(name)) & (HOST | DEVICE):
+            stamps.append((name, values))
+        elif not set(words_in(name)) & COUNTERS:
+            others += 1
+    device = [(n, v) for n, v in stamps if set(words_in(n)) & DEVICE and not set(words_in(n)) & HOST]
+    host = [(n, v) for n, v in stamps if set(words_in(n)) & HOST]
+    if len(device) != 1 or len(host) != 1 or others:
+        return None
+    (one, a), (other, b) = device[0], host[0]
+    rates = [np.ptp(v[np.isfinite(v)]) for v in (a, b)]
+    if min(rates) <= 0 or not _alike(a, b) or np.corrcoef(a, b)[0, 1] < RUNS_ALIKE:
+        return None
+    return one, other
+
+
+def _describe_clocks(device: str, host: str, table: Table, draft: Draft) -> tuple[str, str]:
+    """Roles and units of two clocks; the columns used."""
+    values = {name: np.asarray(table.numbers(name, "the log")) for name in (device, host)}
+    draft.note("readings", f"{device!r} are a device's stamps, {host!r} another clock's: by their names")
+    units: dict[str, str] = {}
+    for name, v in values.items():
+        said, found = meaning(name).unit, evidence.time_unit(np.diff(v[np.isfinite(v)]))
+        units[name] = said if said in SECONDS else (found or ["s"])[0]
+        open_ = said not in SECONDS and len(found) != 1
+        question = f"is {name!r} in {units[name]}?" if open_ else ""
+        draft.note(
+            "readings",
+            f"{name!r} in {units[name]}: {'its name' if said in SECONDS else 'its steps'}",
+            question,
+        )
+    a, b = (SECONDS[units[name]] * v for name, v in values.items())
+    apart = float(np.nanmedian(a - b))
+    if abs(apart) > FAR_APART_S:
+        draft.note(
+            "readings", f"the clocks are {apart:.6g} s apart",
+            "do they count from the same moment? If not, subtract what is known of it in `reading`",
+        )  # fmt: skip
+    same = units[device] == units[host]
+    formulas = (
+        ["device", "host"]
+        if same
+        else [f"{SECONDS[units[n]]:g} * {k}" for n, k in ((device, "device"), (host, "host"))]
+    )
+    draft.sources["log"] = {
+        "time": {"column": host, "unit": units[host]},
+        "columns": {"device": device, "host": host},
+    }
+    if (np.diff(b[np.isfinite(b)]) <= 0).any():
+        draft.sources["log"]["time"]["repeated"] = "drop"
+    unit = units[host] if same else "s"
+    draft.readings = {"quantity": "stamp", "reading": formulas[0], "reference": formulas[1], "unit": unit}
+    return device, host
 
 
 def _numbers(table: Table, name: str) -> np.ndarray | None:

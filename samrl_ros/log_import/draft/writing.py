@@ -28,8 +28,11 @@ def as_yaml(draft: Draft) -> str:
             lines += [*_reasons(draft, "urdf"), "urdf: |", *(f"  {line}" for line in value.splitlines())]
         elif isinstance(value, dict):  # sources, channels, poses
             lines += [*_reasons(draft, key), f"{key}:"]
+            for absent in dict.fromkeys(_absent(draft, key, value)):
+                lines += [f"  {line}" for line in _reasons(draft, absent)]
             for name, entry in value.items():
                 if not isinstance(entry, dict):
+                    lines += [f"  {line}" for line in _reasons(draft, f"{key}.{name}")]
                     lines += _dumped({name: entry}, 2)
                     continue
                 lines.append(f"  {name}:")
@@ -40,6 +43,12 @@ def as_yaml(draft: Draft) -> str:
         lines.append("# Not used:")
         lines += [f"#   {each}" for each in draft.unused]
     return "\n".join(lines) + "\n"
+
+
+def _absent(draft: Draft, key: str, value: dict[str, Any]) -> list[str]:
+    """Keys below one that have a reason but no entry, such as a support that nothing touches."""
+    below = [guess.key for guess in draft.guesses if guess.key.startswith(f"{key}.")]
+    return [path for path in below if path.split(".")[1] not in value]
 
 
 def _entry(draft: Draft, path: str, entry: dict[str, Any]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Text files with a line per sample: .csv, .tsv, .txt."""
+"""Text files with a line per sample: .csv, .tsv, .txt, and what motion captures export."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.formats.motion_capture import read_motion_capture
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
@@ -18,26 +19,40 @@ _EMPTY = ["-", "na", "Na", "NAN", "Nan", "none", "NONE", "Null"]  # besides thos
 
 
 def read_text_table(path: Path, options: CsvOptions, where: str) -> Table:
-    """Lines as rows. Raises `InputError` for a header that names a column twice, or what pandas raises."""
+    """Lines as rows; without options a motion capture's export is read as what it is.
+
+    Raises:
+        InputError: a header that names a column twice, or lists another number of columns than there are.
+        Exception: what pandas raises.
+    """
     tab = path.suffix.lower() == ".tsv" and options.delimiter == ","
     how: dict[str, Any] = {"sep": "\t" if tab else options.delimiter, "skipinitialspace": True}
+    if how["sep"] == " ":
+        how["sep"] = r"\s+"
     with path.open(newline="", encoding="utf-8-sig") as stream:
-        text = "".join(
-            line
-            for number, line in enumerate(stream)
-            if number >= options.skip_lines and not (options.comment and line.startswith(options.comment))
-        )
+        lines = list(stream)
+    if options == CsvOptions() and (captured := read_motion_capture(path, lines)) is not None:
+        return captured
+    text = "".join(
+        line
+        for number, line in enumerate(lines)
+        if number >= options.skip_lines and not (options.comment and line.startswith(options.comment))
+    )
     first = pd.read_csv(io.StringIO(text), header=None, nrows=1, dtype=str, keep_default_na=False, **how)
-    names = [str(name).strip() for name in (first.iloc[0] if options.header else first.columns)]
+    listed = isinstance(options.header, list)
+    head = options.header if isinstance(options.header, list) else first.columns
+    names = [str(name).strip() for name in (first.iloc[0] if options.header is True else head)]
     if double := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(
             f"{where}: {path.name} names columns {double} twice; set header: false and use numbers"
         )
+    if listed and len(names) != first.shape[1]:
+        raise InputError(f"{where}: csv.header lists {len(names)} columns, {path.name} has {first.shape[1]}")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # else cells beyond the header are dropped
         frame = pd.read_csv(
             io.StringIO(text),
-            header=0 if options.header else None,
+            header=0 if options.header is True else None,
             names=names,
             index_col=False,
             decimal=options.decimal,

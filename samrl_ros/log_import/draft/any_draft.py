@@ -1,0 +1,67 @@
+"""Drafts a mapping of whatever a log holds: poses, a body's track, readings, or joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from samrl_ros.log_import.draft.body_draft import draft_bodies
+from samrl_ros.log_import.draft.draft import draft_mapping
+from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
+from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_poses
+from samrl_ros.log_import.draft.reading_draft import draft_readings
+from samrl_ros.log_import.draft.seen_tracks import is_of_a_machine
+
+
+def draft_any(
+    paths: Sequence[Path], urdf: str | None, urdf_file: str | None, effort: Effort = Effort.ask
+) -> Draft:
+    """Draft a mapping; with a robot's description the log is one of its joints.
+
+    Args:
+        paths: as `draft_mapping`, or files of poses, bodies or readings.
+        urdf: text of the robot's description, if there is one.
+        urdf_file: where it lies.
+        effort: what measured efforts are.
+
+    Raises:
+        InputError: a log that cannot be read, or in which nothing was found.
+    """
+    drafted = draft_free_devices(paths) if urdf is None else None
+    return drafted or draft_mapping(paths, urdf, urdf_file, effort)
+
+
+def draft_free_devices(paths: Sequence[Path]) -> Draft | None:
+    """A draft of readings, poses or a body; None where the log holds none of them, or joints beside them.
+
+    Raises:
+        InputError: a log that cannot be read.
+    """
+    tables = read_logged_tables(paths)
+    return draft_readings(tables) or _draft_tracks(tables)
+
+
+def _draft_tracks(tables: Sequence[LoggedTable]) -> Draft | None:
+    tracks = [track for table in tables for track in table.tracks()]
+    if not tracks:
+        return None
+    if are_roles_sure(tracks):
+        return draft_poses(tracks)
+    if any(is_of_a_machine(each, tracks) for each in tracks):
+        return None
+    bodies = draft_bodies(tracks)
+    if bodies is not None and (_few_poses(tracks) or _falls(bodies)):
+        return bodies
+    return draft_poses(tracks) or bodies
+
+
+def _few_poses(tracks: Sequence[LoggedTrack]) -> bool:
+    """Whether no table holds two poses, so that there is no chain."""
+    places = [each.place for each in tracks if each.track.whole]
+    return len(places) == len(set(places)) and (len(places) < 2 or len({t.track.stem for t in tracks}) == 1)
+
+
+def _falls(bodies: Draft) -> bool:
+    """Whether free fall was seen: what an arm carries does not fall."""
+    return any("what is tossed comes back" in guess.reason for guess in bodies.of("bodies.gravity"))

@@ -1,0 +1,297 @@
+"""Drafts a mapping of a free body: which track it is, which axis is up, in which units, and what it touches.
+
+Free fall proves the units and the axis (`free_fall`). A slide proves neither: that its support is level, and
+which way is up, is asked for. What the body is made of and how it touches is in no log: friction and
+restitution that nobody states are solved for, and a note says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from samrl_core.common.errors import InputError
+from samrl_ros.log_import.draft.blocks import numbers_of
+from samrl_ros.log_import.draft.column_names import meaning
+from samrl_ros.log_import.draft.free_fall import SURE_LEAN, FreeFall, G, find_unscaled_fall
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.pose_tracks import Component
+from samrl_ros.log_import.draft.seen_tracks import (
+    SeenTrack,
+    choose_track,
+    clean_poses,
+    contact_seconds,
+    is_named_body,
+    is_of_a_machine,
+    look_at,
+)
+from samrl_ros.log_import.draft.track_entries import (
+    add_columns,
+    add_track_entry,
+    add_track_source,
+    length_unit,
+    rotation_orders,
+)
+from samrl_ros.log_import.pose_specs import LENGTHS
+
+MOST_RUNS = 20  # of a folder that are searched for contact
+PLACEHOLDER_HZ = 100.0
+
+
+def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
+    """A draft of tracks of one free body: one recording, or several files alike; None of any other log."""
+    whole = [each for each in tracks if each.track.whole]
+    candidates = whole or [each for each in tracks if each.track.positioned]
+    if not candidates or any(is_of_a_machine(each, tracks) for each in candidates):
+        return None
+    files = list(dict.fromkeys(each.place for each in candidates))
+    alike = {place: tuple(e.track.used for e in candidates if e.place == place) for place in files}
+    if len({str(columns) for columns in alike.values()}) > 1:
+        return None  # tracks of several devices, not several motions of one body
+    first = [look_at(each) for each in candidates if each.place == files[0]]
+    chosen, question = choose_track(first)
+    same = [
+        c
+        for c in candidates
+        if c.track.used == chosen.each.track.used and c.track.stem == chosen.each.track.stem
+    ]
+    runs = [chosen, *(look_at(each) for each in same if each.place != files[0])]
+    fall = next((run.fall for run in runs if run.fall is not None), None)
+    if fall is None and not is_named_body(chosen.each) and len(chosen.each.track.axes) < 2:
+        return None
+    draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
+    reason = "the only track" if len(first) == 1 else "the track that moves"
+    draft.note("bodies.track", f"{chosen.each.name}: {reason}", question)
+    draft.unused += [each.name for each in tracks if each.place == files[0] and each is not chosen.each]
+    track = _describe_track(chosen, fall, runs, draft)
+    draft.bodies = {"track": track}
+    _describe_up(chosen, fall, draft)
+    _describe_contact(runs, fall, draft)
+    _add_recordings(runs, draft)
+    return draft
+
+
+def _describe_track(
+    chosen: SeenTrack, fall: FreeFall | None, runs: Sequence[SeenTrack], draft: Draft
+) -> dict[str, Any]:
+    """Source, columns, units and turns of the track."""
+    each = chosen.each
+    source = add_track_source("track", each, draft)
+    entry = add_track_entry(each, "track", draft)
+    if any(not np.isfinite(run.each.position).all() for run in runs):
+        source["missing"] = "drop_row"
+    lost = sum(int((~np.isfinite(run.each.position)).any(axis=1).sum()) for run in runs)
+    if lost:
+        draft.note("sources.track.missing", f"{lost} poses are empty: not seen there, so they are left out")
+    _describe_time(chosen, fall, source, draft)
+    if each.track.axes != "xyz":
+        entry["axes"] = each.track.axes
+    entry.pop("source")
+    _describe_unit(chosen, fall, entry, draft)
+    _describe_turns(each, entry, draft)
+    if len(each.track.axes) == 2 and not each.track.rotation:
+        _add_angle(each, source, entry, draft)
+    if not each.track.named:
+        draft.note(
+            "bodies.track.position",
+            f"columns {each.track.names} have no names; their numbers are those of poses",
+            "is it a position and a quaternion x, y, z, w after the time (the TUM format)?",
+        )
+    return entry
+
+
+def _describe_time(chosen: SeenTrack, fall: FreeFall | None, source: dict[str, Any], draft: Draft) -> None:
+    key, time = "sources.track.time", chosen.time
+    if time is None:
+        counted = {"column": chosen.frames} if chosen.frames else {}
+        source["time"] = {**counted, "rate_hz": PLACEHOLDER_HZ}
+        what = f"{chosen.frames!r} counts frames" if chosen.frames else "no column is named as time"
+        draft.note(key, what, f"what is the frame rate [Hz]? {PLACEHOLDER_HZ:g} is a placeholder")
+        return
+    unit = time.units[0] if fall is None else fall.time_unit
+    column = time.entry.get("column")
+    if time.proof:
+        draft.note(key, time.proof)
+    elif fall is not None:
+        draft.note(key, f"{column!r} in {unit}: what falls gains {fall.gravity:.3g} m/s per s")
+    else:
+        step = float(np.nanmedian(np.diff(time.values)))
+        counted = step == 1.0 or len(time.units) != 1
+        question = f"is {column!r} in {unit}, and no count of frames?" if counted else ""
+        draft.note(key, f"{column!r} in {unit}: steps of {step:g}", question)
+    if time.entry:
+        plain = time.entry.get("iso") or "nanoseconds" in time.entry
+        source["time"] = dict(time.entry) if plain else {**time.entry, "unit": unit}
+        if (np.diff(time.values[np.isfinite(time.values)]) <= 0).any():
+            source["time"]["repeated"] = "drop"
+            draft.note(key, "some steps do not increase; such rows are left out")
+
+
+def _describe_unit(chosen: SeenTrack, fall: FreeFall | None, entry: dict[str, Any], draft: Draft) -> None:
+    key, each = "bodies.track.unit", chosen.each
+    said = each.track.unit
+    if fall is not None:
+        proof = f"it falls with {fall.gravity:.3g} m/s^2 then"
+        if said in LENGTHS and said != fall.unit:
+            question = f"the log says {said}, but what falls says {fall.unit}: which is it?"
+        elif not fall.sure:
+            question = f"free fall has {G:.2f} m/s^2; are unit, frame rate and playback speed right?"
+        else:
+            question = ""
+        entry["unit"] = said if said in LENGTHS else "m" if said == "in" else fall.unit
+        draft.note(key, proof if said not in LENGTHS else f"the log says {said}; {proof}", question)
+        return
+    if said in LENGTHS or said == "in":
+        draft.note(key, f"the log says {said}")
+        return
+    scale = None
+    if chosen.time is not None and len(chosen.time.units) == 1:
+        stamps = chosen.time.seconds(chosen.time.units[0])
+        scale = find_unscaled_fall(*clean_poses(stamps, each.position))
+    if scale is not None:
+        entry["unit"] = "m"
+        metres = G / scale.gravity
+        draft.note(
+            key, f"it falls with {scale.gravity:.4g} units/s^2, which is 9.81 m/s^2 in no unit that is known",
+            "how long is a unit (a pixel?) in m? Write `position: [\"SCALE * x\", ...]`;"
+            f" {metres:.4g} would make it free fall, but then the length can no longer be judged",
+        )  # fmt: skip
+        return
+    entry["unit"] = "m" if chosen.curve is not None else length_unit(each)
+    if chosen.curve is not None:
+        draft.note(
+            key, "it falls, but neither the unit of length nor the frame rate is known",
+            "how long is a unit (a pixel?) in m? Write `position: [\"SCALE * x\", ...]`",
+        )  # fmt: skip
+        return
+    farthest = float(np.nanmax(np.abs(each.position)))
+    draft.note(
+        key, f"numbers up to {farthest:.4g}, nothing falls",
+        f"is the unit {entry['unit']}, and no other?",
+    )  # fmt: skip
+
+
+def _describe_turns(each: LoggedTrack, entry: dict[str, Any], draft: Draft) -> None:
+    """How its turns are given, or that they are left out."""
+    kind = each.track.rotation
+    if kind == "quaternion":
+        orders = rotation_orders(each)
+        entry["order"] = orders[0]
+        sure = len(orders) == 1
+        draft.note(
+            "bodies.track.quaternion", f"{orders[0]} by the names" if sure else "four numbers without names",
+            "" if sure else "is its order xyzw, and not wxyz?",
+        )  # fmt: skip
+    elif kind == "rotation_vector" and each.table.maker == "Vicon":
+        draft.note(
+            "bodies.track.rotation_vector", "RX, RY, RZ as Vicon's helical angles",
+            "is it a rotation vector (helical), and no Euler angles? Leave it out if turns do not matter",
+        )  # fmt: skip
+    elif kind == "rpy":
+        draft.note(
+            "bodies.track.rpy", "roll, pitch and yaw by their names",
+            "do they turn about the fixed x, y, z axes in this order, as in a URDF?",
+        )  # fmt: skip
+
+
+def _add_angle(each: LoggedTrack, source: dict[str, Any], entry: dict[str, Any], draft: Draft) -> None:
+    """An angle beside a track in two axes."""
+    for name in each.table.columns:
+        told, values = meaning(name), numbers_of(each.table, name)
+        if told.quantity != "position" or name in each.track.used or values is None or values.ndim != 1:
+            continue
+        (entry["angle"],) = add_columns([Component(name)], source)
+        unit = told.unit if told.unit in ("rad", "deg") else ""
+        guess = "deg" if float(np.nanmax(np.abs(values))) > 4 * np.pi else "rad"
+        entry["angle_unit"] = unit or guess
+        question = "" if unit else f"is {name!r} in {guess}?"
+        draft.note("bodies.track.angle", f"{name!r} beside the position", question)
+        return
+
+
+def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None:
+    axes, key = chosen.each.track.axes, "bodies.gravity"
+    if fall is not None:
+        letter = axes[fall.axis]
+        gravity = [0.0, 0.0, 0.0]
+        gravity["xyz".index(letter)] = -G * fall.up
+        sign = "+" if fall.up > 0 else "-"
+        question = ""
+        if fall.lean > SURE_LEAN:
+            lean = float(np.degrees(fall.lean))
+            question = f"gravity leans by {lean:.0f} degrees from {letter}: is it {sign}{letter} up?"
+        draft.note(key, f"{sign}{letter} is up: that is where what is tossed comes back from", question)
+        draft.bodies["gravity"] = gravity
+        return
+    if chosen.curve is not None:
+        axis, up = chosen.curve
+        gravity = [0.0, 0.0, 0.0]
+        gravity["xyz".index(axes[axis])] = -G * up
+        sign = "+" if up > 0 else "-"
+        draft.note(key, f"{sign}{axes[axis]} is up: what is tossed comes back from there, in whatever unit")
+        draft.bodies["gravity"] = gravity
+        return
+    if "z" in axes:
+        draft.bodies["gravity"] = [0.0, 0.0, -G]
+        draft.note(
+            key, "nothing falls in this track, so nothing tells which way is up",
+            "is +z up? Else write gravity in the track's axes [m/s^2]; on an incline it has two components",
+        )  # fmt: skip
+        return
+    draft.note(
+        key, f"the track has {' and '.join(axes)} alone, and nothing falls along them",
+        "is it a level plane seen from above? Else state `incline` (degrees, +x downhill), or `gravity`",
+    )  # fmt: skip
+
+
+def _describe_contact(runs: Sequence[SeenTrack], fall: FreeFall | None, draft: Draft) -> None:
+    """Whether the body touches something, and what would have to be stated of it."""
+    key, gravity = "bodies.support", np.asarray(draft.bodies.get("gravity", [0.0, 0.0, -G]))
+    up = -gravity / G
+    if fall is None and runs[0].curve is not None:
+        draft.note(key, "it falls; what it touches is not looked for while the unit is open")
+        return
+    if fall is None:
+        draft.bodies["support"] = {"normal": [float(x) + 0.0 for x in up]}
+        draft.note(
+            key, "what does not fall slides; no coefficient is stated, so it is solved for and not judged:"
+            " write `friction` beside `normal` to have yours judged",
+        )  # fmt: skip
+        return
+    along = np.array([up["xyz".index(a)] for a in runs[0].each.track.axes])
+    touching = sum(contact_seconds(run, fall, along) for run in runs[:MOST_RUNS])
+    if not touching:
+        draft.note(
+            key, "it flies, and nothing is stated of what it hits: rebounds, rest and hands are left out;"
+            " write `support: {normal: ..., restitution: ...}` to have rebounds judged",
+        )  # fmt: skip
+        return
+    draft.bodies["support"] = {"normal": [float(x) + 0.0 for x in up]}
+    draft.note(
+        key, f"it moves on something for {touching:.2g} s; friction and restitution that nobody states are"
+        " solved for and not judged: write them beside `normal` to have yours judged",
+        "what is its shape? Write `body: {box: [a, b, c]}`, `{sphere: radius}` or `{cylinder: [radius,"
+        " height]}` in m: a ball rolls, and a box that tumbles is mistaken for one that flies. A puck needs"
+        " none",
+    )  # fmt: skip
+
+
+def _add_recordings(runs: Sequence[SeenTrack], draft: Draft) -> None:
+    """One, or one for each file; which are held out is left to the import."""
+    paths = [run.each.path for run in runs]
+    if len(runs) == 1:
+        draft.recordings = [{"name": paths[0].stem}]
+        return
+    suffix = paths[0].suffix
+    if any(path.suffix != suffix or path.parent != paths[0].parent for path in paths):
+        raise InputError(f"files of one body lie in several folders or are of several kinds: {paths[0]}, ...")
+    draft.note("recordings", f"{len(paths)} files with the same columns: motions of one body")
+    if set(paths) == set(paths[0].parent.glob(f"*{suffix}")):
+        draft.recordings = [{"glob": f"*{suffix}"}]
+        del draft.sources["track"]["file"]
+        return
+    draft.recordings = [{"name": path.stem} for path in paths]
+    draft.sources["track"]["file"] = f"{{name}}{suffix}"

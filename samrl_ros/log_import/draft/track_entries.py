@@ -1,0 +1,203 @@
+"""What drafts of poses and of bodies share: sources, their time, and how columns form a track."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from samrl_ros.log_import.draft import evidence
+from samrl_ros.log_import.draft.blocks import numbers_of
+from samrl_ros.log_import.draft.column_names import meaning, words_in
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.pose_tracks import Component, numbers_of_parts, time_columns
+from samrl_ros.log_import.draft.text_layout import stated_options
+from samrl_ros.log_import.sources import SourceData
+from samrl_ros.log_import.table import Table
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+INCH_M = 0.0254
+FAR = 20.0  # of a position: no arm, camera or tossed body is so far off in metres
+FULL_TURN = 2.0 * np.pi + 0.1
+_WHOLE_SECONDS = ("sec", "secs")
+_NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanosecs")
+_FRAMES = frozenset({"frame", "frames", "image", "img", "sample"})
+
+
+@dataclass(frozen=True, eq=False)
+class FoundTime:
+    """Where the time of a table stands, and which units are possible."""
+
+    entry: dict[str, Any]  # of the mapping, without its unit; empty: the file's own
+    values: np.ndarray  # (N,) as logged
+    units: tuple[str, ...]  # the likeliest first
+    proof: str  # what says it; empty where only the steps do
+
+    def seconds(self, unit: str) -> np.ndarray:
+        """(N,) [s] if it is in this unit."""
+        return self.values * SECONDS[unit]
+
+
+def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
+    """The time of a track's table; None where no column is named as one.
+
+    Args:
+        each: the track.
+        used: columns of poses.
+    """
+    table = each.table
+    if table.time is not None:
+        return FoundTime({}, table.time, ("s",), "the log's own")
+    names = time_columns(table, list(used))
+    if not each.track.named:
+        names = [name for name in table.columns if name not in used and _increases(table, name)][:1]
+    for name in names:
+        values = numbers_of(table, name)
+        if values is None:
+            moments = table.times(name, "the log")
+            return FoundTime({"column": name, "iso": True}, moments, ("s",), f"{name!r} holds dates")
+        if (rest := _nanoseconds_of(name, names)) and (more := numbers_of(table, rest)) is not None:
+            entry = {"column": name, "nanoseconds": rest}
+            return FoundTime(entry, values + 1e-9 * more, ("s",), f"{name!r} with {rest!r}")
+    # Of several clocks the header's stamp tells when something was seen, the others when it was written.
+    stamped = sorted(names, key=lambda n: "stamp" not in words_in(n) and "timestamp" not in words_in(n))
+    for name in stamped:
+        values = numbers_of(table, name)
+        if values is None or values.ndim != 1:
+            continue
+        said = meaning(name).unit
+        if said in SECONDS:
+            return FoundTime({"column": name}, values, (said,), f"{name!r}: its name says {said}")
+        steps = np.diff(values[np.isfinite(values)])
+        if len(steps) and np.median(steps) > 0:
+            return FoundTime({"column": name}, values, tuple(evidence.time_unit(steps)) or ("s",), "")
+    return None
+
+
+def _increases(table: Table, name: str) -> bool:
+    values = numbers_of(table, name)
+    return values is not None and values.ndim == 1 and bool((np.diff(values) > 0).all())
+
+
+def find_frames(each: LoggedTrack, used: Sequence[str]) -> str:
+    """A column that counts frames; empty where there is none."""
+    for name in each.table.columns:
+        values = numbers_of(each.table, name)
+        counts = name not in used and bool(set(words_in(name)) & _FRAMES)
+        if counts and values is not None and values.ndim == 1 and (np.diff(values) >= 1).all():
+            return name
+    return ""
+
+
+def _nanoseconds_of(name: str, names: Sequence[str]) -> str:
+    """The column that holds the rest of a ROS stamp's whole seconds."""
+    words = words_in(name)
+    if not words or words[-1] not in _WHOLE_SECONDS:
+        return ""
+    for other in names:
+        more = words_in(other)
+        if more[:-1] == words[:-1] and more[-1] in _NANOSECONDS:
+            return other
+    return ""
+
+
+def add_track_source(key: str, each: LoggedTrack, draft: Draft) -> dict[str, Any]:
+    """The file of a track as a source of the draft, without its time."""
+    source: dict[str, Any] = {"file": each.path.name}
+    if each.part:
+        source["part"] = each.part
+    if stated := stated_options(each.csv):
+        source["csv"] = stated
+    source["columns"] = {}
+    draft.sources[key] = source
+    return source
+
+
+def add_columns(parts: Sequence[Component], source: dict[str, Any]) -> list[str]:
+    """Formulas of components; their columns are added to the source under names for formulas."""
+    columns: dict[str, str] = source["columns"]
+    formulas = []
+    for part in parts:
+        short = next((k for k, v in columns.items() if v == part.column), "")
+        if not short:
+            short = "".join(c if c.isascii() and c.isalnum() else "_" for c in part.column).strip("_")
+            short = short if short.isidentifier() and short != "time" else f"c_{short}"
+            while short in columns:
+                short += "_"
+            columns[short] = part.column
+        formulas.append(short if part.index is None else f"{short}[{part.index}]")
+    return formulas
+
+
+def add_track_entry(each: LoggedTrack, key: str, draft: Draft) -> dict[str, Any]:
+    """A track as the mapping names it, as far as its own names and numbers say."""
+    source = draft.sources[key]
+    entry: dict[str, Any] = {"source": key}
+    for kind, parts in each.track.columns.items():
+        if kind not in ("position", each.track.rotation):
+            continue
+        formulas = add_columns(parts, source)
+        entry[kind] = formulas if len(formulas) > 1 or parts[0].index is not None else formulas[0]
+    if each.track.unit == "in":
+        entry["position"] = [f"{INCH_M} * {formula}" for formula in _listed(entry["position"])]
+    entry["unit"] = length_unit(each)
+    if each.track.rotation in ("rpy", "rotation_vector"):
+        turned = float(
+            np.nanmax(np.abs(numbers_of_parts(each.table, each.track.columns[each.track.rotation])))
+        )
+        entry["angle_unit"] = each.track.angle_unit or ("deg" if turned > FULL_TURN else "rad")
+    if not np.isfinite(track_numbers(each)).all():
+        source["missing"] = "drop_row"
+    return entry
+
+
+def length_unit(each: LoggedTrack) -> str:
+    """Of a position: what its names say, else what its size suggests."""
+    if each.track.unit in ("m", "cm", "mm"):
+        return each.track.unit
+    if each.track.unit == "in":
+        return "m"  # by a formula
+    return "mm" if float(np.nanmax(np.abs(each.position))) > FAR else "m"
+
+
+def track_numbers(each: LoggedTrack) -> np.ndarray:
+    """All numbers (N, K) of a track."""
+    kinds = ("position", each.track.rotation)
+    return np.concatenate(
+        [numbers_of_parts(each.table, parts) for kind, parts in each.track.columns.items() if kind in kinds],
+        axis=1,
+    )
+
+
+def rotation_orders(each: LoggedTrack) -> tuple[str, ...]:
+    """Orders that its quaternion may have; one empty where there is nothing to choose."""
+    if each.track.rotation != "quaternion":
+        return ("",)
+    return (each.track.order,) if each.track.order else ("xyzw", "wxyz")
+
+
+def source_data(tracks: Sequence[LoggedTrack], source: dict[str, Any], time: np.ndarray) -> SourceData:
+    """What `read_source` would give for tracks of one table, without reading it again.
+
+    Args:
+        tracks: of one table.
+        source: of the draft.
+        time: (N,) [s] of its rows.
+    """
+    table = tracks[0].table
+    values = {
+        short: np.asarray(table.numbers(column, "the log")) for short, column in source["columns"].items()
+    }
+    keep = np.isfinite(time)
+    for column in values.values():
+        keep &= np.isfinite(column if column.ndim == 1 else column.sum(axis=1))
+    ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
+    keep &= time > np.concatenate([[-np.inf], ahead[:-1]])
+    return SourceData((), time[keep], {short: column[keep] for short, column in values.items()})
+
+
+def _listed(formulas: list[str] | str) -> list[str]:
+    return formulas if isinstance(formulas, list) else [formulas]

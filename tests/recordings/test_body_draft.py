@@ -1,0 +1,215 @@
+"""Drafted mappings of bodies' tracks in other people's formats: read as they were made, or a question."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from samrl_core.cell.types.body_recording import BodyRecording
+from samrl_ros.cli.main import run
+from samrl_ros.log_import.body_importer import bodies_of
+from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.free_fall import find_free_fall
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.pose_specs import LENGTHS
+from tests.diagnosis.bodies.body_worlds import Tracker, World, bounces, several, slide, toss
+from tests.recordings import body_logs
+from tests.recordings.body_logs import Y_UP, Writer
+
+TURNED = World(gravity=(0.6, 0.0, -9.79))
+# Writer, rotation of the log's frame against ours, and which poses were not lost.
+FORMATS: list[tuple[Writer, Rotation]] = [
+    (body_logs.motive, Y_UP),
+    (body_logs.motive_labelled, Y_UP),
+    (body_logs.vicon, Rotation.identity()),
+    (body_logs.tum, Rotation.identity()),
+    (body_logs.euroc, Rotation.identity()),
+    (body_logs.ros_echo, Rotation.identity()),
+    (body_logs.ros_seconds, Rotation.identity()),
+    (body_logs.semicolons, Rotation.identity()),
+    (body_logs.arrays, Rotation.identity()),
+]
+
+
+def drafted(*paths: Path) -> Draft:
+    return draft_any(paths, None, None)
+
+
+def imported(draft: Draft, folder: Path) -> list[BodyRecording]:
+    """By the draft, with its questions answered as they stand."""
+    content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
+    return [each.recording for each in bodies_of(yaml.safe_dump(content), folder / "m.yaml", folder)]
+
+
+def write_columns(path: Path, **columns: np.ndarray) -> Path:
+    np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header=",".join(columns),
+               comments="", fmt="%.6f")  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize(("write", "frame"), FORMATS, ids=[write.__name__ for write, _ in FORMATS])
+def test_each_format_is_read_as_it_was_made(write: Writer, frame: Rotation, tmp_path: Path) -> None:
+    (made,) = several(toss, TURNED, 1, 3)
+    draft = drafted(write(tmp_path / "toss", made.track))
+    assert draft.kind == "bodies" and not draft.questions, draft.questions
+    (got,) = imported(draft, tmp_path)
+    kept = np.array([np.abs(made.track.time - t).argmin() for t in got.track.time])
+    assert len(got.track) == len(made.track) - (4 if write is body_logs.motive else 0)
+    np.testing.assert_allclose(got.track.time, made.track.time[kept], atol=2e-4)
+    np.testing.assert_allclose(got.track.position, frame.apply(made.track.position[kept]), atol=1e-5)
+    np.testing.assert_allclose(got.gravity, frame.apply([0.0, 0.0, -9.81]), atol=1e-9)
+    if got.track.turns:
+        turned = Rotation.from_quat(got.track.quat_xyzw)
+        apart = turned.inv() * frame * Rotation.from_quat(made.track.quat_xyzw[kept])
+        assert float(apart.magnitude().max()) < 1e-4
+    assert bool(got.track.turns) == (write is not body_logs.semicolons)
+
+
+def test_a_folder_of_tosses_is_diagnosed_in_one_step(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "tosses"
+    folder.mkdir()
+    for made in several(toss, TURNED, 6, 3):
+        body_logs.motive(folder / made.name, made.track)
+    assert run(["diagnose", str(folder), "--out", str(tmp_path / "report")]) == 0
+    report = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert [f"{e['family']}@{e['place']}" for e in report["effects"]] == ["base_tilt@cell"]
+    assert "+y is up" in " ".join(report["notes"]), report["notes"]
+    assert sorted(i["role"] for i in report["inputs"]) == ["fit"] * 4 + ["held_out"] * 2
+
+
+def test_a_slide_asks_and_names_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing falls: neither the direction of gravity nor the unit is proven."""
+    for made in several(slide, World(friction=0.9), 3, 1, speed=3.0):
+        t = made.track
+        write_columns(tmp_path / f"{made.name}.csv", t=t.time, x=t.position[:, 0], y=t.position[:, 1])
+    assert run(["diagnose", str(tmp_path), "--out", str(tmp_path / "report")]) == 3
+    error = capsys.readouterr().err
+    assert "is it a level plane seen from above?" in error and "is the unit m" in error
+    assert f"samrl bag draft {tmp_path} --out mapping.yaml" in error
+    assert not (tmp_path / "report").exists()
+
+
+def test_a_question_that_was_answered_leaves_a_mapping_that_runs(tmp_path: Path) -> None:
+    for made in several(slide, World(friction=0.25), 4, 1):
+        t = made.track
+        ms, x, y = 1e3 * t.time, 1e3 * t.position[:, 0], 1e3 * t.position[:, 1]
+        write_columns(tmp_path / f"{made.name}.csv", frame=np.arange(len(ms)), time_ms=ms, x_mm=x, y_mm=y)
+    out = tmp_path / "m.yaml"
+    assert run(["bag", "draft", str(tmp_path), "--out", str(out)]) == 0
+    content = yaml.safe_load(out.read_text())
+    assert len(content.pop("questions")) == 1  # whether the plane is level; units are in the names
+    content["bodies"]["support"]["friction"] = 0.25
+    out.write_text(yaml.safe_dump(content))
+    assert run(["bag", "import", str(out), "--check"]) == 0
+    assert run(["bag", "import", str(out), "--out", str(tmp_path / "bags")]) == 0
+
+
+def test_a_unit_that_free_fall_contradicts_is_asked_for(tmp_path: Path) -> None:
+    (made,) = several(toss, World(), 1, 3)
+    p = made.track.position
+    path = write_columns(tmp_path / "ball.csv", t=made.track.time, x_cm=p[:, 0], y_cm=p[:, 1], z_cm=p[:, 2])
+    (question,) = drafted(path).questions
+    assert "the log says cm, but what falls says m" in question
+
+
+def test_a_wrong_frame_rate_is_asked_for(tmp_path: Path) -> None:
+    (made,) = several(toss, World(tracker=Tracker(rate=30.0)), 1, 3)
+    p = made.track.position
+    path = write_columns(tmp_path / "ball.csv", t=made.track.time / 1.25, x=p[:, 0], y=p[:, 1], z=p[:, 2])
+    (question,) = drafted(path).questions
+    assert "frame rate and playback speed" in question
+
+
+def test_pixels_are_asked_for_and_up_is_told(tmp_path: Path) -> None:
+    """Image rows count downwards; a bouncing ball says so in whatever unit."""
+    (made,) = several(bounces, World(), 1, 3)
+    p = made.track.position
+    path = write_columns(
+        tmp_path / "ball.csv", frame=np.arange(len(p)), x=300 + 800 * p[:, 0], y=700 - 800 * p[:, 2]
+    )
+    draft = drafted(path)
+    assert draft.bodies["gravity"] == [0.0, 9.81, 0.0] and draft.bodies["track"]["axes"] == "xy"
+    asked = " ".join(draft.questions)
+    assert len(draft.questions) == 2 and "frame rate" in asked and "pixel" in asked
+    assert draft.sources["track"]["time"]["column"] == "frame"
+
+
+def test_of_several_bodies_the_one_that_falls_is_taken(tmp_path: Path) -> None:
+    (one, other) = several(toss, World(), 2, 3)
+    columns = {"t": one.track.time}
+    for name, p in (
+        ("hand", 0.2 * np.sin(one.track.time)[:, None] + np.zeros(3)),
+        ("ball", one.track.position),
+    ):
+        columns |= {f"{name}_{axis}": p[:, k] for k, axis in enumerate("xyz")}
+    draft = drafted(write_columns(tmp_path / "a.csv", **columns))
+    assert draft.bodies["track"]["position"] == ["ball_x", "ball_y", "ball_z"] and not draft.questions
+    columns |= {f"cube_{axis}": other.track.position[:, k] for k, axis in enumerate("xyz")}
+    (question,) = drafted(write_columns(tmp_path / "b.csv", **columns)).questions
+    assert "and not" in question and "cube_x" in question
+
+
+def test_what_touches_asks_for_its_shape(tmp_path: Path) -> None:
+    """A ball that rolls is no point that slides, and no column says which it is."""
+    (made,) = several(bounces, World(), 1, 3)
+    p = np.vstack([made.track.position, made.track.position[-1] + np.outer(np.arange(60), [0.004, 0.0, 0.0])])
+    time = np.arange(len(p)) / 120.0
+    draft = drafted(write_columns(tmp_path / "ball.csv", t=time, x=p[:, 0], y=p[:, 1], z=p[:, 2]))
+    (question,) = draft.questions
+    assert "what is its shape?" in question
+    assert "solved for and not judged" in " ".join(as_yaml(draft).replace("#", "").split())
+
+
+def test_columns_without_names_are_asked_for(tmp_path: Path) -> None:
+    (made,) = several(toss, World(), 1, 3)
+    t = made.track
+    rows = np.column_stack([1305031098 + t.time, t.position, t.quat_xyzw])
+    np.savetxt(tmp_path / "poses.txt", rows, fmt="%.6f")
+    draft = drafted(tmp_path / "poses.txt")
+    assert len(draft.questions) == 2 and all("quaternion" in q or "order" in q for q in draft.questions)
+    assert draft.sources["track"]["csv"] == {"delimiter": " ", "header": False}
+    (got,) = imported(draft, tmp_path)
+    np.testing.assert_allclose(got.track.position, t.position, atol=1e-5)
+
+
+def test_logs_of_machines_are_none_of_bodies(tmp_path: Path) -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    x = 0.1 * np.sin(2.0 * time)
+    for k, columns in enumerate(
+        (
+            {"t": time, "q1": x, "q2": x, "x": x, "y": 2 * x, "z": x},  # an arm's joints and its tool
+            {"t": time, "x": x, "y": -x, "x_ref": x, "y_ref": -x},  # a gantry and its set points
+            {"t": time, "x": x, "force": 9.0 * x},  # a slide with a motor
+        )
+    ):
+        path = write_columns(tmp_path / f"{k}.csv", **columns)
+        assert drafted(path).kind == "joints", columns.keys()
+
+
+@pytest.mark.parametrize("scale", [1.0, 100.0, 1000.0])
+def test_what_an_arm_does_is_no_free_fall(scale: float) -> None:
+    """Slow curves have 9.81 m/s^2 in some unit; they last too long, go too far, or bend."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 12.0, 0.01)
+    for size, rate in ((0.1, 1.0), (0.2, 3.0), (0.05, 10.0), (0.3, 0.3)):
+        path = size * np.stack([np.sin(rate * time), np.cos(rate * time), np.sin(1.3 * rate * time)], axis=1)
+        position = scale * (path + 2e-4 * rng.standard_normal(path.shape))
+        wide = float(np.linalg.norm(np.ptp(position, axis=0)))
+        units = {unit: factor for unit, factor in LENGTHS.items() if factor * wide < 8.0}
+        assert find_free_fall(time, position, {"s": 1.0}, units) is None, (size, rate)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3, 0.6, 1.0])
+def test_a_slide_is_no_free_fall(friction: float) -> None:
+    """It brakes as hard as gravity pulls, but never speeds up along its way."""
+    for made in several(slide, World(friction=friction), 3, 5, speed=2.0):
+        track = made.track
+        assert find_free_fall(track.time, track.position, {"s": 1.0}, LENGTHS) is None

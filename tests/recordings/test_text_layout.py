@@ -1,0 +1,72 @@
+"""How text files are written, told from their first lines, and what a mapping states of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from samrl_core.common.errors import InputError
+from samrl_ros.log_import.draft.text_layout import stated_options, text_options
+from samrl_ros.log_import.specs import CsvOptions, TimeSpec
+from samrl_ros.log_import.tables import read_table
+
+NUMBERS = [[0.1, 2.0, 3.0], [0.2, 3.0, 4.0], [0.3, 4.0, 5.5]]
+PLAIN = ["0.1,2,3", "0.2,3,4", "0.3,4,5.5"]
+
+
+@pytest.mark.parametrize(
+    ("name", "lines", "stated", "names"),
+    [
+        ("plain.csv", ["t,x,y", *PLAIN], {}, ["t", "x", "y"]),
+        ("bare.csv", PLAIN, {"header": False}, ["0", "1", "2"]),
+        ("hash.csv", ["#t, x, y", *PLAIN], {}, ["#t", "x", "y"]),
+        ("tabs.tsv", ["t\tx\ty", *[r.replace(",", "\t") for r in PLAIN]], {}, ["t", "x", "y"]),
+        (
+            "blanks.txt", ["% made by hand", "% t  x  y", *[r.replace(",", "   ") for r in PLAIN]],
+            {"delimiter": " ", "header": ["t", "x", "y"], "comment": "%"}, ["t", "x", "y"],
+        ),
+        (
+            "german.csv", ["Zeit;x;y", "0,1;2,0;3,0", "0,2;3,0;4,0", "0,3;4,0;5,5"],
+            {"delimiter": ";", "decimal": ","}, ["Zeit", "x", "y"],
+        ),
+        ("above.csv", ["Recorder 3", "on 1.2.26, at 12", "", "t,x,y", *PLAIN], {"skip_lines": 3}, ["t", "x", "y"]),
+        (
+            "units.csv", ["t,x,y", "(s),(mm),(mm)", *PLAIN],
+            {"skip_lines": 2, "header": ["t [s]", "x [mm]", "y [mm]"]}, ["t [s]", "x [mm]", "y [mm]"],
+        ),
+    ],
+)  # fmt: skip
+def test_a_text_file_is_read_as_it_was_written(
+    name: str, lines: list[str], stated: dict, names: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text("\n".join(lines) + "\n")
+    options = text_options(tmp_path / name)
+    assert stated_options(options) == stated
+    table = read_table(tmp_path / name, options, "it")
+    assert list(table.columns) == names
+    np.testing.assert_allclose(np.stack([table.numbers(n, "it") for n in names], axis=1), NUMBERS)
+
+
+def test_a_listed_header_must_fit_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(PLAIN))
+    with pytest.raises(InputError, match="lists 2 columns, a.csv has 3"):
+        read_table(tmp_path / "a.csv", CsvOptions(header=["t", "x"]), "it")
+
+
+def test_what_is_no_table_keeps_the_defaults(tmp_path: Path) -> None:
+    for text in ("", "one\n", "# nothing\n", "a,b\nc,d\n"):
+        (tmp_path / "a.csv").write_text(text)
+        assert text_options(tmp_path / "a.csv") == CsvOptions()
+    (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(InputError, match="cannot be read as text"):
+        text_options(tmp_path / "a.csv")
+
+
+def test_a_column_may_count_frames(tmp_path: Path) -> None:
+    assert TimeSpec.read({"column": "frame", "rate_hz": 120}, "it").rate_hz == 120
+    with pytest.raises(InputError, match="counts frames"):
+        TimeSpec.read({"column": "frame", "rate_hz": 120, "unit": "ms"}, "it")
+    with pytest.raises(InputError, match="must have column or rate_hz"):
+        TimeSpec.read({}, "it")

@@ -31,7 +31,10 @@ PLAIN = ["0.1,2,3", "0.2,3,4", "0.3,4,5.5"]
             "german.csv", ["Zeit;x;y", "0,1;2,0;3,0", "0,2;3,0;4,0", "0,3;4,0;5,5"],
             {"delimiter": ";", "decimal": ","}, ["Zeit", "x", "y"],
         ),
-        ("above.csv", ["Recorder 3", "on 1.2.26, at 12", "", "t,x,y", *PLAIN], {"skip_lines": 3}, ["t", "x", "y"]),
+        (
+            "above.csv", ["Recorder 3", "on 1.2.26, at 12", "", "t,x,y", *PLAIN],
+            {"skip_lines": 3}, ["t", "x", "y"],
+        ),
         (
             "units.csv", ["t,x,y", "(s),(mm),(mm)", *PLAIN],
             {"skip_lines": 2, "header": ["t [s]", "x [mm]", "y [mm]"]}, ["t [s]", "x [mm]", "y [mm]"],

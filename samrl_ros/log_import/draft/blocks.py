@@ -11,6 +11,7 @@ import pandas as pd
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.column_names import is_time, split_names
+from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.specs import CsvOptions
@@ -56,6 +57,7 @@ class LogPart:
     blocks: tuple[LogBlock, ...]
     times: tuple[str, ...]  # columns of numbers that may be time
     dates: tuple[str, ...]  # columns of text that may be time
+    csv: CsvOptions = CsvOptions()  # how the file is written
 
     @property
     def ros(self) -> bool:
@@ -114,7 +116,8 @@ def _parts(path: Path) -> list[str]:
 
 
 def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
-    table = read_table(path, CsvOptions(), "the log", part)
+    options = text_options(path)
+    table = read_table(path, options, "the log", part)
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
     long = {name: values for name, values in arrays.items() if len(values) >= _LEAST}
     flat = [name for name, values in long.items() if values.ndim == 1]
@@ -133,7 +136,7 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
             labels = tuple(str(k) for k in range(values.shape[1]))
             blocks.append(_block(part, name, labels, (name,), values))
     useful = tuple(block for block in blocks if len(block.values) >= _LEAST)
-    return LogPart(path, part, kind, table, useful, times, dates)
+    return LogPart(path, part, kind, table, useful, times, dates, options)
 
 
 def _block(

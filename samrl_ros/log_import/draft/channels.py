@@ -11,6 +11,7 @@ from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.text_layout import stated_options
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
@@ -33,6 +34,8 @@ def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
     source: dict[str, Any] = {"file": part.path.name}
     if part.part:
         source["part"] = part.part
+    if stated := stated_options(part.csv):
+        source["csv"] = stated
     draft.sources[name] = source
     rows = len(part.blocks[0].rows)
     if table.time is not None:
@@ -229,15 +232,26 @@ def add_effort(
     found: list[NamedBlock], position: NamedBlock, order: list[str], effort: Effort, draft: Draft
 ) -> list[NamedBlock]:
     """Measured efforts where they belong, with a question where nothing says where; the blocks used."""
+    if effort is Effort.passive:
+        draft.note("channels.commanded_effort.effort", "as stated: nothing drives the joints")
+        draft.channels["commanded_effort"] = {"source": "states", "effort": [0.0] * len(order)}
+        return []
     currents = [c for c in found if c.meaning.quantity in ("current", "voltage")]
+    measured = _beside(found, position, order, "effort")
+    if not measured and effort is not Effort.none:
+        inputs = [c for q in ("voltage", "current") for c in _beside(found, position, order, q)]
+        inputs += [c for c in currents if c.meaning.commanded and set(order) <= set(c.block.labels)]
+        if inputs and "command" not in draft.channels:
+            return add_motor_input(inputs[0], position, order, draft)
     for each in currents:
         draft.unused.append(
             f"{name_of(each)}: multiply by torque constant and gear ratio, then use it as effort"
         )
-    measured = _beside(found, position, order, "effort")
     if not measured or effort is Effort.none:
         if not measured:
-            draft.note("channels.states.effort", "no efforts were found")
+            undriven = "command" not in draft.channels and effort is Effort.ask
+            question = "what drives the joints, neither command nor effort? If nothing, say --effort passive"
+            draft.note("channels.states.effort", "no efforts were found", question if undriven else "")
         return currents
     best = measured[0]
     link = effort is Effort.link or (
@@ -260,6 +274,38 @@ def add_effort(
     draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question)
     draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
     return [best, *currents]
+
+
+def add_motor_input(
+    best: NamedBlock, position: NamedBlock, order: list[str], draft: Draft
+) -> list[NamedBlock]:
+    """Volts or amperes of a motor without a loop as what was commanded; its constants are asked for."""
+    by_current = best.meaning.quantity == "current"
+    known = ("A", "mA") if by_current else ("V", "mV")
+    unit = best.meaning.unit if best.meaning.unit in known else known[0]
+    same = best.part is position.part
+    if not same:
+        add_source(best.part, "commanded_effort", draft)
+    source = "states" if same else "commanded_effort"
+    said = f"in {unit}" if best.meaning.unit in known else f"taken for {unit}"
+    draft.note(
+        "channels.commanded_effort.effort", f"{name_of(best)}: a motor's {best.meaning.quantity}, {said}",
+        "" if best.meaning.unit in known else f"is it in {unit}, signed, and what drives the motor?",
+    )  # fmt: skip
+    quantity = quantity_of(best, order, unit.removeprefix("m"), draft, source)
+    if unit.startswith("m"):
+        quantity["formula"] = [f"0.001 * {formula}" for formula in quantity["formula"]]
+    draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
+    draft.controller = {"type": "current_motor" if by_current else "voltage_motor", "torque_constant": 1.0}
+    if not by_current:
+        draft.controller["resistance"] = 1.0
+    draft.controller |= {"gear_ratio": 1.0, "rotor_inertia": 0.0}
+    asked = "torque constant [N m/A]" + ("" if by_current else ", resistance [ohm]")
+    draft.note(
+        "controller", "a motor whose input is recorded, without a loop",
+        f"what are {asked}, gear ratio and rotor inertia [kg m2] of the motor? These are placeholders",
+    )  # fmt: skip
+    return [best]
 
 
 def name_of(each: NamedBlock) -> str:

@@ -10,21 +10,23 @@ from dataclasses import dataclass
 SLOT = "{}"  # where the joint stands in a stem
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\{\}")
 _NUMBER = re.compile(r"\d+")
+_ELECTRIC = re.compile(r"(?:[\[(]|_)(m?[VA])(?:[\])]|$)")  # unit of a motor's input at the end of a name
 
 QUANTITIES = {
-    "position": "q pos position positions qpos theta angle angles rad deg counts encoder enc tick ticks",
-    "velocity": "dq qdot qvel vel velocity velocities speed speeds omega rpm",
+    "position": "q pos position positions qpos theta angle angles rad deg counts encoder enc tick ticks"
+    " winkel",
+    "velocity": "dq qdot qvel vel velocity velocities speed speeds omega rpm drehzahl",
     "acceleration": "ddq qddot acc accel acceleration accelerations",
-    "effort": "tau torque torques effort efforts moment force forces nm",
-    "current": "current currents cur curr amps amp ampere iq",
-    "voltage": "voltage voltages volt volts pwm duty",
+    "effort": "tau torque torques effort efforts moment force forces nm drehmoment kraft",
+    "current": "current currents cur curr amps amp ampere iq strom",
+    "voltage": "voltage voltages volt volts pwm duty spannung",
     "temperature": "temperature temp temperatures celsius",
 }
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
 COMMANDED += " set point action wanted control d"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value"
 COMPUTED = "error err output residual integral multi"
-TIME = "t time times timestamp timestamps stamp stamps sec secs seconds ms us ns clock"
+TIME = "t time times timestamp timestamps stamp stamps sec secs seconds ms us ns clock zeit"
 UNIT_WORDS = {
     "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
     "us": "us", "ns": "ns", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
@@ -50,9 +52,14 @@ def meaning(name: str) -> NameMeaning:
     """Reads a stem or a name such as `q_des_deg{}`."""
     words = words_in(name)
     quantities = [_QUANTITY_OF[word] for word in words if word in _QUANTITY_OF]
+    if "qd" in words and {"actual", "target"} & set(words):  # UR's RTDE; alone it may be a desired position
+        quantities.append("velocity")
     # The last word that names something other than an angle: `joint_position_velocity` does not occur.
     quantity = next((q for q in reversed(quantities) if q != "position"), quantities[0] if quantities else "")
     units = [UNIT_WORDS[word] for word in words if word in UNIT_WORDS]
+    if (electric := _ELECTRIC.search(name)) and quantity in ("", "current", "voltage"):
+        units = [electric[1]]
+        quantity = quantity or ("current" if electric[1].endswith("A") else "voltage")
     found = set(words)
     return NameMeaning(
         quantity=quantity,

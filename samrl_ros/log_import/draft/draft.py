@@ -28,6 +28,8 @@ from samrl_ros.log_import.tables import SUFFIXES
 from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _MOST_EPISODES = 20  # of a dataset, that become recordings
+_RTDE = ("actual_q_{}", "target_q_{}")  # Universal Robots, Real-Time Data Exchange guide
+_COUNTED = frozenset("counts count encoder enc tick ticks".split())
 _FULL_TURNS = 4 * np.pi  # [rad] more than a joint of an arm turns: degrees
 
 
@@ -252,7 +254,13 @@ def _position_unit(position: NamedBlock, draft: Draft) -> str:
     if position.meaning.unit in ("rad", "deg", "mm"):
         draft.note(key, f"the name says {position.meaning.unit}")
         return position.meaning.unit
+    if position.block.stem in _RTDE:
+        draft.note(key, "Universal Robots' RTDE gives joint positions in rad")
+        return "rad"
     largest = float(np.abs(values).max())
+    if (values == np.round(values)).all() and set(words_in(position.block.stem)) & _COUNTED:
+        draft.note(key, f"counts up to {largest:g}", "how many counts make a turn? 4096 is a placeholder")
+        return "counts/4096"
     if (values == np.round(values)).all() and largest > 100:
         unit = "counts/4096" if values.min() >= 0 and largest < 4096 else "deg"
         draft.note(key, f"whole numbers up to {largest:g}", f"is the unit {unit}? Counts per turn, deg, mm?")

@@ -8,7 +8,8 @@ from enum import StrEnum
 from typing import Any
 
 EFFORT_HELP = (
-    "What measured efforts are: of a link-side sensor, of the drive before friction, or not to be used."
+    "What measured efforts are: of a link-side sensor, of the drive before friction, not to be used; or that"
+    " nothing drives the joints."
 )
 
 
@@ -19,6 +20,7 @@ class Effort(StrEnum):
     link = "link"  # of a torque sensor behind the gears
     drive = "drive"  # torque of the drive times gear ratio, before friction
     none = "none"  # not to be used
+    passive = "passive"  # nothing drives the joints: a pendulum that was let go
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Draft:
     xacro_args: dict[str, str] = field(default_factory=dict)
     sources: dict[str, dict[str, Any]] = field(default_factory=dict)
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
+    controller: dict[str, Any] = field(default_factory=dict)  # of a motor whose input is recorded
     poses: dict[str, Any] = field(default_factory=dict)  # of a log of poses, which has no joints
     bodies: dict[str, Any] = field(default_factory=dict)  # of tracks of a free body, likewise
     readings: dict[str, Any] = field(default_factory=dict)  # of a log of depth against distances, likewise
@@ -75,6 +78,8 @@ class Draft:
         content: dict[str, Any] = {"about": self.about}
         if self.kind == "joints":
             content["joints"] = self.joints
+        if self.controller:
+            content["controller"] = self.controller
         if self.questions:
             content = {"questions": self.questions, **content}
         if self.urdf is not None:

@@ -62,9 +62,13 @@ def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
         if (rest := _nanoseconds_of(name, names)) and (more := numbers_of(table, rest)) is not None:
             entry = {"column": name, "nanoseconds": rest}
             return FoundTime(entry, values + 1e-9 * more, ("s",), f"{name!r} with {rest!r}")
-    # Of several clocks the header's stamp tells when something was seen, the others when it was written.
-    stamped = sorted(names, key=lambda n: "stamp" not in words_in(n) and "timestamp" not in words_in(n))
-    for name in stamped:
+
+    # Of several clocks the header's stamp tells when something was seen, the others when it was written; a
+    # column whose name has a unit is no count of rows.
+    def rank(name: str) -> tuple[bool, bool]:
+        return not {"stamp", "timestamp"} & set(words_in(name)), meaning(name).unit not in SECONDS
+
+    for name in sorted(names, key=rank):
         values = numbers_of(table, name)
         if values is None or values.ndim != 1:
             continue

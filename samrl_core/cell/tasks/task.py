@@ -132,6 +132,10 @@ class Task(ABC):
         """
         return np.zeros(0)
 
+    def needs_aim(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """Whether the next action goes wrong if `aim` is not known: a better view is searched before it."""
+        return False
+
     def as_believed(self, values: np.ndarray) -> Task:
         """This task with what the parameters (P,) say of its parts' sizes drawn in, for the physics."""
         return self

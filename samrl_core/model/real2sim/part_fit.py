@@ -14,6 +14,7 @@ import numpy as np
 
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
+from samrl_core.model.real2sim.coverage import coverage
 from samrl_core.model.real2sim.damped import DampedSettings
 from samrl_core.model.real2sim.information import ImageNoise, TargetImage, normal_equations, widened_belief
 from samrl_core.model.real2sim.misfit import Losses, Misfit, RealTarget
@@ -25,27 +26,29 @@ from samrl_core.model.real2sim.pose_fit import (
     pose_information,
 )
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
-from samrl_core.model.real2sim.thin_mask import clear_of_others, thin_mask
+from samrl_core.model.real2sim.thin_mask import clear_of_others
 from samrl_core.model.real2sim.thread_line import LineNoise, line_equations
 from samrl_core.model.scene.target import Reach, TargetPart
 
-_MENDED = 1.5  # times as many pixels as were segmented are the most that mending may find
+_COVERED = 0.5  # a pixel of which more is the part shows the part [-]
 
 
 @dataclass(frozen=True)
 class PartSettings:
     """How parts are cut out, and what is believed of their images.
 
-    Masks of a thing some pixels wide are mostly boundary, and depth there is a mix of both sides with a bias
-    of millimetres: it leads no fit and counts for little.
+    Masks of a thing some pixels wide are mostly boundary: colours say where it is (`coverage`). Depth there
+    is a mix of both sides with a bias of millimetres: it leads no fit and counts for little.
     """
 
     least_pixels: int = 40  # fewer of a part are none
     least_thin_pixels: int = 12  # the same of a thread
     margin: float = 0.04  # what is measured farther from where a part is believed is not the part [m]
     least_overlap: float = 0.8  # as `PoseFitSettings`; masks that are a pixel too wide all around still pass
+    # What an image does not fit is widened by so much, or a thread that was lost would never be found again.
+    doubt: float = 0.2  # [parameter's scale]
     motion: float = 0.02  # what the tool moves may have moved so far more than predicted [parameter's scale]
-    noise: ImageNoise = field(default_factory=lambda: ImageNoise(edge=0.9, shared_by=8.0, depth=0.03))
+    noise: ImageNoise = field(default_factory=lambda: ImageNoise(edge=0.5, shared_by=8.0, depth=0.03))
     line: LineNoise = LineNoise()  # of a thread
     # An outline leaves a thread's way along the view open: the belief has to hold it there while it is led.
     thread: PoseFitSettings = PoseFitSettings(belief_weight=2e-4, fine=DampedSettings(max_evaluations=4))
@@ -60,6 +63,7 @@ class SeenPart:
     real: RealTarget
     observation: Observation
     plane: float  # depth at which clouds are compared [m]
+    cover: np.ndarray  # (H, W) share of each pixel that is the part, 0..1
 
     def renderer(self, model: Model, others: np.ndarray, taken: np.ndarray | None = None) -> TargetRenderer:
         """Of this part; see `TargetRenderer`."""
@@ -91,21 +95,24 @@ def _cut(part: TargetPart, reach: Reach, observation: Observation) -> SeenPart:
     """The part in an image, without what is measured far from it; its cloud at one depth, as it is seen."""
     frame, camera = observation.frame, observation.camera
     color, depth = frame.color / 255.0, frame.depth.astype(np.float64)
-    mask = frame.mask == part.label
-    far = np.linalg.norm(camera.unproject(depth) - reach.center, axis=-1) > reach.radius  # not where NaN
-    clear, rim = None, 1
-    if part.is_chain:
-        mended = thin_mask(color, np.where(far, np.inf, depth), mask, frame.mask == 0)
-        # Where the hand was missed, its pixels are free, and mending would run on into them.
-        mask = mended if mended.sum() <= _MENDED * mask.sum() else mask & ~far
-        clear, rim = clear_of_others(frame.mask, part.label, mask), 0
-        mask = mask & clear
-    else:
-        mask = mask & ~far
     plane = float(camera.camera_in_world.inverse().apply(reach.center)[2])
-    image = TargetImage(color * mask[..., None], np.where(far, np.nan, depth), mask, rim)
+    mask, clear, rim = frame.mask == part.label, None, 1
+    if part.is_chain:  # its pixels' depth is often that of what lies behind
+        v, u = np.mgrid[: mask.shape[0], : mask.shape[1]] + 0.5
+        middle = camera.project(reach.center[None])[0, :2]
+        mask &= np.hypot(u - middle[0], v - middle[1]) < reach.radius * camera.intrinsics.fx / plane
+        others = (frame.mask != 0) & (frame.mask != part.label)
+        cover, rim = coverage(color, mask, True, others), 0
+        clear = clear_of_others(frame.mask, part.label, cover > _COVERED)
+        mask = (cover > _COVERED) & clear
+    else:
+        far = np.linalg.norm(camera.unproject(depth) - reach.center, axis=-1) > reach.radius  # not where NaN
+        depth = np.where(far, np.nan, depth)
+        cover = coverage(color, mask & ~far, False)
+        mask = cover > _COVERED
+    image = TargetImage(color * mask[..., None], depth, mask, rim)
     cloud = camera.unproject(np.full(mask.shape, plane))[mask]
-    return SeenPart(0, RealTarget(image, cloud, int(mask.sum()), clear), observation, plane)
+    return SeenPart(0, RealTarget(image, cloud, int(mask.sum()), clear), observation, plane, cover)
 
 
 class PartFit:
@@ -167,20 +174,25 @@ class PartFit:
             evaluations += found.evaluations
             if watch is not None:
                 watch(values)
-        used = self._seen
+        used, doubt = self._seen, np.zeros(len(start))
         while used:
             values, covariance, why = self._polished(used, start, values, colors, belief, watch)
             good = tuple(one for one in used if self._fits(one, start, values, (known, colors), worse))
             if len(good) == len(used):
-                return PoseFit(values, covariance, colors, evaluations, why)
+                why = "iteration_limit" if doubt.any() else why
+                return PoseFit(values, covariance + np.diag(doubt**2), colors, evaluations, why)
             for one in used:
                 if one not in good:  # a mask of something else, or a fit that has not arrived yet
                     self._leave(one, start, values, known, colors)
+                    part = self._model.parts[one.number]
+                    own = part.parameters[part.own]
+                    doubt[own] = self._parts.doubt * self._scale[own]
             used = good
         camera = np.array([p.kind == "camera" for p in self._model.task.parameters()])
         values[camera] = start[camera]
         came_nearer = not np.array_equal(values, start)
-        return PoseFit(values, belief, known, evaluations, "iteration_limit" if came_nearer else "diverged")
+        why = "iteration_limit" if came_nearer else "diverged"
+        return PoseFit(values, belief + np.diag(doubt**2), known, evaluations, why)
 
     def _leave(
         self,
@@ -217,7 +229,8 @@ class PartFit:
                 renderer = one.renderer(self._model, values)
                 at = renderer.taken
                 if renderer.thin:
-                    line = line_equations(renderer, values[at], one.real.image.mask, self._parts.line)
+                    shown = renderer.image(values[at], colors).mask
+                    line = line_equations(renderer, values[at], one.cover, shown, self._parts.line)
                     told, more, side = line.information, line.normal, line.gradient
                 else:
                     view = pose_information(renderer, values[at], colors, self._parts.noise, s)

@@ -20,6 +20,7 @@ class LoopSettings:
     max_actions: int  # per episode
     view_period: int = 3  # actions from one search for a better view to the next
     views_per_search: int = 1  # camera moves in one search; an update follows each (line 5's loop)
+    views_to_aim: int = 2  # the same before an action that needs the task's aim, whichever action it is
     max_lost_updates: int = 5  # updates in a row that may miss the target
     # Misfit up to which "done" counts, over the episode's median. True successes had at most 1.9; a pancake
     # that had rolled out of sight had 34.
@@ -91,6 +92,7 @@ def stage_after_update(
         return "done" if state.confirmed + 1 >= settings.done_confirmations else "again"
     if state.step >= settings.max_actions:
         return "action_limit"
-    if state.view_searches < settings.views_per_search and state.step % settings.view_period == 0:
-        return "view"
-    return "act"
+    allowed = settings.views_per_search if state.step % settings.view_period == 0 else 0
+    if settings.views_per_search and task.needs_aim(values, tip_position):
+        allowed = max(allowed, settings.views_to_aim)
+    return "view" if state.view_searches < allowed else "act"

@@ -234,7 +234,8 @@ class ViewPlanner:
             noise = s.noise if len(model.parts) == 1 else s.parts.noise
             if len(model.parts) > 1 and renderer.thin:
                 seen = renderer.image(estimate.values[at], estimate.colors).mask
-                line = line_equations(renderer, estimate.values[at], seen, s.parts.line, 1.0 / scale)
+                cover, line_noise = seen.astype(np.float64), s.parts.line
+                line = line_equations(renderer, estimate.values[at], cover, seen, line_noise, 1.0 / scale)
                 matrix[np.ix_(at, at)] += line.information
                 continue
 

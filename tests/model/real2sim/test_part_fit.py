@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
@@ -18,7 +19,7 @@ from samrl_core.model.real2sim.part_fit import PartSettings, seen_parts
 from samrl_core.model.real2sim.prediction import CameraErrors, seen_from_elsewhere
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
-from samrl_core.model.real2sim.thread_line import LineNoise, line_equations
+from samrl_core.model.real2sim.thread_line import LineEquations, LineNoise, line_equations
 from samrl_core.studies.episodes.cell_driver import CellDriver
 
 CELL = cell_named()
@@ -149,19 +150,26 @@ def test_a_camera_that_moves_forgets_its_own_error_alone(bench: Bench) -> None:
 
 
 def line_of(bench: Bench, length: float) -> tuple[TargetRenderer, np.ndarray, np.ndarray]:
-    """A bent thread of some length: its renderer, its values (Q,), and the mask that it has in the image."""
+    """A bent thread of some length: its renderer, its values (Q,), and its share of the image's pixels."""
     seen, values = bench.observe(3), initial_estimate(bench.model).values
     values[:20] = np.tile([0.03, -0.02], 10)
     values[LENGTH] = length
     renderer = TargetRenderer(bench.model, seen.camera, seen.tool_arm.position, others=values)
     at = values[renderer.taken]
-    return renderer, at, renderer.image(at, initial_estimate(bench.model).colors).mask
+    with torch.no_grad():
+        shown = renderer.render(torch.as_tensor(at), torch.as_tensor(bench.model.initial_colors()))
+    return renderer, at, shown.target.numpy().astype(np.float64)
 
 
-def test_a_lines_own_mask_asks_for_less_than_it_is_known(bench: Bench) -> None:
+def equations(renderer: TargetRenderer, at: np.ndarray, cover: np.ndarray) -> LineEquations:
+    """What a line says, all of it shown."""
+    return line_equations(renderer, at, cover, np.ones(cover.shape, dtype=bool), LineNoise())
+
+
+def test_a_lines_own_image_asks_for_less_than_it_is_known(bench: Bench) -> None:
     """In units of what the image tells, along every direction that it tells anything of."""
-    renderer, at, mask = line_of(bench, 1.0)
-    line = line_equations(renderer, at, mask, LineNoise())
+    renderer, at, cover = line_of(bench, 1.0)
+    line = equations(renderer, at, cover)
     assert line.seen > 30
     told, direction = np.linalg.eigh(line.information)
     some = told > 1e-6 * told.max()
@@ -171,20 +179,40 @@ def test_a_lines_own_mask_asks_for_less_than_it_is_known(bench: Bench) -> None:
 
 @pytest.mark.parametrize("share", [0.95, 1.05])
 def test_a_thread_that_ends_elsewhere_is_believed_longer_or_shorter(bench: Bench, share: float) -> None:
-    _, _, mask = line_of(bench, share)
+    _, _, cover = line_of(bench, share)
     renderer, at, own = line_of(bench, 1.0)
     length = renderer.taken.tolist().index(LENGTH)
-    asked = line_equations(renderer, at, mask, LineNoise()).gradient[length]
-    asked -= line_equations(renderer, at, own, LineNoise()).gradient[length]
+    asked = equations(renderer, at, cover).gradient[length]
+    asked -= equations(renderer, at, own).gradient[length]
     assert np.sign(asked) == np.sign(share - 1.0)
+
+
+def test_what_the_model_hides_says_nothing(bench: Bench) -> None:
+    """An end that is behind the needle is not where the visible part stops."""
+    renderer, at, cover = line_of(bench, 1.0)
+    hidden = np.zeros(cover.shape, dtype=bool)
+    line = line_equations(renderer, at, cover, hidden, LineNoise())
+    assert line.seen == 0 and not line.information.any()
 
 
 def test_an_outline_does_not_tell_where_along_the_view_a_thread_is(bench: Bench) -> None:
     """Moving the whole thread towards the camera changes what is known least of all three directions."""
-    renderer, at, mask = line_of(bench, 1.0)
-    information = line_equations(renderer, at, mask, LineNoise()).information
+    renderer, at, cover = line_of(bench, 1.0)
+    information = equations(renderer, at, cover).information
     camera = renderer.camera.camera_in_world.rotation
     shift = np.zeros((len(at), 3))
     shift[-3:] = camera  # columns: across, down, along
     told = np.diag(shift.T @ information @ shift)
     assert told[2] < 0.05 * told[0]
+
+
+def test_a_thread_whose_label_is_elsewhere_is_doubted(bench: Bench) -> None:
+    """It stays where it is believed, but less is known of it, so that the next image can find it."""
+    seen = bench.observe(3)
+    known = replace(initial_estimate(bench.model), covariance=1e-6 * np.eye(27))
+    mask = seen.frame.mask.copy()
+    mask[mask == TASK.thread_label] = 0
+    mask[40:60, 20:28] = TASK.thread_label
+    after = Real2Sim(bench.model).update(known, replace(seen, frame=replace(seen.frame, mask=mask)))
+    assert not after.converged
+    assert np.diag(after.covariance)[:20].min() > 1e-4

@@ -119,7 +119,10 @@ def test_looks_again_until_it_stays_or_has_looked_enough(model: Model, plant: An
 def test_stages() -> None:
     """Each end before the next stage; the first that applies."""
     loop = LoopSettings(max_actions=4, view_period=2, views_per_search=1, max_lost_updates=1)
-    task: Any = type("T", (), {"is_done": staticmethod(lambda values, tip: bool(values[0]))})()
+    no = staticmethod(lambda values, tip: False)
+    task: Any = type(
+        "T", (), {"is_done": staticmethod(lambda values, tip: bool(values[0])), "needs_aim": no}
+    )()
 
     def stage(done: float, **counts: int) -> str:
         return stage_after_update(task, np.array([done]), np.zeros(3), LoopState(**counts), loop)
@@ -139,6 +142,20 @@ def test_stages() -> None:
     assert stage(0.0, lost_updates=1, step=1) == "act"
 
 
+def test_a_view_is_searched_before_an_action_that_needs_the_aim() -> None:
+    """Whichever action it is, and more than once; of a view that is held nothing is asked."""
+    no, yes = (staticmethod(lambda values, tip, word=word: word) for word in (False, True))
+    task: Any = type("T", (), {"is_done": no, "needs_aim": yes})()
+
+    def stage(loop: LoopSettings, **counts: int) -> str:
+        return stage_after_update(task, np.zeros(1), np.zeros(3), LoopState(**counts), loop)
+
+    loop = LoopSettings(max_actions=9, view_period=3, views_per_search=1, views_to_aim=2)
+    assert stage(loop, step=1) == stage(loop, step=1, view_searches=1) == "view"
+    assert stage(loop, step=1, view_searches=2) == "act"
+    assert stage(replace(loop, views_per_search=0), step=1) == "act"
+
+
 def test_two_images_in_a_row_have_to_agree(model: Model, plant: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(type(model.task), "is_done", lambda *_: plant.images in (2, 4, 5))
     agent = Agent(model, AgentSettings(strategy="fixed", update=False), networks())
@@ -149,7 +166,8 @@ def test_two_images_in_a_row_have_to_agree(model: Model, plant: Any, monkeypatch
 def test_a_verdict_from_a_fit_of_something_else_is_not_believed() -> None:
     """A pancake that rolled out of sight was seen to what was left of it, and was "flipped" there."""
     loop = LoopSettings(max_actions=9, done_confirmations=1)
-    task: Any = type("T", (), {"is_done": staticmethod(lambda values, tip: True)})()
+    yes, no = (staticmethod(lambda values, tip, word=word: word) for word in (True, False))
+    task: Any = type("T", (), {"is_done": yes, "needs_aim": no})()
     state = LoopState(step=1)
     for misfit in (0.04, 0.05, 0.045):
         state = state.updated("converged", misfit)

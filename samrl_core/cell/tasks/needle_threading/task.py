@@ -35,6 +35,7 @@ from samrl_core.cell.types.scene import Rgb, Scene, Tool
 from samrl_core.common.errors import InputError
 
 NEEDLE = "needle"
+ENTER = "enter"  # the sub-goal that takes the thread's end into the eye of a needle that is found
 _LENGTHS = 0.02  # steps of a thread's length that a physics of its own is built for [-]
 
 
@@ -302,7 +303,7 @@ class NeedleThreading(Task):
         allowed = 0.8 * clearance if over[2] > 0.002 else 0.4 * clearance
         if not clear and lateral < allowed and over[2] > -0.002:
             # Straight down first: a bent thread's next point would draw the end aside of so small an eye.
-            enter = SubGoal("enter", tip + eye - end, 0.0015, self.fine_step)
+            enter = SubGoal(ENTER, tip + eye - end, 0.0015, self.fine_step)
             ahead_of_eye = self.finds_needle and float(np.linalg.norm(eye - end)) > enter.tolerance
             return (enter, *goals) if ahead_of_eye else tuple(goals)
         return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *goals)
@@ -315,6 +316,10 @@ class NeedleThreading(Task):
         if not self.finds_needle:
             return np.zeros(0)
         return crossing_offset(self.thread_points(values, tip_position), self.eye_at(values))
+
+    def needs_aim(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """Where the end is to enter the eye; above it the way is free, and in it the eye leads."""
+        return any(goal.name == ENTER for goal in self.sub_goals(values, tip_position)[:1])
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""
@@ -368,9 +373,7 @@ class NeedleThreading(Task):
         v, count = np.asarray(values, dtype=np.float64), 2 * self.links + COUNT * self.finds_needle
         if v.shape != (count,) or not np.isfinite(v).all():
             more = f", then {COUNT} numbers of needle, length and camera" if self.finds_needle else ""
-            raise InputError(
-                f"needle threading estimates {2 * self.links} joint angles [rad]{more}, got {values}"
-            )
+            raise InputError(f"a thread has {2 * self.links} joint angles [rad]{more}, got {values}")
         return v
 
     def _threaded(self, points: np.ndarray, depth: float, eye: np.ndarray) -> bool:

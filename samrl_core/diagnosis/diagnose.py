@@ -13,9 +13,10 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, Effect
+from samrl_core.diagnosis.findings.onset import find_onsets
 from samrl_core.diagnosis.findings.signature import couplings, signatures
 from samrl_core.diagnosis.findings.tracking import track
-from samrl_core.diagnosis.findings.where import heatmap, onset, timelines
+from samrl_core.diagnosis.findings.where import heatmap, timelines
 from samrl_core.diagnosis.kinds.kind import Kind, Recording
 from samrl_core.diagnosis.kinds.kinds import KINDS, kind_of
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
@@ -25,7 +26,7 @@ from samrl_core.diagnosis.result import Diagnosis, InputFile
 from samrl_core.diagnosis.selection import verdict as rules
 from samrl_core.diagnosis.selection.description import Misdescription
 from samrl_core.diagnosis.selection.how_far import HowFar
-from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence
+from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.judge import judge_sets
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 
@@ -212,10 +213,9 @@ def _conclude(
     if named and not items:
         outcome = rules.hidden_in_noise(named[0])
     onsets: list[float | None] = [None] * len(likelihood.trials)
-    if chosen is not None:
-        prediction = likelihood.prediction(chosen.hypotheses[0].regressors, chosen.amplitudes[0])
-        begun = chosen.hypotheses[0].shape.get(ONSET)
-        onsets = [begun or onset(likelihood, prediction, r, k) for r in range(len(likelihood.trials))]
+    # When a law began that is not what happens, nobody can say.
+    if chosen is not None and outcome.verdict in ("effect", "ambiguous"):
+        onsets = find_onsets(likelihood, chosen, k)
         items = tuple(
             replace(i, onset=onsets[r])
             for i in items

@@ -1,4 +1,4 @@
-"""Where the gap lies: whitened residuals by place, channel, phase and window, and when it began."""
+"""Where the gap lies: whitened residuals by place, channel, phase and window."""
 
 from __future__ import annotations
 
@@ -105,34 +105,6 @@ def timelines(
         time = per_window(elapsed)
         out.append(Timeline(trial.name, time, energy, threshold, onsets[r]))
     return tuple(out)
-
-
-def onset(likelihood: Likelihood, prediction: np.ndarray, recording: int, correlation: float) -> float | None:
-    """When an effect began in a recording [s]; None if it was there all along or never.
-
-    The residual is regressed on the effect's own prediction (N,) before and after each time: it began where
-    a coefficient of nothing turns into one of the whole, and the effect would have shown before.
-    """
-    trial = likelihood.trials[recording]
-    elapsed = trial.elapsed(trial.channels[0])
-    numerator, power = np.zeros(len(elapsed)), np.zeros(len(elapsed))
-    for (r, _, _), part in likelihood.blocks.items():
-        if r == recording and part.stop - part.start == len(elapsed):
-            numerator += prediction[part] * likelihood.y[part]
-            power += prediction[part] ** 2
-    if float(np.sum(power)) / correlation < 50.0:
-        return None
-    before_n, before_p = np.cumsum(numerator), np.cumsum(power)
-    after_n, after_p = before_n[-1] - before_n, before_p[-1] - before_p
-    with np.errstate(invalid="ignore", divide="ignore"):
-        gain = np.where(after_p > 0, after_n**2 / after_p, 0.0)
-    whole = before_n[-1] ** 2 / before_p[-1]
-    k = int(np.argmax(gain))
-    if (gain[k] - whole) / correlation < 12.0 or before_p[k] / correlation < 25.0:
-        return None
-    if abs(before_n[k] / before_p[k]) > 0.3 or after_n[k] / after_p[k] < 0.5:
-        return None
-    return float(elapsed[k])
 
 
 def _standing_out(z: np.ndarray, effects: np.ndarray | None) -> np.ndarray:

@@ -181,6 +181,33 @@ class Likelihood:
         """The part (N,) of residuals that tolerances most probably cause."""
         return self._basis @ (self.shrink(correlation) * (self._basis.T @ y))
 
+    def by_group(
+        self, x: np.ndarray, group: np.ndarray, count: int, y: np.ndarray, correlation: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What residuals say of a prediction that has a size of its own in each group of samples.
+
+        Args:
+            x: (N,) prediction of size one.
+            group: (N,) group of each sample, below `count`.
+            count: G, groups.
+            y: (N,) residuals.
+            correlation: samples that count as one.
+
+        Returns:
+            Z' S^-1 y (G,) and Z' S^-1 Z (G, G) [nat]; a column of Z is `x` within its group, zero elsewhere.
+        """
+        power, moment = np.bincount(group, x**2, count), np.bincount(group, x * y, count)
+        seen = np.flatnonzero(x)
+        inside = np.zeros((count, self._basis.shape[1]))
+        for k in np.unique(group[seen]):
+            rows = seen[group[seen] == k]
+            inside[k] = x[rows] @ self._basis[rows]
+        weighed = inside * self.shrink(correlation)
+        return (
+            (moment - weighed @ (self._basis.T @ y)) / correlation,
+            (np.diag(power) - weighed @ inside.T) / correlation,
+        )
+
     def tolerance_sizes(self, y: np.ndarray, correlation: float) -> np.ndarray:
         """What each tolerance most probably is (columns,), in standard deviations, given residuals (N,)."""
         weight = np.sqrt(self._strength) / (correlation + self._strength)

@@ -144,9 +144,7 @@ def sizes(whole: Likelihood, fit: Fit, index: int, correlation: float) -> Iterat
     if not np.any(mine):
         return
     for over, names, group in _groups(whole, fit.hypotheses[index], mine):
-        columns = np.stack([np.where(group == k, mine, 0.0) for k in range(len(names))], axis=1)
-        weighed = np.stack([c - whole.tolerated(c, correlation) for c in columns.T], axis=1) / correlation
-        yield Sizes(over, names, weighed.T @ rest, weighed.T @ columns)
+        yield Sizes(over, names, *whole.by_group(mine, group, len(names), rest, correlation))
 
 
 def _by_recording_alone(whole: Likelihood, fit: Fit, index: int, correlation: float) -> Iterator[Sizes]:

@@ -14,9 +14,10 @@ from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.diagnosis.export.correction import BODY, Correction, NominalLaw
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import HeldOutGap
-from samrl_core.diagnosis.selection.confidence import formula_deviation, shape_width
+from samrl_core.diagnosis.selection.confidence import formula_deviation
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import Resimulation, plant_of
+from samrl_core.diagnosis.selection.shape_posterior import root_of, shape_posterior
 from samrl_core.diagnosis.simulation.plant_arrays import ten_to_frame
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
@@ -92,26 +93,17 @@ def _sampled_plants(
     evidence: Evidence, fit: Fit, trial: Trial, rng: np.random.Generator
 ) -> list[PlantParameters]:
     """Plants of posterior samples: amplitudes together, shapes, what another formula would make of them."""
-    size = len(fit.covariance)
-    root = np.linalg.cholesky(
-        fit.covariance + 1e-12 * np.diag(np.diag(fit.covariance)) + 1e-300 * np.eye(size)
-    )
+    root = root_of(fit.covariance)
     loose = [formula_deviation(evidence, fit, i) for i in range(len(fit.hypotheses))]
-    widths = [
-        {name: shape_width(evidence, fit, i, name) for name in h.form.refine if name in h.shape}
-        for i, h in enumerate(fit.hypotheses)
-    ]
+    shapes = [shape_posterior(evidence, fit, i) for i in range(len(fit.hypotheses))]
     out = []
     for _ in range(SAMPLES):
-        step, start = root @ rng.standard_normal(size), 0
+        step, start = root @ rng.standard_normal(len(root)), 0
         hypotheses, amplitudes = [], []
-        for h, a, formula, width in zip(fit.hypotheses, fit.amplitudes, loose, widths, strict=True):
-            moved = (a + step[start : start + len(a)]) * (1.0 + formula * rng.standard_normal())
+        for h, a, formula, of in zip(fit.hypotheses, fit.amplitudes, loose, shapes, strict=True):
+            shape, follow, _ = of.vary(rng, formula)
+            moved = (a + follow + step[start : start + len(a)]) * (1.0 + formula * rng.standard_normal())
             start += len(a)
-            shape = dict(h.shape)
-            for name, w in width.items():
-                spread = np.hypot(w, formula * min(1.0, h.form.step / 0.35))
-                shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
             hypotheses.append(replace(h, shape=shape))
             amplitudes.append(moved)
         plant = plant_of(trial, replace(fit, hypotheses=tuple(hypotheses), amplitudes=tuple(amplitudes)))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from samrl_core.diagnosis.result import ParameterEstimate
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.selection.shape_posterior import shape_posterior
 
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
 RELATIVE_TEMPERATURE = 0.0025  # of the best evidence, likewise: a tie within a quarter of a percent is one
@@ -44,31 +44,21 @@ def estimates(
 ) -> dict[str, ParameterEstimate]:
     """Parameters of one effect of a fit with 95 % intervals.
 
-    Amplitudes are sampled from their posterior, shapes from the curvature of the evidence along each of them,
-    and both vary by what another formula of the same effect would make of them: the better this one explains
-    the residual where it acts, the less (`formula_deviation`).
+    Amplitudes and shapes are sampled from their common posterior (`shape_posterior`), and both vary by what
+    another formula of the same effect would make of them: the better this one explains the residual where it
+    acts, the less (`formula_deviation`).
     """
     formula = formula_deviation(evidence, fit, index)
     h = fit.hypotheses[index]
     trial = evidence.likelihood.trials[0]
-    start = sum(len(a) for a in fit.amplitudes[:index])
-    size = len(fit.amplitudes[index])
-    covariance = fit.covariance[start : start + size, start : start + size]
-    mean = fit.amplitudes[index]
     units = {p.name: p.unit for p in h.effect.parameters}
-    widths = {name: shape_width(evidence, fit, index, name) for name in h.form.refine if name in h.shape}
+    posterior = shape_posterior(evidence, fit, index)
     values: dict[str, list[float]] = {}
-    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)) + 1e-300 * np.eye(size))
     for _ in range(SAMPLES):
-        amplitudes = (mean + root @ rng.standard_normal(size)) * (1.0 + formula * rng.standard_normal())
-        shape = dict(h.shape)
-        for name, width in widths.items():
-            spread = np.hypot(width, formula * min(1.0, h.form.step / 0.35))
-            shape[name] = float(h.shape[name] * np.exp(spread * rng.standard_normal()))
-        samples = h.form.sample_parameters(trial, shape, amplitudes, rng)
+        samples = h.form.sample_parameters(trial, *posterior.sample(rng, formula), rng)
         for name, value in samples.items():
             values.setdefault(name, []).append(value)
-    best = h.form.parameters(trial, h.shape, mean)
+    best = h.form.parameters(trial, h.shape, fit.amplitudes[index])
     out = {}
     for name, value in best.items():
         low, high = np.quantile(values[name], [0.025, 0.975])
@@ -97,29 +87,3 @@ def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
             h.form.deviation, REMAINDER_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))
         )
     )
-
-
-def shape_width(evidence: Evidence, fit: Fit, index: int, name: str) -> float:
-    """Standard deviation of a shape's logarithm from the evidence's curvature, between 0.002 and 1."""
-    h = fit.hypotheses[index]
-    best = fit.log_evidence
-    for step in (0.02, 0.1, 0.4):
-        drops = []
-        for sign in (-1.0, 1.0):
-            shape = {
-                **h.shape,
-                name: h.shape[name] * float(np.exp(sign * step * min(1.0, h.form.step / 0.35))),
-            }
-            moved = hypothesis(evidence.likelihood, h.effect, h.form, shape)
-            if moved is None:
-                continue
-            others = list(fit.hypotheses)
-            others[index] = replace(moved, tried=h.tried)
-            value = evidence.fit(others).log_evidence
-            if np.isfinite(value):
-                drops.append(best - value)
-        drop = float(np.mean(drops)) if drops else 0.0
-        if drop > 0.5:
-            width = step * min(1.0, h.form.step / 0.35) / np.sqrt(2.0 * drop)
-            return float(np.clip(width, 0.002, 1.0))
-    return 1.0

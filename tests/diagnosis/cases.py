@@ -22,6 +22,8 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 PAYLOAD = np.array([0.6, 0.03, 0.012, 0.024, 1.8e-3, -6e-4, 2.9e-3, -1.2e-3, -4.8e-4, 2.2e-3])
 # the fore-arm's own frame is the flange's here, as its link is the last of the chain
 UPPER = np.array([0.5, 0.1, 0.01, 0.0, 1e-3, -2e-3, 0.025, 0.0, 0.0, 0.026])
+# three tenths of all that the fore-arm has
+FORE = np.array([0.39, 0.0546, 0.0, 0.0039, 6.39e-4, 0.0, 0.010383, -5.46e-4, 0.0, 0.010344])
 
 
 def find_form(effect: Effect, trial: Trial, place: str, name: str) -> Form:
@@ -197,6 +199,10 @@ CASES: tuple[Case, ...] = (
     Case(
         "link_inertia", "link:upper", "", {"inertial_delta": np.stack([0 * UPPER, UPPER, 0 * UPPER])}, {},
         tuple(UPPER),
+    ),
+    Case(
+        "link_inertia", "link:fore", "scale", {"inertial_delta": np.stack([0 * FORE, 0 * FORE, FORE])}, {},
+        (0.3,), {"mass_error": 0.3, "mass": 0.39},
     ),
     Case(
         "base_tilt", "arm:tool_arm", "", {"gravity": TILTED}, {}, (0.03, -0.02),

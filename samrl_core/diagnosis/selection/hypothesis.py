@@ -39,6 +39,7 @@ class Hypothesis:
     moment: np.ndarray  # (p,) likewise
     tried: int = 1  # shapes and forms that were searched
     cost: float = 0.0  # [nat] of the effect before these data
+    as_good: float = 1.0  # of the shapes that were tried: how many do as well as the best, itself included
 
     @property
     def place(self) -> str:
@@ -186,7 +187,7 @@ class Evidence:
             if h is None:
                 return 1e12
             others = list(fit.hypotheses)
-            others[index] = replace(h, tried=start.tried)
+            others[index] = replace(h, tried=start.tried, as_good=start.as_good)
             trial_fit = self.fit(others)
             if trial_fit.log_evidence > best.log_evidence:
                 best = trial_fit

@@ -19,10 +19,13 @@ CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
     """The best single fit of each family and place; the first few refined."""
     best: dict[str, dict[str, Fit]] = {}
+    evidences: dict[str, list[float]] = {}
     for h in pool:
         fit, forms = evidence.fit([h]), best.setdefault(h.name, {})
+        evidences.setdefault(h.name, []).append(fit.log_evidence)
         if h.form.name not in forms or fit.log_evidence > forms[h.form.name].log_evidence:
             forms[h.form.name] = fit
+    best = {name: _with_shapes_as_good(forms, evidences[name]) for name, forms in best.items()}
     ranked = sorted(
         (sorted(forms.values(), key=lambda f: -f.log_evidence) for forms in best.values()),
         key=lambda forms: -forms[0].log_evidence,
@@ -37,6 +40,18 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
         top.append(first)
     rest = [forms[0] for forms in ranked[REFINED:]]
     return _inside_first(sorted([*top, *rest], key=lambda f: -f.log_evidence))
+
+
+def _with_shapes_as_good(forms: dict[str, Fit], evidences: Sequence[float]) -> dict[str, Fit]:
+    """The best fits of a family's forms; how many shapes do as well is the sum of their evidence ratios."""
+    most = max(evidences)
+    if not np.isfinite(most):
+        return forms
+    count = float(np.sum(np.exp(np.array(evidences) - most)))
+    return {
+        name: replace(fit, hypotheses=(replace(fit.hypotheses[0], as_good=count),))
+        for name, fit in forms.items()
+    }
 
 
 def _inside_first(fits: list[Fit]) -> list[Fit]:

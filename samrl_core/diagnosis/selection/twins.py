@@ -1,7 +1,7 @@
 """Effects that these recordings cannot tell apart: whoever explains as much with no more freedom.
 
-Evidence also weighs how probable a size was before any data. Between formulas that is worth something; two
-rigid errors that move the target alike are one, whichever prior likes its numbers better.
+Evidence also weighs how probable a size was before any data. That is worth something between formulas that
+differ; two that do the same are one, whichever prior likes its numbers better.
 """
 
 from __future__ import annotations
@@ -14,25 +14,37 @@ from scipy.linalg import subspace_angles
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 
-AS_MUCH = 3.0  # [nat] of likelihood, within which two explain the same
+AS_MUCH = 3.0  # [nat] of likelihood, within which two errors of geometry explain the same
+NEARLY_ALL = 1.0  # [nat] likewise of two formulas: noise decides, or the widths of priors
+MOST_PRIOR = 12.0  # [nat] of evidence, at most, that priors and searches make of it
+FEW = 4.0  # shapes tried for each that does as well
 MOST = 5  # that are named beside the chosen one
 SAME_RAD = 0.35  # a shift of stamps by 4 ms is within it of one by 100 ms, at ordinary motion
 
 
 def find_twins(evidence: Evidence, chosen: Fit, rivals: Sequence[Fit]) -> list[Fit]:
-    """Rivals that leave as little as the chosen set, with no more amplitudes, where effects are exact."""
-    if not evidence.likelihood.exact:
-        return []
-    best = _misfit(evidence, chosen) + AS_MUCH
+    """Rivals that leave as little as the chosen set, with no more amplitudes.
+
+    Of formulas with shapes it must not take a lucky one: most that were tried do as well. A mass on a slide
+    weighs the same wherever it hangs; one that mimics a denser link of a pendulum hangs at one distance.
+    """
+    exact = evidence.likelihood.exact
+    most = _misfit(evidence, chosen) + (AS_MUCH if exact else NEARLY_ALL)
     freedom = sum(len(a) for a in chosen.amplitudes)
     found = [
         r
         for r in rivals
         if sum(len(a) for a in r.amplitudes) <= freedom
         and np.isfinite(r.log_evidence)
-        and _misfit(evidence, r) <= best
+        and (exact or (r.log_evidence > chosen.log_evidence - MOST_PRIOR and _is_free(r.hypotheses[0])))
+        and _misfit(evidence, r) <= most
     ]
     return found[:MOST]
+
+
+def _is_free(h: Hypothesis) -> bool:
+    """Whether a fit does not owe its success to one shape among many."""
+    return h.tried <= FEW * h.as_good
 
 
 def principal_angle(likelihood: Likelihood, a: Hypothesis, b: Hypothesis) -> float:

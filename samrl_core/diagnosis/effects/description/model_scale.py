@@ -43,9 +43,11 @@ class ModelScale(Effect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         masses = AllMasses(name="masses", place=place, amplitudes=("s",))
         torques = AllTorques(name="torques", place=place, amplitudes=("s",))
+        # One link alone that is off by a factor is that link's error, and nothing else would be said.
+        scales = (masses, torques) if trial.joints > 1 else (torques,)
         if "controller" not in trial.channels:
-            return masses, torques
-        return masses, torques, LoggedTorques(name="torques as logged", place=place, amplitudes=("s",))
+            return scales
+        return *scales, LoggedTorques(name="torques as logged", place=place, amplitudes=("s",))
 
 
 class AllMasses(Form):

@@ -10,6 +10,9 @@ from samrl_core.diagnosis.effects.load.payload import INERTIAL
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
+SCALES = 0.3  # spread of a link's scale before any data
+LEAST, MOST = 0.2, 5.0  # factors between which a link's numbers are off by a factor
+
 
 class LinkInertia(Effect):
     """A link's mass, centre of mass or inertia is not the model's."""
@@ -27,13 +30,23 @@ class LinkInertia(Effect):
     parameters = (
         Parameter("mass", "kg", -1.0, 1.0, "beyond nominal; base parameters only are seen"),
         Parameter("first_moment", "kg m", 0.0, 0.2, "length of the change of mass times centre"),
+        Parameter("mass_error", "1", -0.5, 1.0, "relative change of mass, first moment and inertia alike"),
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
         return lacks_link_torque(trial)
 
+    def places(self, trial: Trial) -> tuple[Place, ...]:
+        """All links: the last one's scale is told from a payload, whatever else of it is not."""
+        assert trial.rigid is not None
+        return tuple(Place.find(trial, f"link:{name}") for name in trial.rigid.links)
+
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        return (AtLink(place=place, amplitudes=INERTIAL),)
+        assert trial.rigid is not None
+        scaled = ScaledLink(name="scale", place=place, amplitudes=("s",))
+        if place.name == f"link:{trial.rigid.links[-1]}":
+            return (scaled,)
+        return AtLink(place=place, amplitudes=INERTIAL), scaled
 
 
 class AtLink(Form):
@@ -60,6 +73,38 @@ class AtLink(Form):
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         delta = np.zeros((trial.joints, 10))
         delta[self.link(trial)] = amplitudes
+        return {"inertial_delta": delta}
+
+
+class ScaledLink(AtLink):
+    """Mass, first moments and inertia of a link off by one factor: its density, or a wrong part in the model.
+
+    With one amplitude it competes with a scale of the whole model on even terms.
+    """
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        k = self.link(trial)
+        assert trial.rigid is not None
+        return trial.link((trial.regressor[:, :, k, :] @ trial.rigid.inertial_parameters[k])[None])
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(1), np.full(1, SCALES)
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(LEAST < 1.0 + amplitudes[0] < MOST)
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        assert trial.rigid is not None
+        nominal = trial.rigid.inertial_parameters[self.link(trial)]
+        moment = float(np.linalg.norm(nominal[1:4]))
+        share = float(amplitudes[0])
+        return {"mass": share * float(nominal[0]), "first_moment": abs(share) * moment, "mass_error": share}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        assert trial.rigid is not None
+        k = self.link(trial)
+        delta = np.zeros((trial.joints, 10))
+        delta[k] = amplitudes[0] * trial.rigid.inertial_parameters[k]
         return {"inertial_delta": delta}
 
 

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.effects.drive.torque_saturation import EFFECT as SATURATION
 from samrl_core.diagnosis.effects.friction.position_dependent_friction import EFFECT as WAVES
 from samrl_core.diagnosis.effects.load.base_tilt import EFFECT as BASE_TILT
 from samrl_core.diagnosis.effects.sensor.encoder_eccentricity import EFFECT as ECCENTRICITY
+from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.nominal import tolerance_columns
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -55,6 +57,22 @@ def test_the_tolerance_of_a_stamp_passes_the_law_as_a_late_command_does(machine:
     expected = trial.motion.reduce(lost)[:, 0] / stamp
     found = [c[key][0] for c, _ in tolerance_columns(trial) for key in c if key[0] == "dynamics"]
     assert any(np.allclose(row, expected, atol=1e-9 * np.abs(expected).max()) for row in found)
+
+
+def test_a_limit_that_only_a_later_recording_reaches_is_searched_for() -> None:
+    """The first recording was slow and drew a tenth of the second's torque: its own was the search's end."""
+    hanging = {
+        "slow": lambda t: 0.5 * np.pi + 0.02 * np.sin(2.0 * t),
+        "lively": POSITION_SERVO.paths["lively"],
+    }
+    trials, _ = arm_trials(machines(replace(POSITION_SERVO, paths=hanging), [Differs()], 1, 3.0)[0], [])
+    drawn = [float(np.max(np.abs(t.motion.u))) for t in trials if t.motion.u is not None]
+    for order in (trials, trials[::-1]):
+        (place,) = SATURATION.places(order[0])
+        for form in SATURATION.forms(order[0], place):
+            assert form.refine["L"][1] > 1.2 * max(drawn)
+            assert any(0.9 * max(drawn) < shape["L"] <= 1.3 * max(drawn) for shape in form.shapes)
+    assert drawn[0] < 0.5 * drawn[1]
 
 
 def test_a_bench_that_leans_by_three_degrees_is_plausible() -> None:

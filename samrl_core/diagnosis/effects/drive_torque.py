@@ -195,7 +195,7 @@ def travel_unit(trial: Trial, joint: int) -> float:
     assert trial.rigid is not None
     if not trial.rigid.slides[joint]:
         return 1.0
-    return max(float(np.ptp(trial.motion.q[:, joint])) / TRAVEL_UNITS, 1e-3)
+    return max(float(trial.travel[joint]) / TRAVEL_UNITS, 1e-3)
 
 
 def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:

@@ -20,7 +20,13 @@ from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.residuals.trial import Trial, as_arms, fastest_motion
+from samrl_core.diagnosis.residuals.trial import (
+    Trial,
+    as_arms,
+    fastest_motion,
+    strongest_effort,
+    widest_travel,
+)
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription, misdescription
 from samrl_core.diagnosis.selection.how_far import HowFar
@@ -96,14 +102,16 @@ def arm_trials(
         rigid = RigidArm(recording.arm) if recording.arm.urdf is not None else None
         out.append(Trial(recording, rigid, start))
         start += recording.duration
-    fastest = fastest_motion(out[: len(fit)])
+    fitted = out[: len(fit)]
+    # Ranges of searches: what only one recording reaches is there to be found.
+    fastest, strongest, travel = fastest_motion(fitted), strongest_effort(fitted), widest_travel(fitted)
     for trial in out:
-        trial.fastest = fastest
-    common = set.intersection(*(set(t.channels) for t in out[: len(fit)]))
+        trial.fastest, trial.strongest, trial.travel = fastest, strongest, travel
+    common = set.intersection(*(set(t.channels) for t in fitted))
     for trial, recording in zip(out, [*fit, *held_out], strict=True):
         if set(trial.channels) != common and not set(trial.channels) >= common:
             raise InputError(
                 f"{recording.name} allows {trial.channels}, the others {sorted(common)}; "
                 "record the same topics in all of them"
             )
-    return out[: len(fit)], out[len(fit) :]
+    return fitted, out[len(fit) :]

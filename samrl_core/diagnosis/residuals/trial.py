@@ -47,6 +47,8 @@ class Trial(Observed):
         self.channels = self.equations.channels
         self.joints = self.motion.joints
         self.fastest = fastest_motion([self])
+        self.strongest = strongest_effort([self])
+        self.travel = widest_travel([self])
         self.cached: dict[tuple[str, str], Any] = {}
         self._phases: np.ndarray | None = None
 
@@ -374,6 +376,20 @@ def add(*parts: Columns) -> Columns:
         for key, value in part.items():
             out[key] = out[key] + value if key in out else value
     return out
+
+
+def widest_travel(trials: Sequence[Trial]) -> np.ndarray:
+    """Range (J,) [rad or m] over which each joint was seen in all recordings together."""
+    highest = np.max([np.max(t.motion.q, axis=0) for t in trials], axis=0)
+    return highest - np.min([np.min(t.motion.q, axis=0) for t in trials], axis=0)
+
+
+def strongest_effort(trials: Sequence[Trial]) -> np.ndarray:
+    """Largest commanded effort (J,) [N m] in any recording; 1 where none is known."""
+    return np.max(
+        [np.ones(t.joints) if t.motion.u is None else np.max(np.abs(t.motion.u), axis=0) for t in trials],
+        axis=0,
+    )
 
 
 def fastest_motion(trials: Sequence[Trial]) -> np.ndarray:

@@ -55,7 +55,7 @@ class PositionDependentFriction(DriveEffect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         (joint,) = place.joints
         unit = travel_unit(trial, joint)
-        few = [2.0 * np.pi * n / max(float(np.ptp(trial.motion.q[:, joint])), 1e-6) for n in OVER_TRAVEL]
+        few = [2.0 * np.pi * n / max(float(trial.travel[joint]), 1e-6) for n in OVER_TRAVEL]
         few = [k for k in few if k > max(ORDERS) / unit]
         grid = tuple({"k": k} for k in (*(k / unit for k in ORDERS), *few))
         limits, wave = (

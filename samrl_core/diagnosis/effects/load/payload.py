@@ -86,7 +86,7 @@ class AtFlange(Form):
         A pendulum's torque holds m c and I about the axis, not m: with I = m (c'c E - c c') of a point, 1 / m
         is the least-squares ratio of what is seen of the inertia to that of the moment m c.
         """
-        seen = self._seen(trial)
+        seen = self._which_are_seen(trial)
         if seen[0]:
             return float(amplitudes[0])
         moment = np.where(seen[1:4], amplitudes[1:4], 0.0)
@@ -94,7 +94,7 @@ class AtFlange(Form):
         against = float(inertia @ point)
         return float(point @ point) / against if abs(against) > 1e-15 else 0.0
 
-    def _seen(self, trial: Trial) -> np.ndarray:
+    def _which_are_seen(self, trial: Trial) -> np.ndarray:
         """(10,) whether a parameter of the last link turns up in any torque."""
         largest = np.max(np.abs(trial.regressor[:, :, -1, :]), axis=(0, 1))
         return largest > LEAST_SEEN * np.max(largest)

@@ -221,4 +221,8 @@ def usual_turns(trial: Trial, joints: tuple[int, ...]) -> tuple[float, ...]:
     """Widths [rad/s] of a sign's turn to begin with where another shape is searched beside it."""
     fastest = fastest_motion(trial, joints)
     narrow, wide = min(USUAL_TURN, 0.015 * fastest), 0.015 * fastest
+    if trial.motion.computed:
+        # A torque by the law knows a reversal as well as the log's speed: a sign that turns too fast explains
+        # so little there that a level comes out negative, and the search would not begin.
+        return narrow, wide, 4.0 * wide
     return (narrow,) if fastest < FAST else (narrow, wide)

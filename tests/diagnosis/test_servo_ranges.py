@@ -21,6 +21,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.confidence import probabilities
 from samrl_core.diagnosis.selection.contenders import Contender, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import hypothesis, implausible
+from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.selection.verdict import VerdictSettings, _moves_closer, _moves_wrongly
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
@@ -121,8 +122,9 @@ def test_waves_of_friction_are_searched_over_the_travel_of_a_slide() -> None:
         assert low < 2 * np.pi / 0.3 and (form.name == "torque" or high > 8 * np.pi / 0.3)
 
 
-def contender(name: str, motion: float | None) -> Contender:
-    fit = SimpleNamespace(hypotheses=[SimpleNamespace(name=name)])
+def contender(name: str, motion: float | None, limit: bool = False) -> Contender:
+    effect = SimpleNamespace(limits_motion=limit)
+    fit = SimpleNamespace(hypotheses=[SimpleNamespace(name=name, effect=effect)])
     return Contender(cast("Fit", fit), 0.1, motion)
 
 
@@ -136,6 +138,25 @@ def test_a_rival_that_moves_the_simulation_away_is_no_candidate() -> None:
     ]
     assert probabilities(fits)[1] > 0.8
     assert probabilities(fits, denied=[1]).tolist() == [1.0, 0.0]
+
+
+def test_a_limit_that_moves_nothing_closer_is_no_candidate() -> None:
+    """A backlash was tied with a limit at a tenth of the torque, with which the simulation diverged."""
+    first, doubtful = contender("right", 0.4), contender("right", 0.95)
+    for left, beside_right, beside_doubtful in ((2.0, True, True), (0.9, True, False), (0.4, False, False)):
+        limit = contender("limit", left, limit=True)
+        assert denied_by_motion([first, limit]) == ({"limit"} if beside_right else set())
+        assert denied_by_motion([doubtful, limit]) == ({"limit"} if beside_doubtful else set())
+    assert denied_by_motion([doubtful, contender("limit", None, limit=True)]) == frozenset()
+
+
+def test_what_another_wins_more_stays_unexplained() -> None:
+    """Also where that one is refused for its motion: tolerances swallow most of the excess there."""
+    fit = cast("Fit", SimpleNamespace(log_evidence=760.0))
+    found = Selection(fit, (), (), 12.0, 50.0, 0.5, 0.0, 0.0, 25.0)
+    assert found.unexplained < 0.01
+    assert replace(found, most=1300.0).unexplained == pytest.approx(540.0 / 1300.0)
+    assert replace(found, most=760.0).unexplained < 0.01
 
 
 def test_a_limit_must_show_where_held_out_motion_is_wrong() -> None:

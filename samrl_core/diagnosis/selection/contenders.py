@@ -31,6 +31,7 @@ SIMULATED_S = 40.0  # of recordings, at most, per comparison
 MENDED = 0.03  # of the equation, that a further term must take off what the plain formula leaves
 LEAST_LEFT = 0.005  # of the equation: less is noise, and no formula is so exact
 CONFIRMED, DENIED = 0.8, 1.1  # shares of the squared simulated gap that are left
+NO_LIMIT = 0.56  # likewise by a limit that is none: less than a quarter of the gap shrinks
 MOTION = ("position", "velocity")
 
 
@@ -89,13 +90,19 @@ def denied_by_motion(contenders: Sequence[Contender]) -> frozenset[str]:
     """Names of candidates that the simulated motion contradicts while it confirms the first one.
 
     The equation may speak for both alike: one then brings the fitted recordings' motion closer, the other
-    moves it away.
+    moves it away. A limit of the drive, which takes off whatever torque there is too much of, must bring it
+    closer as where it is named, and is none if it moves it away, whoever else is right.
     """
     first, *others = contenders
-    if first.motion_left is None or first.motion_left > CONFIRMED:
-        return frozenset()
+    confirmed = first.motion_left is not None and first.motion_left <= CONFIRMED
     return frozenset(
-        c.fit.hypotheses[0].name for c in others if c.motion_left is not None and c.motion_left > DENIED
+        c.fit.hypotheses[0].name
+        for c in others
+        if c.motion_left is not None
+        and (
+            (c.motion_left > DENIED and (confirmed or _is_limit(c.fit)))
+            or (c.motion_left > NO_LIMIT and confirmed and _is_limit(c.fit))
+        )
     )
 
 
@@ -158,7 +165,9 @@ def _within_reach(evidence: Evidence, singles: Sequence[Fit], excess: float) -> 
         left = max(left, singles[0].log_evidence - fit.log_evidence) / whole  # at least what the best adds
         # An equation that is met to the last makes nobody else impossible: no formula is so exact.
         apart = singles[0].log_evidence - fit.log_evidence
-        if out and left > REACH * max(out[0].equation_left, LEAST_LEFT) and apart > ALIKE:
+        # A limit takes off whatever torque there is too much of: what it leaves measures nobody else.
+        measures = next((c.equation_left for c in out if not _is_limit(c.fit)), None)
+        if measures is not None and left > REACH * max(measures, LEAST_LEFT) and apart > ALIKE:
             continue
         families[family] = families.get(family, 0) + 1
         if not np.isfinite(fit.log_evidence):
@@ -167,11 +176,16 @@ def _within_reach(evidence: Evidence, singles: Sequence[Fit], excess: float) -> 
     return out
 
 
+def _is_limit(fit: Fit) -> bool:
+    return fit.hypotheses[0].effect.limits_motion
+
+
 def _waiting(
     evidence: Evidence, within: Sequence[Contender], singles: Sequence[Fit], least: float
 ) -> list[Contender]:
-    """The best of further families, with at least `NEXT` of the best evidence, refined."""
-    enough = max(least, NEXT * singles[0].log_evidence)
+    """The best of further families, with at least `NEXT` of the best evidence but a limit's, refined."""
+    best = next((f for f in singles if not _is_limit(f)), singles[0])
+    enough = max(least, NEXT * best.log_evidence)
     there = {c.fit.hypotheses[0].effect.family for c in within}
     out: list[Contender] = []
     for fit in singles[1:]:

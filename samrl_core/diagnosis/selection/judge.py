@@ -74,7 +74,7 @@ def judge_sets(
         if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
             return one
         nearest = nearest or one
-        if one.named and (0 in contradicted or len(one.named) == 1):
+        if one.named and (contradicted == (0,) or len(one.named) == 1):
             refused.add(one.named[0].name)
     assert nearest is not None
     if nearest.selection.chosen is not None and nearest.outcome.verdict == "none_of_mine":
@@ -92,9 +92,10 @@ def _attempts(
     waiting = list(selection.contenders)
     tried = selection
     while True:
-        contradicted = yield tried
-        if contradicted and tried.chosen is not None and 0 not in contradicted:
-            tried = without_member(likelihood, held, tried, contradicted)
+        contradicted = (yield tried) or ()
+        # A first effect whose size was found beside a wrong one is judged again without that.
+        if tried.chosen is not None and (further := tuple(i for i in contradicted if i > 0)):
+            tried = without_member(likelihood, held, tried, further)
             continue
         if not waiting or selection.again is None:
             return

@@ -67,16 +67,19 @@ class Selection:
     denied: frozenset[str] = frozenset()  # other first effects, which simulated motion contradicts
     contenders: tuple[Fit, ...] = ()  # further first effects, in the order in which they are tried
     again: Callable[[Fit], Selection] | None = None  # the set that grows from another first effect
+    most: float = 0.0  # largest log evidence of any single effect, be it refused for the motion
 
     @property
     def unexplained(self) -> float:
         """Share of all there was that the chosen set leaves, 0..1.
 
         A perfect explanation wins at least what this one does. Where tolerances could swallow most of an
-        effect, the excess beyond them is less than that.
+        effect, the excess beyond them is less than that. What another wins more is there to be explained,
+        though it be no cause.
         """
         won = 0.0 if self.chosen is None else self.chosen.log_evidence
-        return float(np.clip(self.remaining / max(self.excess, won, 1e-9), 0.0, 1.0))
+        left = self.remaining if self.chosen is None else max(self.remaining, self.most - won)
+        return float(np.clip(left / max(self.excess, won, self.most, 1e-9), 0.0, 1.0))
 
     @property
     def held_out_unexplained(self) -> float:
@@ -134,10 +137,9 @@ def select(
     progress("looking for an onset")
     left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, chosen.log_evidence, 1e-9)
     if left > settings.onset_remainder and (switched := find_onset(evidence, singles)) is not None:
-        if (
-            switched.log_evidence
-            > max(chosen.log_evidence, singles[0].log_evidence) + settings.second_threshold
-        ):
+        # Also more than what the motion put behind another: that may be the same effect, there all along.
+        always = max(f.log_evidence for f in singles)
+        if switched.log_evidence > always + settings.second_threshold:
             firsts = [switched, *firsts]
 
     def grown(first: Fit) -> Selection:
@@ -153,6 +155,7 @@ def select(
             denied=denied,
             contenders=others,
             again=grown,
+            most=max(f.log_evidence for f in singles),
         )
 
     return grown(firsts[0])

@@ -93,7 +93,7 @@ def _attempts(
     tried = selection
     while True:
         contradicted = (yield tried) or ()
-        # A first effect whose size was found beside a wrong one is judged again without that.
+        # A first effect whose size was found beside a wrong one gets a verdict without that.
         if tried.chosen is not None and (further := tuple(i for i in contradicted if i > 0)):
             tried = without_member(likelihood, held, tried, further)
             continue

@@ -26,7 +26,7 @@ def fit(name: str, gain: float) -> Fit:
     """A fit that has a name and evidence and nothing else."""
     family = name.partition("@")[0]
     kinds = {"of_description": False, "contains": (), "parameters": (), "renamed_shapes": ()}
-    effect = SimpleNamespace(family=family, **kinds)
+    effect = SimpleNamespace(family=family, limits_motion=family == "torque_saturation", **kinds)
     form = SimpleNamespace(refine={})
     one = SimpleNamespace(name=name, place=name.partition("@")[2], effect=effect, form=form, shape={})
     return Fit(cast("Any", (one,)), (np.zeros(1),), np.eye(1), gain)
@@ -75,6 +75,17 @@ def test_what_is_beyond_reach_waits_behind_if_it_explains_most_of_what_the_best_
     ]
     left = {"torque_saturation@joint:z": 500.0, "dead_band@joint:z": 2000.0, "c@joint:z": 5000.0}
     assert order_of(singles, left, 9081.0) == ["torque_saturation@joint:z", "dead_band@joint:z"]
+
+
+def test_a_limit_keeps_nobody_out_of_reach() -> None:
+    """A presliding with 0.748 of the evidence of one that takes off all torque beyond it was never tried."""
+    left = {"torque_saturation@joint:x": 400.0, "presliding@joint:x": 2000.0, "coulomb@joint:x": 6700.0}
+    singles = [fit(name, 7930.0 - extra) for name, extra in zip(left, (0.0, 1997.0, 6680.0), strict=True)]
+    assert order_of(singles, left, 7930.0) == ["torque_saturation@joint:x", "presliding@joint:x"]
+    other = fit("gear_ripple@joint:x", 7930.0)
+    assert order_of([other, *singles[1:]], {**left, "gear_ripple@joint:x": 400.0}, 7930.0) == [
+        "gear_ripple@joint:x"
+    ]
 
 
 def test_below_the_threshold_nothing_waits() -> None:

@@ -136,7 +136,7 @@ def test_what_no_motion_shows_stays_at_its_prior() -> None:
     likelihood = Likelihood(worlds.trials(worlds.world(5, "AB", inertial_delta=UNSEEN_MASS)))
     (effect,) = library(["link_inertia"])
     trial = likelihood.trials[0]
-    (form,) = effect.forms(trial, Place.find(trial, "link:post"))
+    form, _ = effect.forms(trial, Place.find(trial, "link:post"))
     h = hypothesis(likelihood, effect, form, {})
     assert h is not None
     columns = form.columns(trial, {})

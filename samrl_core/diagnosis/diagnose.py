@@ -125,7 +125,8 @@ def diagnose(
         return _as_described(wrong, empty, trials, held_trials, fit, held_out, settings, notes, progress)
     likelihood, held = Likelihood(trials), Likelihood(held_trials)
     done("residuals")
-    selection = select(likelihood, held, effects, settings.selection, progress)
+    rules_of_kind = replace(settings.selection, chance=settings.selection.chance or kind.chance)
+    selection = select(likelihood, held, effects, rules_of_kind, progress)
     done("which")
     if settings.share_held_out and rules.only_held_out(selection, settings.verdict):
         halves = [kind.halves(r) for r in held_out]

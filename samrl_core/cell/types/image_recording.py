@@ -36,8 +36,8 @@ class ImageTolerances(StatedTolerances):
     depth_offset: float = 0.0018  # [m]
     depth_shift: float = 0.007  # of depth against colour, per image axis, as a fraction of the width
     depth_noise: float = 0.4  # of its standard deviation, logarithm
-    depth_bend: float = 0.002  # the same, smooth over the image, per mode: depth is read at whole pixels
-    depth_pattern: float = 0.004  # the same per tile, lasting over frames
+    depth_bend: float = 0.001  # the same, smooth over the image, per mode: depth is read at whole pixels
+    depth_pattern: float = 0.002  # the same per tile, lasting over frames
     stamp: float = 0.005  # of images against joint readings, constant [s]
     held_position: float = 0.001  # of the held part in the flange, per axis [m]
     held_rotation: float = 0.014  # per axis [rad]
@@ -45,7 +45,7 @@ class ImageTolerances(StatedTolerances):
     object_height: float = 0.002  # of the object over the table [m]
     object_tilt: float = 0.012  # of the object, per axis [rad]
     outline: float = 1.0  # by which a segmenter's outlines lie outside of the true ones [px]
-    outline_bend: float = 0.002  # of outlines, smooth over the image, per mode, as a fraction of the width
+    outline_bend: float = 0.001  # of outlines, smooth over the image, per mode, as a fraction of the width
     brightness: float = 0.3  # of light and exposure, as a fraction
     paint: float = 0.2  # of a surface's brightness, 1 is white
 

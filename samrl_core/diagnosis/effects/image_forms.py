@@ -37,8 +37,8 @@ class ImageColumns(Form[ImageTrial]):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LateImages(ImageColumns):
-    """Arms that were read at another time than the images: columns of both, or of one, added up."""
+class AddedColumns(ImageColumns):
+    """One amplitude that moves columns of several names together: both arms' clocks, all outlines."""
 
     sign: float = 1.0
 

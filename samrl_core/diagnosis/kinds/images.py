@@ -38,6 +38,7 @@ class Images(Kind[ImageRecording]):
     }
     shown_by = "recorded images"
     nothing = "no tile of the images can be compared with the model's scene"
+    chance = 0.01
 
     def alike(self, recordings: Sequence[ImageRecording]) -> tuple[list[ImageRecording], list[str]]:
         first = recordings[0]

@@ -42,6 +42,7 @@ class Kind(ABC, Generic[R]):
     elsewhere: ClassVar[dict[str, str]]  # families of such a system that these recordings never show, and why
     shown_by: str  # what is recorded, as it is spoken
     nothing: str  # why a recording without any channel cannot be used
+    chance: ClassVar[float] = 0.0  # of a false name, as in `SelectionSettings`; 0 unless noise is calibrated
 
     @abstractmethod
     def alike(self, recordings: Sequence[R]) -> tuple[list[R], list[str]]:

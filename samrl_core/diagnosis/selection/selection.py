@@ -37,6 +37,7 @@ class SelectionSettings:
     """When an effect is believed. Values come from `samrl_core.blind_test.scores.calibrate`."""
 
     threshold: float = 12.0  # log evidence that a first effect needs at least against nothing [nat]
+    chance: float = 0.0  # of a false name where all is within tolerance; 0: `threshold` decides
     null_simulations: int = 0  # as many without an effect, whose evidence may raise the threshold
     cache: Path | None = None  # folder that caches their log evidence
     wide_threshold: float = 9.0  # that it needs if tolerances were stated `WIDE` times too narrow
@@ -103,6 +104,8 @@ def select(
     progress("screening effects")
     pool = evidence.screen(effects)
     least = settings.threshold
+    if settings.chance:
+        least = min(least, needed_evidence(len({h.name for h in pool}), settings.chance))
     if settings.null_simulations:
         found = simulate_null_evidence(
             likelihood.trials, effects, settings.null_simulations, 0, settings.cache, progress
@@ -159,6 +162,16 @@ def select(
         )
 
     return grown(firsts[0])
+
+
+def needed_evidence(candidates: int, chance: float) -> float:
+    """Log evidence [nat] that the best of so many candidates exceeds by chance at most.
+
+    Evidence is a ratio of two likelihoods: where nothing is beyond tolerance its expectation is one, so it
+    exceeds e^t with a chance of at most e^-t (Markov's inequality), and one of n candidates with n e^-t. That
+    holds as far as noise and tolerances are as stated, and asks for no null simulation.
+    """
+    return float(np.log(max(candidates, 1) / chance))
 
 
 def _standing_first(

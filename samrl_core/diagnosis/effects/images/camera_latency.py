@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place
-from samrl_core.diagnosis.effects.image_forms import LateImages
+from samrl_core.diagnosis.effects.image_forms import AddedColumns
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
 
@@ -28,7 +28,7 @@ class CameraLatencyByImages(Effect[ImageTrial]):
 
     def forms(self, trial: ImageTrial, place: Place) -> tuple[Form[ImageTrial], ...]:
         return (
-            LateImages(
+            AddedColumns(
                 place=place,
                 amplitudes=("T",),
                 columns_of=("camera_late", "tool_late"),

@@ -1,8 +1,9 @@
 """Smooth displacements of an image that is read at whole pixels.
 
-A lens that is off by less than half a pixel moves no pixel of a mask or of depth, one that is off by more
-moves them by steps: what is seen differs from what the lens does by up to half a pixel, alike over much of
-the image and in all frames. Its smooth part looks like a lens' error, so it is open beside each of them.
+Depth and labels of an image that was undistorted, registered to colour or halved are those of the nearest
+pixel: a lens that is off by less than half a pixel moves none of them, one that is off by more moves them by
+steps. What is seen differs from what the lens does by up to half a pixel, alike over much of the image and in
+all frames. Its smooth part looks like a lens' error, so it is open beside each of them.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.pose_tracks import Component
 from samrl_ros.log_import.draft.seen_tracks import (
+    BODIES,
     SeenTrack,
     choose_track,
     clean_poses,
@@ -67,7 +68,9 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     draft.note("bodies.track", f"{chosen.each.name}: {reason}", question)
     draft.unused += [each.name for each in tracks if each.place == files[0] and each is not chosen.each]
     track = _describe_track(chosen, fall, runs, draft)
-    draft.bodies = {"track": track}
+    named = chosen.each.table.maker or set(chosen.each.track.stem) & BODIES
+    draft.bodies = {"body": {"name": "_".join(chosen.each.track.stem)}} if named else {}
+    draft.bodies["track"] = track
     _describe_up(chosen, fall, draft)
     _describe_contact(runs, fall, draft)
     _add_recordings(runs, draft)

@@ -296,10 +296,11 @@ def add_motor_input(
     if unit.startswith("m"):
         quantity["formula"] = [f"0.001 * {formula}" for formula in quantity["formula"]]
     draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
-    draft.controller = {"type": "current_motor" if by_current else "voltage_motor", "torque_constant": 1.0}
-    if not by_current:
-        draft.controller["resistance"] = 1.0
-    draft.controller |= {"gear_ratio": 1.0, "rotor_inertia": 0.0}
+    constants = {"torque_constant": 1.0, "resistance": 1.0, "gear_ratio": 1.0, "rotor_inertia": 0.0}
+    if by_current:
+        del constants["resistance"]
+    draft.controller = {"type": "current_motor" if by_current else "voltage_motor"}
+    draft.controller |= {key: [value] * len(order) for key, value in constants.items()}
     asked = "torque constant [N m/A]" + ("" if by_current else ", resistance [ohm]")
     draft.note(
         "controller", "a motor whose input is recorded, without a loop",

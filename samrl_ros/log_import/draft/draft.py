@@ -224,9 +224,9 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         shown = ", ".join(
             f"{label or position.block.stem} is {j}" for label, j in zip(labels, joints, strict=True)
         )
-        draft.note(
-            "joints", "the URDF's, as many as the log has columns", f"the log names no joints: {shown}?"
-        )
+        # One column and one joint are each other's; which way it turns shows as a gap, if it is wrong.
+        question = f"the log names no joints: {shown}?" if len(joints) > 1 else ""
+        draft.note("joints", f"the URDF's, as many as the log has columns: {shown}", question)
         return list(labels)
     if joints:
         draft.joints = [_joint_name(label, k) for k, label in enumerate(labels)]

@@ -54,6 +54,7 @@ from tests.fuzz.log_files import (
 )
 from tests.fuzz.other_kinds import OTHER_KINDS
 from tests.fuzz.reader import Reader, text_reader
+from tests.fuzz.tracks_of_bodies import TRACKS_OF_BODIES
 from tests.learning.data.test_damaged_files import KINDS
 
 URDF = (
@@ -356,4 +357,5 @@ READERS: tuple[Reader, ...] = (
     *_damageable(),
     *OTHER_KINDS,
     *FILES_OF_CELLS,
+    *TRACKS_OF_BODIES,
 )

@@ -184,6 +184,31 @@ def test_poses_that_stand_still_prove_nothing(tmp_path: Path) -> None:
     assert any("is it so, and not that" in q for q in draft.questions), draft.questions
 
 
+@pytest.mark.parametrize("pattern", ["run{}_{}", "{1}-{0}", "both"])
+def test_files_of_several_runs_are_recordings_of_one_chain(pattern: str, tmp_path: Path) -> None:
+    """The last run is held out, whether its number stands before or behind what the file holds."""
+    seen, flange = made()
+    half = len(seen) // 2
+    for number, rows in ((1, slice(0, half)), (2, slice(half, None))):
+        tables = {}
+        for name, track in (("robot", flange), ("tag", seen)):
+            columns = {"t": track.time[rows]} | named(f"{name}_{{}}", "xyz", track.position[rows])
+            tables[name] = columns | named(f"{name}_q{{}}", "xyzw", track.quat_xyzw[rows])
+        if pattern == "both":
+            write_csv(tmp_path / f"{number}.csv", tables["robot"] | tables["tag"])
+            continue
+        for name, columns in tables.items():
+            write_csv(tmp_path / f"{pattern.format(number, name)}.csv", columns)
+    draft = drafted([tmp_path])
+    assert draft is not None and len(draft.questions) == 1  # which way round
+    content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(content))
+    made_of = import_pose_logs(tmp_path / "m.yaml", tmp_path, None)
+    assert [each.role for each in made_of] == ["fit", "held_out"]
+    for each, rows in zip(made_of, (slice(0, half), slice(half, None)), strict=True):
+        assert np.allclose(each.recording.seen.position, seen.position[rows], atol=1e-6)
+
+
 def test_a_log_of_joints_is_none_of_poses(tmp_path: Path) -> None:
     time = np.arange(60.0)
     assert drafted([write_csv(tmp_path / "a.csv", {"t": time, "q1": time, "q2": time})]) is None

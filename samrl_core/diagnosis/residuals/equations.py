@@ -71,7 +71,10 @@ def nominal_friction(arm: ArmDescription, velocity: np.ndarray) -> np.ndarray:
 
 
 def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: RecordedMotion) -> np.ndarray:
-    """Effort scale (J,) [N m]: the effort limit, or the largest effort seen where none is stated."""
+    """Effort scale (J,) [N m]: the effort limit, or the largest effort seen where none is stated.
+
+    Of a joint that nothing drives, such as a pendulum that was let go, it is what its motion takes.
+    """
     limit = np.full(len(arm.joints), np.inf)
     if rigid is not None:
         limit = rigid.effort_limits()
@@ -79,6 +82,10 @@ def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: RecordedMo
         limit = np.minimum(limit, arm.controller.effort_limit)
     seen = motion.u if motion.u is not None else motion.tau
     largest = np.ones(len(arm.joints)) if seen is None else np.abs(seen).max(axis=0)
+    passive = ~np.isfinite(limit) & (largest == 0.0)
+    if rigid is not None and motion.dynamic and passive.any():
+        moved = rigid.inverse_dynamics(motion.q, motion.sure_velocity, motion.sure_acceleration)
+        largest = np.where(passive, np.abs(moved).max(axis=0), largest)
     return np.where(np.isfinite(limit), limit, largest)
 
 

@@ -19,6 +19,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.pose_runs import PoseRuns, find_pose_runs
 from samrl_ros.log_import.draft.track_entries import (
     FAR,
     FoundTime,
@@ -27,6 +28,7 @@ from samrl_ros.log_import.draft.track_entries import (
     find_time,
     rotation_orders,
     source_data,
+    track_numbers,
 )
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
@@ -58,8 +60,10 @@ def draft_poses(tracks: Sequence[LoggedTrack]) -> Draft | None:
     if len(placed) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
-    seen, carried = _roles(placed, draft)
-    draft.unused += [each.name for each in placed if each is not seen and each is not carried]
+    runs = find_pose_runs(placed, _side)
+    used = placed if runs is None else [runs.seen[0], runs.carried[0]]
+    seen, carried = _roles(used, draft)
+    draft.unused += [each.name for each in used if each is not seen and each is not carried]
     keys = {"target": seen} | ({"flange": carried} if carried.place != seen.place else {})
     times = {key: _add_source(key, each, (seen, carried), draft) for key, each in keys.items()}
     at_rest = any(slow for _, slow in times.values())
@@ -70,9 +74,26 @@ def draft_poses(tracks: Sequence[LoggedTrack]) -> Draft | None:
     cache = {key: source_data([each], draft.sources[key], times[key][0]) for key, each in keys.items()}
     _ask_of_units({"target_in_camera": seen, "flange": carried}, draft)
     _describe(seen, carried, entries, at_rest, cache, draft)
+    if runs is not None:
+        _add_runs(runs, draft)
+        return draft
     names = list(dict.fromkeys(each.path.stem for each in (seen, carried)))
     draft.recordings = [{"name": names[0] if len(names) == 1 else common_name(names), "role": "fit"}]
     return draft
+
+
+def _add_runs(runs: PoseRuns, draft: Draft) -> None:
+    """One recording for each run; the last is held out."""
+    for source, file in zip(draft.sources.values(), runs.files, strict=False):
+        source["file"] = file
+    if any(not np.isfinite(track_numbers(each)).all() for each in (*runs.seen, *runs.carried)):
+        for source in draft.sources.values():
+            source["missing"] = "drop_row"
+    draft.note("recordings", "files with the same columns: one chain; the last by name is held out")
+    last = len(runs.names) - 1
+    draft.recordings = [
+        {"name": name, "role": "held_out" if k == last else "fit"} for k, name in enumerate(runs.names)
+    ]
 
 
 def are_roles_sure(tracks: Sequence[LoggedTrack]) -> bool:

@@ -1,0 +1,66 @@
+"""Which files of a folder are one run: a target's and a flange's poses under one name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRuns:
+    """Runs of one chain, alike in their columns."""
+
+    names: tuple[str, ...]
+    seen: tuple[LoggedTrack, ...]
+    carried: tuple[LoggedTrack, ...]
+    files: tuple[str, str]  # of the target and of the flange, with {name}
+
+
+def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], int]) -> PoseRuns | None:
+    """Runs of the poses of several files; None where they are not alike, or are one run.
+
+    Args:
+        placed: every pose.
+        side: 1 of a target's, -1 of a flange's, 0 where nothing says it.
+    """
+    seen, carried = ([each for each in placed if side(each) == s] for s in (1, -1))
+    alike = len({tuple(e.track.used) for e in seen}) == len({tuple(e.track.used) for e in carried}) == 1
+    whole = len(seen) == len(carried) > 1 and len(seen) + len(carried) == len(placed)
+    folders = {each.path.parent for each in placed}
+    if not (alike and whole and len(folders) == 1) or any(each.part for each in placed):
+        return None
+    if [each.path for each in seen] == [each.path for each in carried]:
+        names = tuple(each.path.stem for each in seen)
+        file = f"{{name}}{seen[0].path.suffix}"
+        return PoseRuns(names, tuple(seen), tuple(carried), (file, file)) if len(set(names)) > 1 else None
+    for cut in (_before_common_end, _after_common_begin):
+        one, file = cut([each.path.stem for each in seen])
+        other, other_file = cut([each.path.stem for each in carried])
+        if sorted(one) == sorted(other) and all(one) and len(set(one)) == len(one):
+            by_name = dict(zip(other, carried, strict=True))
+            files = (file + seen[0].path.suffix, other_file + carried[0].path.suffix)
+            return PoseRuns(tuple(one), tuple(seen), tuple(by_name[name] for name in one), files)
+    return None
+
+
+def _before_common_end(stems: Sequence[str]) -> tuple[list[str], str]:
+    """Names without what all end with, and the pattern of the whole: run1_tag, run2_tag."""
+    tail = _common_begin([stem[::-1] for stem in stems])[::-1]
+    return [stem[: len(stem) - len(tail)] for stem in stems], f"{{name}}{tail}"
+
+
+def _after_common_begin(stems: Sequence[str]) -> tuple[list[str], str]:
+    """Likewise of what all begin with: tag_1, tag_2."""
+    head = _common_begin(stems)
+    return [stem[len(head) :] for stem in stems], f"{head}{{name}}"
+
+
+def _common_begin(stems: Sequence[str]) -> str:
+    """What all begin with, letter by letter."""
+    first, last = min(stems), max(stems)
+    count = next(
+        (k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), min(map(len, stems))
+    )
+    return first[:count]

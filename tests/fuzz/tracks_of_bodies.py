@@ -1,0 +1,55 @@
+"""Drafts of damaged tracks: every layout of a motion capture, of poses, and of two clocks."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.writing import as_yaml
+from tests.diagnosis.bodies.body_worlds import Tracker, World, several, toss
+from tests.fuzz.reader import Reader
+from tests.recordings import body_logs
+
+
+def _draft(path: Path) -> None:
+    as_yaml(draft_any([path], None, None))
+
+
+def _sound(*writers: body_logs.Writer) -> Callable[[], list[bytes]]:
+    def make() -> list[bytes]:
+        (made,) = several(toss, World(tracker=Tracker(rate=60.0)), 1, 3)
+        with tempfile.TemporaryDirectory() as folder:
+            return [write(Path(folder) / "a", made.track).read_bytes() for write in writers]
+
+    return make
+
+
+def _pair() -> list[bytes]:
+    time = np.arange(0.0, 3.0, 0.05)
+    rows = [f"{t:.3f},{np.sin(t):.4f},0.2,0.6,0,0,0,1,{np.cos(t):.4f},0.1,0.4,0,0,0,1" for t in time]
+    names = [f"{n}_{a}" for n in ("tag", "tcp") for a in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+    return ["\n".join([",".join(["t", *names]), *rows]).encode()]
+
+
+def _clocks() -> list[bytes]:
+    rows = [f"{k},{50000 * k},{0.05 * k:.3f}" for k in range(80)]
+    return ["\n".join(["seq,device_time_us,host_time_s", *rows]).encode()]
+
+
+TRACKS_OF_BODIES = (
+    Reader(
+        "draft of a motion capture", "a.csv",
+        _sound(body_logs.motive, body_logs.motive_labelled, body_logs.vicon), _draft, share=0.1,
+    ),
+    Reader(
+        "draft of a trajectory", "a.csv",
+        _sound(body_logs.euroc, body_logs.ros_seconds, body_logs.semicolons), _draft, share=0.1,
+    ),
+    Reader("draft of a text", "a.txt", _sound(body_logs.tum), _draft, share=0.1),
+    Reader("draft of poses", "a.csv", _pair, _draft, share=0.05),
+    Reader("draft of clocks", "a.csv", _clocks, _draft, share=0.1),
+)  # fmt: skip

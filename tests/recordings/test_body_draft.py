@@ -188,10 +188,20 @@ def test_logs_of_machines_are_none_of_bodies(tmp_path: Path) -> None:
             {"t": time, "q1": x, "q2": x, "x": x, "y": 2 * x, "z": x},  # an arm's joints and its tool
             {"t": time, "x": x, "y": -x, "x_ref": x, "y_ref": -x},  # a gantry and its set points
             {"t": time, "x": x, "force": 9.0 * x},  # a slide with a motor
+            {"t": time, "joint_x": x, "joint_y": 0.5 * x},  # a pair of joints with odd names
         )
     ):
         path = write_columns(tmp_path / f"{k}.csv", **columns)
         assert drafted(path).kind == "joints", columns.keys()
+
+
+def test_an_array_of_joints_is_none_of_bodies(tmp_path: Path) -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    two = 0.1 * np.stack([np.sin(2.0 * time), np.cos(time)], axis=1)
+    np.savez(tmp_path / "a.npz", t=time, q=two)
+    assert drafted(tmp_path / "a.npz").kind == "joints"
+    np.savez(tmp_path / "b.npz", t=time, puck_pos=two)
+    assert drafted(tmp_path / "b.npz").kind == "bodies"
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0, 1000.0])

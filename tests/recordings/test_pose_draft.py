@@ -184,6 +184,40 @@ def test_poses_that_stand_still_prove_nothing(tmp_path: Path) -> None:
     assert any("is it so, and not that" in q for q in draft.questions), draft.questions
 
 
+@pytest.mark.parametrize("kind", ["rotation_vector", "rpy"])
+def test_three_letters_of_a_rotation_are_what_closes_the_chain(kind: str, tmp_path: Path) -> None:
+    """rx, ry, rz are a rotation vector to some controllers and Euler angles to others."""
+    seen, flange = made()
+    turned = Rotation.from_quat(flange.quat_xyzw)
+    three = turned.as_rotvec() if kind == "rotation_vector" else np.degrees(turned.as_euler("xyz"))
+    columns = {"t": seen.time} | named("tag_{}", "xyz", seen.position)
+    columns |= named("tag_q{}", "xyzw", seen.quat_xyzw)
+    columns |= named("tcp_{}", "xyz", flange.position) | named("tcp_r{}", "xyz", three)
+    draft = drafted([write_csv(tmp_path / "a.csv", columns)])
+    assert draft is not None and kind in draft.poses["camera_arm"]["flange"]
+    got = imported(draft, tmp_path).camera_arm
+    assert got is not None and got.flange is not None
+    apart = Rotation.from_quat(got.flange.quat_xyzw).inv() * turned
+    assert float(apart.magnitude().max()) < 1e-6
+
+
+def test_universal_robots_recorder_gives_the_flange(tmp_path: Path) -> None:
+    """actual_TCP_pose_0 to 5 beside joints: metres and a rotation vector, by its documentation."""
+    seen, flange = made()
+    pose = np.column_stack([flange.position, Rotation.from_quat(flange.quat_xyzw).as_rotvec()])
+    columns = {"timestamp": flange.time} | {f"actual_q_{k}": 0.1 * pose[:, k] for k in range(6)}
+    columns |= {f"actual_TCP_pose_{k}": pose[:, k] for k in range(6)}
+    robot = tmp_path / "robot.csv"
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(robot, table, header=" ".join(columns), comments="", fmt="%.9f")
+    tag = {"t": seen.time} | named("tag_{}", "xyz", seen.position) | named("tag_q{}", "xyzw", seen.quat_xyzw)
+    draft = drafted([robot, write_csv(tmp_path / "tag.csv", tag)])
+    assert draft is not None and len(draft.questions) == 1
+    got = imported(draft, tmp_path).camera_arm
+    assert got is not None and got.flange is not None
+    assert np.allclose(got.flange.position, flange.position, atol=1e-6)
+
+
 @pytest.mark.parametrize("pattern", ["run{}_{}", "{1}-{0}", "both"])
 def test_files_of_several_runs_are_recordings_of_one_chain(pattern: str, tmp_path: Path) -> None:
     """The last run is held out, whether its number stands before or behind what the file holds."""

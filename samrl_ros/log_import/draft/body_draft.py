@@ -34,7 +34,6 @@ from samrl_ros.log_import.draft.track_entries import (
     add_track_entry,
     add_track_source,
     length_unit,
-    rotation_orders,
 )
 from samrl_ros.log_import.pose_specs import LENGTHS
 
@@ -181,17 +180,14 @@ def _describe_turns(each: LoggedTrack, entry: dict[str, Any], draft: Draft) -> N
     """How its turns are given, or that they are left out."""
     kind = each.track.rotation
     if kind == "quaternion":
-        orders = rotation_orders(each)
-        entry["order"] = orders[0]
-        sure = len(orders) == 1
+        sure = bool(each.track.order)
+        entry["order"] = each.track.order or "xyzw"
+        why = f"{each.track.order} by the names" if sure else "four numbers without names"
+        draft.note("bodies.track.quaternion", why, "" if sure else "is its order xyzw, and not wxyz?")
+    elif kind == "rotation_vector" and each.track.vague:
         draft.note(
-            "bodies.track.quaternion", f"{orders[0]} by the names" if sure else "four numbers without names",
-            "" if sure else "is its order xyzw, and not wxyz?",
-        )  # fmt: skip
-    elif kind == "rotation_vector" and each.table.maker == "Vicon":
-        draft.note(
-            "bodies.track.rotation_vector", "RX, RY, RZ as Vicon's helical angles",
-            "is it a rotation vector (helical), and no Euler angles? Leave it out if turns do not matter",
+            "bodies.track.rotation_vector", "three numbers, as rotation vectors are (Vicon: helical angles)",
+            "is it a rotation vector, and no Euler angles? Leave it out if turns do not matter",
         )  # fmt: skip
     elif kind == "rpy":
         draft.note(

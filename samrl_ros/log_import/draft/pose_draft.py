@@ -25,8 +25,9 @@ from samrl_ros.log_import.draft.track_entries import (
     FoundTime,
     add_track_entry,
     add_track_source,
+    every_nth,
     find_time,
-    rotation_orders,
+    rotation_readings,
     source_data,
     track_numbers,
 )
@@ -47,6 +48,7 @@ CLEARLY = 4.0  # times better than the next description: that is proof
 NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that stand still close any chain
 LONGEST_REST_S = 600.0  # from one pair of poses at rest to the next
 CLOSES_M = 0.05  # beyond it no description fits
+MOST_VIEWS = 300  # by which descriptions are compared
 MOST_CM = 250.0  # that a camera sees or an arm reaches
 
 
@@ -72,6 +74,8 @@ def draft_poses(tracks: Sequence[LoggedTrack]) -> Draft | None:
         "carried": add_track_entry(carried, list(keys)[-1], draft),
     }
     cache = {key: source_data([each], draft.sources[key], times[key][0]) for key, each in keys.items()}
+    if len(cache) > 1:  # where views stand for themselves, some tell as much as all
+        cache["target"] = every_nth(cache["target"], MOST_VIEWS)
     _ask_of_units({"target_in_camera": seen, "flange": carried}, draft)
     _describe(seen, carried, entries, at_rest, cache, draft)
     if runs is not None:
@@ -167,20 +171,17 @@ def _describe(
     draft: Draft,
 ) -> None:
     """Who carries the camera and what the log leaves open, by which description closes the chain."""
-    arms, orders = ("camera_arm", "tool_arm"), (rotation_orders(seen), rotation_orders(carried))
-    open_ = [len(each) > 1 for each in orders]
+    arms = ("camera_arm", "tool_arm")
+    readings = rotation_readings(seen, entries["seen"]), rotation_readings(carried, entries["carried"])
+    open_ = [len(each) > 1 for each in readings]
     found: list[tuple[float, dict[str, Any], str]] = []
-    for arm, first, second in product(arms, *orders):
-        one, two = dict(entries["seen"]), dict(entries["carried"])
-        for entry, order in ((one, first), (two, second)):
-            if order:
-                entry["order"] = order
-        poses: dict[str, Any] = {"target_in_camera": one, arm: {"flange": two}}
+    for arm, first, second in product(arms, *readings):
+        poses: dict[str, Any] = {"target_in_camera": dict(first[0]), arm: {"flange": dict(second[0])}}
         if at_rest:
             poses["at_rest"] = True
         said = "the arm carries the camera" if arm == "camera_arm" else "the camera stands still"
-        tried = [order for order, is_open in zip((first, second), open_, strict=True) if is_open]
-        said += "".join(f", {order} quaternions" for order in dict.fromkeys(tried))
+        tried = [words for (_, words), is_open in zip((first, second), open_, strict=True) if is_open]
+        said += "".join(f", {words}" for words in dict.fromkeys(tried))
         if (left := _closing(poses, cache, draft)) is not None:
             found.append((left, poses, said))
     if not found:

@@ -49,6 +49,7 @@ class FoundTrack:
     unit: str = ""  # of the position, where the names say it
     angle_unit: str = ""
     named: bool = True  # by its columns; else by what the numbers look like
+    vague: bool = False  # a rotation vector that may as well be roll, pitch and yaw
 
     @property
     def rotation(self) -> str:
@@ -87,15 +88,16 @@ def find_positions(table: Table) -> list[FoundTrack]:
     found: dict[tuple[str, ...], FoundTrack] = {}
     single: dict[tuple[tuple[str, ...], str], dict[str, str]] = defaultdict(dict)
     units: dict[tuple[tuple[str, ...], str], str] = {}
+    numbered: dict[tuple[str, ...], dict[int, str]] = defaultdict(dict)
     arrays: dict[str, np.ndarray] = {}
     for name in table.columns:
         values = numbers_of(table, name)
         if values is None or len(values) < LEAST:
             continue
         arrays[name] = values
-        words = [w.lower() for w in _WORD.findall(name)]
+        words = _words_of(name)
         unit = table.units.get(name, "")
-        if len(words) > 1 and words[-1] in _UNITS and not (words[-1] == "m" and len(words) < 2):
+        if len(words) > 1 and words[-1] in _UNITS:
             unit, words = unit or _UNITS[words[-1]], words[:-1]
         if values.ndim == 2:
             _add_array(found, name, words, values.shape[1], unit)
@@ -103,6 +105,8 @@ def find_positions(table: Table) -> list[FoundTrack]:
             stem, kind, letter = one
             single[stem, kind][letter] = name
             units[stem, kind] = unit
+        elif _is_pose_number(words):
+            numbered[tuple(w for w in words[:-1] if w != "pose")][int(words[-1])] = name
     _add_helical_quaternions(single)
     for (stem, kind), columns in single.items():
         letters = [letter for letter in _LETTERS[: _FULL[kind]] if letter in columns]
@@ -116,6 +120,9 @@ def find_positions(table: Table) -> list[FoundTrack]:
             track.unit, track.axes = units[stem, kind], "".join(letters)
         else:
             track.angle_unit = units[stem, kind]
+            track.vague = kind == "rotation_vector" and not set(_words_of(columns["x"])) & _VECTOR
+    for stem, named in numbered.items():
+        _add_parts(found, stem, [Component(named[k]) for k in sorted(named)])
     tracks = _paired(list(found.values()))
     return tracks or _find_unnamed(arrays)
 
@@ -184,19 +191,21 @@ def _add_array(
             _VECTOR | _POSITION,
         ),
         4: ("quaternion", _QUATERNION),
+        6: ("pose", _MATRIX if "pose" in words else set()),
         7: ("pose", _MATRIX),
         9: ("rotation_matrix", _MATRIX),
         12: ("matrix", _MATRIX),
         16: ("matrix", _MATRIX),
     }.get(width, ("", set()))
-    if not kind or (kind in ("position", "pose") and set(words) & RATES):
+    if not kind or not known or (kind in ("position", "pose") and set(words) & RATES):
+        return
+    if width < 4 and not set(words) & (_POSITION | _VECTOR):  # two or three numbers are joints as well
         return
     stem = tuple(words[1:] if first in known else words[:-1] if words and words[-1] in known else words)
     track = found.setdefault(stem, FoundTrack(stem))
     order = next((o for o in ("wxyz", "xyzw") if o in words), "")
-    if kind == "pose":  # a position and then a quaternion
-        track.columns["position"] = [Component(name, k) for k in range(3)]
-        track.columns["quaternion"] = [Component(name, k) for k in range(3, 7)]
+    if kind == "pose":
+        _add_parts(found, stem, [Component(name, k) for k in range(width)])
         track.unit, track.order = unit, order
         return
     track.columns[kind] = [Component(name)]
@@ -204,6 +213,30 @@ def _add_array(
         track.unit, track.axes = unit, "xyz"[:width]
     elif kind == "quaternion":
         track.order = order
+
+
+def _is_pose_number(words: list[str]) -> bool:
+    """Whether a name counts the numbers of a pose, as actual_TCP_pose_0 of Universal Robots' recorder."""
+    return len(words) > 1 and words[-1].isdecimal() and "pose" in words and not set(words) & RATES
+
+
+def _add_parts(
+    found: dict[tuple[str, ...], FoundTrack], stem: tuple[str, ...], parts: list[Component]
+) -> None:
+    """A position and then three or four numbers of a rotation."""
+    if len(parts) not in (6, 7):
+        return
+    track = found.setdefault(stem, FoundTrack(stem))
+    kind = "quaternion" if len(parts) == 7 else "rotation_vector"
+    track.columns |= {"position": parts[:3], kind: parts[3:]}
+    if kind == "rotation_vector" and {"tcp", "actual"} <= set(stem):  # RTDE guide: x, y, z, rx, ry, rz
+        track.unit, track.angle_unit = "m", "rad"
+    else:
+        track.vague = kind == "rotation_vector"
+
+
+def _words_of(name: str) -> list[str]:
+    return [w.lower() for w in _WORD.findall(name)]
 
 
 def _find_unnamed(arrays: dict[str, np.ndarray]) -> list[FoundTrack]:

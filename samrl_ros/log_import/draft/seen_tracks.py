@@ -19,6 +19,7 @@ from samrl_ros.log_import.pose_specs import LENGTHS
 BODIES = frozenset(
     "puck ball block cube body object box disc disk projectile marker slider brick toss bounce drop".split()
 )
+JOINTS = frozenset("joint joints motor motors axis servo servos actuator".split())
 STILL = 0.02  # of the way of the track that goes farthest: what goes less stands still
 MOST_POSES = 3000  # of a track that are looked at
 LEAST_POSES = 8
@@ -51,6 +52,8 @@ def is_of_a_machine(each: LoggedTrack, tracks: Sequence[LoggedTrack]) -> bool:
     rest = [
         name for name in each.table.columns if name not in used and numbers_of(each.table, name) is not None
     ]
+    if each.words & JOINTS:
+        return True
     if each.part:
         return False
     angles = 0

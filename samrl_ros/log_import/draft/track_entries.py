@@ -176,11 +176,21 @@ def track_numbers(each: LoggedTrack) -> np.ndarray:
     )
 
 
-def rotation_orders(each: LoggedTrack) -> tuple[str, ...]:
-    """Orders that its quaternion may have; one empty where there is nothing to choose."""
-    if each.track.rotation != "quaternion":
-        return ("",)
-    return (each.track.order,) if each.track.order else ("xyzw", "wxyz")
+def rotation_readings(each: LoggedTrack, entry: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """Entries that the log leaves open by how its rotation is meant, each with words for it.
+
+    Args:
+        each: the track.
+        entry: of the mapping; the first of those returned, with what was open.
+    """
+    if each.track.rotation == "quaternion":
+        orders = (each.track.order,) if each.track.order else ("xyzw", "wxyz")
+        return [({**entry, "order": order}, f"{order} quaternions") for order in orders]
+    if each.track.vague:
+        rest = {key: value for key, value in entry.items() if key != "rotation_vector"}
+        turned = {**rest, "rpy": entry["rotation_vector"]}
+        return [(entry, "rotation vectors"), (turned, "roll, pitch and yaw")]
+    return [(entry, "")]
 
 
 def source_data(tracks: Sequence[LoggedTrack], source: dict[str, Any], time: np.ndarray) -> SourceData:
@@ -201,6 +211,12 @@ def source_data(tracks: Sequence[LoggedTrack], source: dict[str, Any], time: np.
     ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
     keep &= time > np.concatenate([[-np.inf], ahead[:-1]])
     return SourceData((), time[keep], {short: column[keep] for short, column in values.items()})
+
+
+def every_nth(data: SourceData, most: int) -> SourceData:
+    """At most so many of its rows, evenly."""
+    step = max(1, -(-len(data.time) // most))
+    return SourceData(data.files, data.time[::step], {name: v[::step] for name, v in data.values.items()})
 
 
 def _listed(formulas: list[str] | str) -> list[str]:

@@ -21,7 +21,8 @@ URDF = (
     f' iyy="{ABOUT_CENTER}" iyz="0" izz="1e-5"/></inertial></link><joint name="pivot" type="continuous">'
     '<parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>'
 )
-LIBRARY = DiagnosisSettings(library={"viscous_friction", "coulomb_friction", "armature", "base_tilt"})
+FAMILIES = {"viscous_friction", "coulomb_friction", "load_dependent_friction", "payload", "base_tilt"}
+LIBRARY = DiagnosisSettings(library=FAMILIES)
 
 
 def swing(path: Path, start: float, viscous: float, seed: int) -> ArmRecording:

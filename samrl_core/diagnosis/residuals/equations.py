@@ -89,6 +89,18 @@ def scale_limits(arm: ArmDescription, rigid: RigidArm | None, motion: RecordedMo
     return np.where(np.isfinite(limit), limit, largest)
 
 
+def scale_speeds(rigid: RigidArm, motion: RecordedMotion) -> np.ndarray:
+    """Speed scale (J,) [rad/s]: the velocity limit; where none is stated 1 rad/s, or the fastest seen beyond.
+
+    Without it what is tolerated of viscous friction would hide a fast motor's or a pendulum's own.
+    """
+    limit = rigid.velocity_limits()
+    if np.isfinite(limit).all():
+        return limit
+    fastest = np.abs(motion.sure_velocity).max(axis=0)
+    return np.where(np.isfinite(limit), limit, np.maximum(fastest, 1.0))
+
+
 def form_equations(motion: RecordedMotion) -> Equations:
     """All residuals that the recording allows."""
     arm, rigid = motion.recording.arm, motion.arm

@@ -20,6 +20,7 @@ from samrl_core.diagnosis.residuals.equations import (
     Columns,
     integrated_terms,
     integrates,
+    scale_speeds,
 )
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
@@ -52,7 +53,7 @@ def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns,
     assert rigid is not None
     offset = _per_joint(tolerances.torque_offset, trial) * trial.scale
     coulomb = _per_joint(tolerances.coulomb_friction, trial) * trial.scale
-    speed = np.where(np.isfinite(rigid.velocity_limits()), rigid.velocity_limits(), 1.0)
+    speed = scale_speeds(rigid, motion)
     viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / speed
     stated = joint_dynamics(trial.recording.arm)
     for j in joints:

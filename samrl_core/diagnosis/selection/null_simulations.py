@@ -20,6 +20,7 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects.effect import Effect
+from samrl_core.diagnosis.residuals.equations import scale_speeds
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -144,7 +145,7 @@ def sample_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
         # Along the nominal inertia, so that it stays one that a body can have.
         delta[link, 4:] += p[4:] * tolerances.inertia * rng.uniform(-1, 1)
     scale = trial.scale
-    speed = np.where(np.isfinite(rigid.velocity_limits()), rigid.velocity_limits(), 1.0)
+    speed = scale_speeds(rigid, trial.motion)
     tilt = tolerances.base_tilt * rng.uniform(-1, 1, size=2)
     gravity = rigid.gravity_vector
     return PlantParameters(

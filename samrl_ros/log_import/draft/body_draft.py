@@ -100,7 +100,9 @@ def _describe_track(
         draft.note(
             "bodies.track.position",
             f"columns {each.track.names} have no names; their numbers are those of poses",
-            "is it a position and a quaternion x, y, z, w after the time (the TUM format)?",
+            "is it a matrix of 3 rows of 4, row by row (the KITTI format)?"
+            if each.track.rotation == "matrix"
+            else "is it a position and a quaternion x, y, z, w after the time (the TUM format)?",
         )
     return entry
 

@@ -8,6 +8,7 @@ from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.diagnosis.effects.drive_torque import BEYOND, DriveEffect, ShaftForm, are_possible, name_sizes
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
+from samrl_core.diagnosis.residuals.equations import scale_speeds
 from samrl_core.diagnosis.residuals.trial import Trial
 
 
@@ -59,8 +60,8 @@ class ProportionalToSpeed(ShaftForm):
 def _beyond_tolerance(trial: Trial, joint: int) -> float:
     tolerance = np.broadcast_to(trial.recording.arm.tolerances.viscous_friction, (trial.joints,))[joint]
     assert trial.rigid is not None
-    speed = float(trial.rigid.velocity_limits()[joint])
-    return BEYOND * float(tolerance) * trial.scale[joint] / (speed if np.isfinite(speed) else 1.0)
+    speed = float(scale_speeds(trial.rigid, trial.motion)[joint])
+    return BEYOND * float(tolerance) * trial.scale[joint] / speed
 
 
 EFFECT = ViscousFriction()

@@ -129,6 +129,8 @@ def _used(spec: LoggedSpec, name: str, constants: dict[str, Any]) -> set[str]:
 
 def _column(table: Table, column: ColumnSpec, where: str) -> np.ndarray:
     values = table.numbers(column.column, where)
+    if column.empty is not None:
+        values = np.where(values == column.empty, np.nan, values)
     return values.T if column.transpose else values
 
 

@@ -99,6 +99,7 @@ class ColumnSpec(Checked):
     column: Header
     file: NonNegativeInt = 0
     missing: Missing | None = None  # None: the source's
+    empty: float | None = None  # cells of this number are empty: what a tracker writes for lost frames
     transpose: bool = False
 
 

@@ -120,6 +120,26 @@ def test_a_unit_that_free_fall_contradicts_is_asked_for(tmp_path: Path) -> None:
     assert "the log says cm, but what falls says m" in question
 
 
+def test_zeros_of_lost_frames_are_left_out(tmp_path: Path) -> None:
+    (made,) = several(toss, World(), 1, 3)
+    p = 1e3 * made.track.position + [0.0, 0.0, 900.0]
+    p[[10, 11, 12, 40, 41]] = 0.0
+    path = write_columns(tmp_path / "cube.csv", t=made.track.time, x=p[:, 0], y=p[:, 1], z=p[:, 2])
+    draft = drafted(path)
+    assert not draft.questions and "5 poses are exactly zero" in as_yaml(draft)
+    (got,) = imported(draft, tmp_path)
+    assert len(got.track) == len(p) - 5
+    assert float(np.abs(np.diff(got.track.position, axis=0)).max()) < 0.2
+
+
+def test_a_body_that_rests_at_the_origin_is_there(tmp_path: Path) -> None:
+    """Zeros that a motion ends in are a place."""
+    time = np.arange(0.0, 2.0, 0.01)
+    x = np.where(time < 1.0, 0.5 * (1.0 - time) ** 2, 0.0)
+    draft = drafted(write_columns(tmp_path / "puck.csv", t=time, x_m=x, y_m=-x))
+    assert "exactly zero" not in as_yaml(draft)
+
+
 def test_a_wrong_frame_rate_is_asked_for(tmp_path: Path) -> None:
     (made,) = several(toss, World(tracker=Tracker(rate=30.0)), 1, 3)
     p = made.track.position

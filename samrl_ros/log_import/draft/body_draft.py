@@ -33,6 +33,7 @@ from samrl_ros.log_import.draft.track_entries import (
     add_columns,
     add_track_entry,
     add_track_source,
+    empty_columns,
     length_unit,
 )
 from samrl_ros.log_import.pose_specs import LENGTHS
@@ -85,6 +86,8 @@ def _describe_track(
     entry = add_track_entry(each, "track", draft)
     if any(not np.isfinite(run.each.position).all() for run in runs):
         source["missing"] = "drop_row"
+    if any(run.each.track.zeros for run in runs):
+        empty_columns(each, source)
     lost = sum(int((~np.isfinite(run.each.position)).any(axis=1).sum()) for run in runs)
     if lost:
         draft.note("sources.track.missing", f"{lost} poses are empty: not seen there, so they are left out")

@@ -14,6 +14,7 @@ from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.pose_tracks import (
     LEAST,
     FoundTrack,
+    empty_zeros,
     find_positions,
     named_frames,
     position_of,
@@ -85,6 +86,8 @@ class LoggedTable:
     def tracks(self) -> list[LoggedTrack]:
         """Its poses and positions; of a topic the first."""
         found = find_positions(self.table)[: 1 if self.part else None]
+        for track in found:
+            empty_zeros(self.table, track)
         return [LoggedTrack(self.path, self.table, t, self.part, self.header, self.csv) for t in found]
 
 

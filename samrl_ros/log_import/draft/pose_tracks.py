@@ -28,6 +28,7 @@ _LETTERS = ("x", "y", "z", "w")
 _FULL = {"position": 3, "quaternion": 4, "rotation_vector": 3, "rpy": 3}
 _UNIT_LENGTH = 0.01  # by which a quaternion's length may differ from 1
 _TURNED = 1e-3  # likewise of rotation matrices
+JUMP = 5.0  # typical steps to the origin, from which on a zero is no place
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class FoundTrack:
     angle_unit: str = ""
     named: bool = True  # by its columns; else by what the numbers look like
     vague: bool = False  # a rotation vector that may as well be roll, pitch and yaw
+    zeros: int = 0  # poses that are zero where nothing was seen
 
     @property
     def rotation(self) -> str:
@@ -278,6 +280,29 @@ def position_of(table: Table, track: FoundTrack) -> np.ndarray:
     if track.rotation == "matrix":
         return numbers_of_parts(table, track.columns["matrix"])[:, [3, 7, 11]]
     return numbers_of_parts(table, track.columns["position"])
+
+
+def empty_zeros(table: Table, track: FoundTrack) -> None:
+    """Make lost frames that a tracker wrote as zeros empty in the table, and count them in the track.
+
+    What comes from somewhere, is exactly at the origin for some frames, and then goes on, was not seen.
+    """
+    parts = track.columns.get("position", [])
+    if not parts or track.rotation == "matrix":
+        return
+    position = numbers_of_parts(table, parts)
+    zero = (position == 0.0).all(axis=1)
+    steps = np.linalg.norm(np.diff(position[~zero], axis=0), axis=1)
+    if not 0 < zero.sum() < 0.5 * len(zero) or not len(steps):
+        return
+    away = float(np.nanmin(np.linalg.norm(position[~zero], axis=1)))
+    if not away > JUMP * float(np.nanmedian(steps)):
+        return
+    track.zeros = int(zero.sum())
+    for name in {part.column for part in parts}:
+        values = np.array(table.numbers(name, "the log"))
+        values[zero] = np.nan
+        table.columns[name] = values
 
 
 def time_columns(table: Table, used: list[str]) -> list[str]:

@@ -122,10 +122,10 @@ def add_track_source(key: str, each: LoggedTrack, draft: Draft) -> dict[str, Any
 
 def add_columns(parts: Sequence[Component], source: dict[str, Any]) -> list[str]:
     """Formulas of components; their columns are added to the source under names for formulas."""
-    columns: dict[str, str] = source["columns"]
+    columns: dict[str, Any] = source["columns"]
     formulas = []
     for part in parts:
-        short = next((k for k, v in columns.items() if v == part.column), "")
+        short = next((k for k, v in columns.items() if part.column in (v, _column_of(v))), "")
         if not short:
             short = "".join(c if c.isascii() and c.isalnum() else "_" for c in part.column).strip("_")
             short = short if short.isidentifier() and short != "time" else f"c_{short}"
@@ -155,7 +155,21 @@ def add_track_entry(each: LoggedTrack, key: str, draft: Draft) -> dict[str, Any]
         entry["angle_unit"] = each.track.angle_unit or ("deg" if turned > FULL_TURN else "rad")
     if not np.isfinite(track_numbers(each)).all():
         source["missing"] = "drop_row"
+    if each.track.zeros:
+        empty_columns(each, source)
+        draft.note(
+            f"sources.{key}.columns",
+            f"{each.track.zeros} poses are exactly zero amid others: lost frames, which are left out",
+        )
     return entry
+
+
+def empty_columns(each: LoggedTrack, source: dict[str, Any]) -> None:
+    """States that zeros of a track's position are empty cells."""
+    columns = {part.column for part in each.track.columns["position"]}
+    for short, entry in source["columns"].items():
+        if (column := _column_of(entry)) in columns:
+            source["columns"][short] = {"column": column, "empty": 0.0}
 
 
 def length_unit(each: LoggedTrack) -> str:
@@ -203,7 +217,8 @@ def source_data(tracks: Sequence[LoggedTrack], source: dict[str, Any], time: np.
     """
     table = tracks[0].table
     values = {
-        short: np.asarray(table.numbers(column, "the log")) for short, column in source["columns"].items()
+        short: np.asarray(table.numbers(_column_of(column), "the log"))
+        for short, column in source["columns"].items()
     }
     keep = np.isfinite(time)
     for column in values.values():
@@ -211,6 +226,11 @@ def source_data(tracks: Sequence[LoggedTrack], source: dict[str, Any], time: np.
     ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
     keep &= time > np.concatenate([[-np.inf], ahead[:-1]])
     return SourceData((), time[keep], {short: column[keep] for short, column in values.items()})
+
+
+def _column_of(entry: str | dict[str, Any]) -> str:
+    """A column as the source names it, whatever else stands there."""
+    return entry if isinstance(entry, str) else str(entry["column"])
 
 
 def every_nth(data: SourceData, most: int) -> SourceData:

@@ -38,6 +38,8 @@ class TorqueSaturation(DriveEffect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         (joint,) = place.joints
         most = float(trial.strongest[joint])  # of all recordings: a slow one reaches no limit
+        if most == 0.0:  # a joint that nothing drives has no limit
+            return ()
         grid = tuple({"L": f * most} for f in (0.05, 0.12, 0.25, 0.4, 0.6, 0.75, 0.85, 0.92, 0.96))
         limits = {"L": (0.02 * most, 1.3 * most)}
         soft = tuple({"L": f * most, "p": p} for p in SOFT_KNEES for f in (0.7, 0.85, 1.0, 1.1, 1.25))

@@ -19,6 +19,9 @@ SLACK = (0.05, 0.2)  # [rad] half widths, likewise
 CENTRES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the travel, likewise
 
 
+FARTHEST = 100.0  # [rad] that a joint with a cable turns from its zero; what goes on turning has none
+
+
 class Cable(Effect):
     """A cable outside the arm pulls a joint back, with some friction of its own."""
 
@@ -51,6 +54,8 @@ class Cable(Effect):
         (joint,) = place.joints
         q = trial.motion.q[:, joint]
         low, span = float(np.min(q)), float(np.ptp(q))
+        if max(abs(low), abs(low + span)) > FARTHEST:
+            return ()
         limits = {"x": (0.002, 0.3)}
         slack = tuple({"x": TURN, "s": s, "e": float(np.exp(low + c * span))} for s in SLACK for c in CENTRES)
         ends = {"s": (0.005, 1.0), "e": (float(np.exp(low - 1.0)), float(np.exp(low + span + 1.0)))}

@@ -8,12 +8,14 @@ from pathlib import Path
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_folder
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.devices import data_folder, refuse_questions
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.draft.writing import as_yaml
-from samrl_ros.log_import.formats.rosbag import is_mcap
+from samrl_ros.log_import.formats.parquet import is_lerobot
+from samrl_ros.log_import.formats.rosbag import is_bag, is_mcap
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping
 from samrl_ros.recordings.read import has_arms
@@ -27,6 +29,21 @@ def is_foreign(path: Path) -> bool:
             bool(bag.topics) and not has_arms(bag) and any(t.type.endswith("/JointState") for t in bag.topics)
         )
     return True
+
+
+def runs_in(path: Path) -> list[Path]:
+    """Files of a folder that are recordings of one machine, by name; any other path alone.
+
+    Raises:
+        InputError: the folder holds no log of joints.
+    """
+    if not is_folder(path) or is_bag(path) or is_lerobot(path):
+        return [path]
+    draft = draft_mapping([path], None, None, Effort.none)
+    file = str(next(iter(draft.sources.values()))["file"])
+    if "{name}" not in file:
+        return [path]
+    return [path / file.replace("{name}", recording["name"]) for recording in draft.recordings]
 
 
 def read_foreign(

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
+from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, load
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.foreign import runs_in
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping
 from tests.recordings.made_logs import JOINTS, MOTION, by_joint, ros2_bag, urdf_of, write_csv
@@ -151,3 +153,15 @@ def test_universal_robots_recorder_is_read_as_it_is(tmp_path: Path) -> None:
     assert not draft.questions and draft.sources["states"]["csv"] == {"delimiter": " "}
     assert draft.channels["states"]["velocity"]["unit"] == "rad/s"
     assert draft.channels["command"]["position"]["formula"][0] == "target_q_1"
+
+
+def test_a_folder_of_runs_is_diagnosed_as_its_files(tmp_path: Path) -> None:
+    """The last run by name is held out, as of several files that are named."""
+    for run_name, late in (("b", 3), ("a", 2), ("c", 4)):
+        names = tuple(str(k) for k in range(3))
+        columns = {"t_s": MOTION.time} | by_joint("q_rad_{}", np.roll(MOTION.position, late, axis=0), names)
+        write_csv(tmp_path / f"{run_name}.csv", columns | by_joint("q_cmd_rad_{}", MOTION.target, names))
+    assert runs_in(tmp_path) == [tmp_path / f"{name}.csv" for name in "abc"]
+    fit, held_out, _ = load(DiagnoseOptions(bags=(tmp_path,), effort=Effort.none))
+    assert [recording.name for recording in (*fit, *held_out)] == ["a", "b", "c"] and len(held_out) == 1
+    assert runs_in(tmp_path / "a.csv") == [tmp_path / "a.csv"]

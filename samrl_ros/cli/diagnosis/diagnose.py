@@ -235,6 +235,7 @@ def load(
         InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
     """
     from samrl_ros.cli.diagnosis.load_devices import load_device_files, load_device_logs
+    from samrl_ros.log_import.foreign import runs_in
     from samrl_ros.recordings import read_tolerances
     from samrl_ros.recordings.described import described_by
 
@@ -248,6 +249,9 @@ def load(
         devices = load_device_logs(options.bags, options.held_out, options.tolerances)
     if devices is not None:
         return devices
+    fit_paths = [run for path in fit_paths for run in runs_in(path)]
+    if not held_paths and len(fit_paths) > 1:
+        held_paths = [fit_paths.pop()]
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     notes: list[str] = []

@@ -162,7 +162,10 @@ class Likelihood:
         outside = (y - self._basis @ projected) ** 2
         parts = list(self.blocks.values()) if only is None else [self.blocks[block] for block in only]
         sizes = [b.stop - b.start for b in parts]
-        noise = sum(max(0.0, float(np.sum(outside[b])) - n) for b, n in zip(parts, sizes, strict=True))
+        unsure = 1.0 + max((t.unsure for t in self.trials), default=0.0)
+        noise = sum(
+            max(0.0, float(np.sum(outside[b])) - unsure * n) for b, n in zip(parts, sizes, strict=True)
+        )
         if self.trials and all(t.short for t in self.trials):
             # The positive part of a chi-square's deviation from its n degrees has the mean sqrt(n / pi), and
             # more by the root of how many samples count as one.

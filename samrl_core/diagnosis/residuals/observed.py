@@ -24,6 +24,7 @@ class Observed(ABC):
         False  # effects are geometry, not formulas: who explains as much is not told apart
     )
     short: ClassVar[bool] = False  # many blocks of few samples: what noise alone exceeds in them adds up
+    unsure: ClassVar[float] = 0.0  # share of the noise's energy, by which its level may be off
     channels: tuple[str, ...]
     cached: dict[tuple[str, str], Any]  # what a form works out once per recording
 

@@ -92,7 +92,9 @@ def _imported(paths: Sequence[Path]) -> tuple[str, list[Any], list[str]] | None:
     refuse_questions(draft, paths)
     made = _READERS[draft.kind](as_yaml(draft), Path("the drafted mapping"), data_folder(draft, paths[0]))
     notes = [f"{guess.key}: {guess.reason}" for guess in draft.guesses]
-    return draft.kind, list(made), [*notes, *dict.fromkeys(n for each in made for n in each.notes)]
+    # Lost frames of all recordings are counted in one note of the draft.
+    more = dict.fromkeys(n for each in made for n in each.notes if not n.endswith("missing cells, drop_row"))
+    return draft.kind, list(made), [*notes, *more]
 
 
 def _may_hold_devices(path: Path) -> bool:

@@ -47,6 +47,16 @@ def test_a_depth_log_is_drafted_and_imported(
     np.testing.assert_allclose(read.reference, distances())
 
 
+def test_units_of_a_depth_and_its_reference_are_their_own(tmp_path: Path) -> None:
+    true = distances()
+    path = log(tmp_path / "run.csv", depth_mm=1010.0 * true, laser_distance_m=true)
+    draft = drafted(path)
+    assert draft is not None and not draft.questions
+    assert draft.readings["reading"] == "0.001 * reading" and draft.readings["unit"] == "m"
+    asked = drafted(log(tmp_path / "other.csv", depth_raw=1010.0 * true, distance=true))
+    assert asked is not None and any("in which units are the two" in q for q in asked.questions)
+
+
 def test_two_depths_are_asked_for(tmp_path: Path) -> None:
     true = distances()
     path = log(tmp_path / "run.csv", depth_left=1.01 * true, depth_right=0.99 * true, distance=true)

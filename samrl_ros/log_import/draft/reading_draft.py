@@ -27,6 +27,7 @@ TRUTH = frozenset("true truth reference ref gt groundtruth ground actual laser p
 GIVEN = frozenset("measured raw reading sensor camera cam estimated est".split())
 FARTHEST, NEAREST = 30.0, 0.05  # [m] that depth cameras measure
 ALIKE = 0.9  # correlation of a reading with its reference
+FARTHEST_OFF = 2.0  # factor by which a depth is off its reference
 LEAST = 50  # rows
 HOST = frozenset(
     "host receive received recv arrival arrived system pc ptp local ros bag reference ref log".split()
@@ -101,6 +102,13 @@ def _describe_depth(
         formulas = [f"{LENGTHS[u]:g} * {f}" for u, f in zip(own, formulas, strict=True)]
         unit = "m"
         draft.note("readings", f"{reading!r} in {own[0]} and {reference!r} in {own[1]} are both taken to m")
+    by = [LENGTHS[u] for u in own]
+    share = float(np.median(by[0] * columns[reading][both])) / max(by[1] * abs(typical), 1e-12)
+    if not 1.0 / FARTHEST_OFF < share < FARTHEST_OFF:
+        draft.note(
+            "readings", f"{reading!r} is {share:.4g} times {reference!r}",
+            "no depth is off by so much: in which units are the two? Write a factor into the formula",
+        )  # fmt: skip
     draft.sources["log"] = {"columns": {"reading": reading, "reference": reference}}
     draft.readings = {"quantity": "depth", "reading": formulas[0], "reference": formulas[1], "unit": unit}
     return reading, reference

@@ -188,6 +188,18 @@ def test_a_bent_threads_end_is_taken_into_the_eye_before_its_bend() -> None:
         assert bool(np.abs(straight_down[:2]).max() < 1e-9) is (first == "enter")
 
 
+@pytest.mark.parametrize("aside", [0.0, 0.0012])
+def test_the_aim_is_needed_where_the_end_enters_and_nowhere_else(aside: float) -> None:
+    """At the hover an end 1.2 mm aside is over the eye to the sub-goal's tolerance, and enters next, too."""
+    task, values = threading(), needle_values((0.5, 0.0))
+    for height, needed in ((0.05, False), (0.012, True), (0.006, True), (-0.008, False)):
+        end = task.thread_points(values, np.zeros(3))[-1]
+        tip = task.eye_at(values) - end + [aside, 0.0, height]
+        assert task.needs_aim(values, tip) is needed
+    plain = TASKS["needle_threading"]
+    assert not plain.needs_aim(np.zeros(20), tip)
+
+
 def test_a_longer_thread_stops_higher_above_the_eye() -> None:
     task, tip = threading(), np.array([0.5, 0.0, 0.3])
     drawn, longer = (task.sub_goals(needle_values((0.5, 0.0), s), tip)[0] for s in (1.0, 1.06))

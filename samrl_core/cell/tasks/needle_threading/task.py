@@ -280,8 +280,7 @@ class NeedleThreading(Task):
         if self.is_done(values, tip):
             return ()
         points, eye = self.thread_points(values, tip), self.eye_at(values)
-        end = points[-1]
-        below = length_below(points, self.eye_z)
+        end, below = points[-1], length_below(points, self.eye_z)
         numbers = np.arange(1, math.ceil(self._goal_length(points) / self.thread_step) + 1)
         ahead = numbers[numbers * self.thread_step > below + 0.5 * self.thread_step]
         places = tip + eye - points_at(points, ahead * self.thread_step)
@@ -289,24 +288,23 @@ class NeedleThreading(Task):
             SubGoal(f"thread_{k}", place, 0.0015, self.fine_step)
             for k, place in zip(ahead, places, strict=True)
         ]
+        clear: tuple[SubGoal, ...] = ()
         if below > 0.0:
             if crossing_distance(points, eye) < self.eye_radius:
                 return tuple(goals)
             up = tip + [0.0, 0.0, self.eye_z + self.hover - end[2]]
             clear = (SubGoal("clear", up, 0.002, self.free_step),)
-        else:
-            clear = ()
         over = np.array([eye[0], eye[1], self.eye_z + self.hover]) - end
         lateral = float(np.hypot(over[0], over[1]))
         clearance = self.eye_radius - self.thread_radius
         # On the way down more is allowed, or a swing of the thread would send it up again and again.
         allowed = 0.8 * clearance if over[2] > 0.002 else 0.4 * clearance
+        # Straight down first: a bent thread's next point would draw the end aside of so small an eye.
+        outside = self.finds_needle and float(np.linalg.norm(eye - end)) > 0.0015
+        enter = (SubGoal(ENTER, tip + eye - end, 0.0015, self.fine_step),) if outside else ()
         if not clear and lateral < allowed and over[2] > -0.002:
-            # Straight down first: a bent thread's next point would draw the end aside of so small an eye.
-            enter = SubGoal(ENTER, tip + eye - end, 0.0015, self.fine_step)
-            ahead_of_eye = self.finds_needle and float(np.linalg.norm(eye - end)) > enter.tolerance
-            return (enter, *goals) if ahead_of_eye else tuple(goals)
-        return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *goals)
+            return (*enter, *goals)
+        return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *enter, *goals)
 
     def aim(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
         """From the eye to where the thread passes its plane, or to its end above it, in x and y.
@@ -319,7 +317,9 @@ class NeedleThreading(Task):
 
     def needs_aim(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """Where the end is to enter the eye; above it the way is free, and in it the eye leads."""
-        return any(goal.name == ENTER for goal in self.sub_goals(values, tip_position)[:1])
+        goals = self.sub_goals(values, tip_position)
+        ahead = [g.name for g in goals if np.linalg.norm(g.tip_position - tip_position) > g.tolerance]
+        return ahead[:1] == [ENTER]
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""

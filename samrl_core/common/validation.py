@@ -76,6 +76,8 @@ def explain(error: ValidationError, where: str) -> str:
         wanted = f"must be one of {allowed}"
     elif kind in _WANTED:
         wanted = f"must be {_WANTED[kind]}"
+        if kind == "string_type" and isinstance(value, bool):
+            wanted += "; YAML takes on, off, yes and no for true and false: quote it"
     else:
         wanted = f"{text[:1].lower()}{text[1:]}".replace("input should be", "must be")
     shown = repr(value)

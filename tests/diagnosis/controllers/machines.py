@@ -37,6 +37,7 @@ class Differs:
     dead_band: float = 0.0  # added half width [rad]
     backlash: float = 0.0  # half width [rad]
     gain: float = 0.0  # of the drive's torque, relative
+    supply: float = 0.0  # of the voltage that a duty cycle stands for, relative
     proportional: float = 0.0  # of the position loop, relative
     delay: float = 0.0  # of the command [s]
 
@@ -92,6 +93,7 @@ class Drive:
         self.band = np.array([d.dead_band for d in differs])
         self.loop_gain = np.array([1.0 + d.proportional for d in differs])
         self.torque_gain = np.array([1.0 + d.gain for d in differs])
+        self.supply = np.array([1.0 + d.supply for d in differs])
         self.ratio = self._one("gear_ratio", 1.0)
 
     def _one(self, name: str, default: float = 0.0) -> float:
@@ -130,7 +132,7 @@ class Drive:
         if kind in ("voltage_servo", "voltage_motor"):
             constant = one("torque_constant")
             emf = one("back_emf_constant", constant)
-            current = (output - emf * n * dq) / one("resistance")
+            current = (self.supply * output - emf * n * dq) / one("resistance")
             return self.torque_gain * constant * n * current, constant * n * current
         if kind == "current_motor":
             torque = one("torque_constant") * n * output

@@ -21,6 +21,7 @@ NAMED: dict[tuple[str, str], tuple[str, str, tuple[float, ...]]] = {
     ("position_servo", "proportional"): ("controller_gain", "eK", (-0.4, -0.2, 0.3)),
     ("voltage_servo", "dead_band"): ("dead_band", "width", (0.005, 0.01, 0.02)),
     ("voltage_servo", "proportional"): ("controller_gain", "eK", (-0.4, -0.2, 0.3)),
+    ("voltage_servo", "supply"): ("actuator_gain", "e", (-0.25, -0.15, 0.15)),
     ("velocity_drive", "viscous"): ("viscous_friction", "Fv", (0.067, 0.13, 0.27)),
     ("velocity_drive", "coulomb"): ("coulomb_friction", "Fc", (0.1, 0.2, 0.4)),
     ("voltage_motor", "viscous"): ("viscous_friction", "Fv", (0.04, 0.08, 0.16)),

@@ -14,20 +14,26 @@ class ActuatorGain(DriveEffect):
     """The drive turns commanded torque into another torque: torque constant, current scale."""
 
     family, number, title = "actuator_gain", 14, "Actuator torque gain"
-    meaning = "The drive delivers a fixed fraction more or less torque than it is told."
+    meaning = (
+        "The drive delivers a fixed fraction more or less torque than it is told; of a drive on a voltage: its "
+        "motor is another, or its supply is."
+    )
     remedy = (
         "Scale the torque constant in the model or recalibrate the drive; it acts on gravity compensation "
-        "too."
+        "too. Supply: measure the voltage under load and scale the gains and the voltage limit by it."
     )
-    formula = "tau = (1 + e) u"
-    source = "drift of magnets and current sensors: +-10 %"
+    formula = "tau = (1 + e) (u - b dq); supply: tau = (1 + e) u - b dq, b dq the loss to back-EMF"
+    source = "drift of magnets and current sensors: +-10 %; a battery from full to empty: -25 %"
     excitation = "static poses and motion"
     experiment = "two_loads"
     confounded_with = ("payload", "torque_sensor_error", "load_dependent_friction")
     parameters = (Parameter("e", "1", -0.3, 0.3, "relative error of the torque"),)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        return (ScaledTorque(place=place, amplitudes=("e",)),)
+        motor = ScaledTorque(place=place, amplitudes=("e",))
+        if not np.any(trial.motion.back_emf_loss[:, list(place.joints)]):
+            return (motor,)
+        return (motor, ScaledSupply(name="supply", place=place, amplitudes=("e",)))
 
 
 class ScaledTorque(DriveForm):
@@ -58,6 +64,21 @@ class ScaledTorque(DriveForm):
             loss = controller.law.of_joints("back_emf", trial.joints)
             fields["back_emf"] = error * self.at_joints(trial, loss[list(self.place.joints)])
         return fields
+
+
+class ScaledSupply(ScaledTorque):
+    """A voltage of another supply: all that is sent scales with it, what the speed takes does not.
+
+    The duty cycle is the drive's own, so that its gains and its limit scale alike.
+    """
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        motion = trial.motion
+        sent = trial.delivered_torque[:, joint] + motion.back_emf_loss[:, joint]
+        return -(motion.enabled[:, joint] * sent)[None]
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {"actuator_gain": self.at_joints(trial, self.parameters(trial, shape, amplitudes)["e"])}
 
 
 EFFECT = ActuatorGain()

@@ -12,7 +12,7 @@ import pytest
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.effects.drive.controller_gain import EFFECT as CONTROLLER_GAIN
-from samrl_core.diagnosis.effects.drive.controller_gain import sure_damper
+from samrl_core.diagnosis.effects.drive.controller_gain import ClippedGain, sure_damper
 from samrl_core.diagnosis.effects.drive.torque_rate_limit import EFFECT as RATE_LIMIT
 from samrl_core.diagnosis.effects.drive_torque import turn_widths, usual_turns
 from samrl_core.diagnosis.effects.form import Place
@@ -27,7 +27,7 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
 from samrl_core.diagnosis.selection.selection import Selection, held_out_gains
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
-from tests.diagnosis.controllers.kinds import POSITION_SERVO, VELOCITY_DRIVE
+from tests.diagnosis.controllers.kinds import POSITION_SERVO, VELOCITY_DRIVE, VOLTAGE_SERVO
 from tests.diagnosis.controllers.machines import Differs, Machine
 from tests.diagnosis.controllers.machines import worlds as machines
 from tests.diagnosis.test_diagnose import diagnosed
@@ -206,3 +206,33 @@ def test_a_gap_is_at_least_what_an_effect_explains_of_it() -> None:
     found = Selection(chosen, (), (), 12.0, 180.0, 195.0, 110.0, 42.0, 9.0, held_out_gain=1450.0)
     assert found.unexplained == pytest.approx(195.0 / 2800.0)
     assert found.held_out_unexplained == pytest.approx(42.0 / 1450.0)
+
+
+# -- limits of the output -----------------------------------------------------------------------------------
+
+
+def clipped_trial(voltage_limit: float) -> Trial:
+    about = {**VOLTAGE_SERVO.about, "voltage_limit": [voltage_limit], "integral": [0.0]}
+    return trial_of(recorded(replace(VOLTAGE_SERVO, about=about))[1])
+
+
+def test_a_gain_is_weighed_against_the_limit_only_where_the_output_reaches_it() -> None:
+    assert [f.name for f in CONTROLLER_GAIN.forms(clipped_trial(12.0), SWING)] == ["gains"]
+    assert [f.name for f in CONTROLLER_GAIN.forms(clipped_trial(1.5), SWING)] == ["gains", "clipped"]
+
+
+def test_what_a_lower_gain_leaves_before_a_limit() -> None:
+    """Within the limit (1/k - 1) of what was delivered, and beyond it the limit less k times the spring."""
+    trial = clipped_trial(1.5)
+    _, form = CONTROLLER_GAIN.forms(trial, SWING)
+    assert isinstance(form, ClippedGain)
+    motion, factor = trial.motion, 0.7
+    spring, limit = motion.described_law.spring[:, 0], motion.limit()[0]
+    row = form.lacks(trial, factor)[:, 0]
+    free, both = np.abs(spring) < limit, factor * np.abs(spring) >= limit
+    delivered = (trial.delivered_torque + motion.back_emf_loss)[:, 0]
+    assert row[free] == pytest.approx((1.0 / factor - 1.0) * delivered[free])
+    assert np.any(both) and row[both] == pytest.approx(0.0)
+    between = ~free & ~both
+    assert np.any(between)
+    assert row[between] == pytest.approx((np.sign(spring) * limit - factor * spring)[between])

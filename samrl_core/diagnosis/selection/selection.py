@@ -15,6 +15,7 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.contenders import NEXT, Contender, contend, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
+from samrl_core.diagnosis.selection.other_starts import STARTS, in_plain_terms, simplest
 from samrl_core.diagnosis.selection.search import (
     best_singles,
     find_extensions,
@@ -161,7 +162,11 @@ def select(
             most=max(f.log_evidence for f in singles),
         )
 
-    return grown(firsts[0])
+    found = grown(firsts[0])
+    if found.unexplained < settings.onset_remainder:
+        return found  # nothing is left for another set
+    others = [grown(first) for first in firsts[1 : 1 + STARTS]]
+    return simplest(found, others, settings.second_threshold)
 
 
 def needed_evidence(candidates: int, chance: float) -> float:
@@ -224,7 +229,7 @@ def _grow(
         if (wider := next(worth, None)) is None:
             break
         chosen = swap_members(evidence, pool, wider, 1 if kept else 0)
-    chosen = _greatest_first(evidence, chosen, kept)
+    chosen = _greatest_first(evidence, in_plain_terms(evidence, pool, chosen), kept)
     rivals = find_rivals(evidence, pool, chosen, singles)
     beaten = bool(rivals) and rivals[0].log_evidence > chosen.log_evidence
     if len(chosen.hypotheses) > 1 and beaten and not kept and not on_bound(rivals[0].hypotheses[0]):

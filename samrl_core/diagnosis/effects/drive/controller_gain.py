@@ -6,11 +6,14 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.drive_torque import track_joints
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
-from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
+from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import TIMING_RATE_HZ, Columns
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
+CLIPPED = 0.01  # share of samples in the output's limit, from which on it hides what a gain does
+FACTORS = (0.55, 0.7, 0.85, 1.18, 1.4)  # of a gain, from which the search begins
+LEAST_FACTOR = 0.01  # a gain nearer to the described one is that one
 FOREIGN = 0.2  # of a damper's noise: so much that the recorded torque lacks is no noise of the controller
 
 
@@ -52,7 +55,15 @@ class ControllerGain(Effect):
         punch = controller.law.of_joints("punch", trial.joints)
         there = (("eK", controller.stiffness), ("eD", controller.damping), ("eP", punch))
         names = tuple(name for name, gain in there if np.any(gain[joints] > 0))
-        return (ScaledGains(name="gains", place=place, amplitudes=names),)
+        gains = ScaledGains(name="gains", place=place, amplitudes=names)
+        if "eK" not in names or controller.law.cascaded or not clips(trial, place):
+            return (gains,)
+        shapes = tuple({"factor": k} for k in FACTORS)
+        bounds = {"factor": (0.4, 1.8)}
+        return (
+            gains,
+            ClippedGain(name="clipped", place=place, amplitudes=("present",), shapes=shapes, refine=bounds),
+        )
 
 
 class ScaledGains(Form):
@@ -102,6 +113,48 @@ class ScaledGains(Form):
             # Of the spring that was there, not of the one described: see `ActuatorGain`.
             found["eK"] = found["eK"] / max(1.0 - found["eK"], 0.1)
         return found
+
+
+class ClippedGain(PresentForm):
+    """A stiffness off by a factor, before a limit that the output reaches: its torque is not linear in it.
+
+    Where the nominal output is clipped and the true one is not, or the reverse, the difference depends on
+    both. Left out there, a gain leaves what a delay then seems to explain.
+    """
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        rows = self.lacks(trial, shape["factor"])
+        return add(*(trial.controller(j, rows[None, :, j]) for j in self.place.joints))
+
+    def lacks(self, trial: Trial, factor: float) -> np.ndarray:
+        """Torque at standstill (F, J) of the described law less that of `factor` times its stiffness."""
+        motion = trial.motion
+        law, limit = motion.described_law, motion.limit()
+        spring, nominal = law.spring + law.stiff_integral, law.total
+        real = nominal + (factor - 1.0) * spring
+        # By the model where both are within the limit, as in `ScaledGains`.
+        sprung = trial.delivered_torque + motion.back_emf_loss - (nominal - spring)
+        within = (np.abs(nominal) < limit) & (np.abs(real) < limit)
+        clipped = np.clip(nominal, -limit, limit) - np.clip(real, -limit, limit)
+        return np.where(within, (1.0 / factor - 1.0) * sprung, clipped)
+
+    def is_possible(self, trial: Trial, shape: Shape) -> bool:
+        return abs(shape["factor"] - 1.0) > LEAST_FACTOR
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"eK": shape["factor"] - 1.0}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        return {"stiffness_scale": self.at_joints(trial, shape["factor"], 1.0)}
+
+
+def clips(trial: Trial, place: Place) -> bool:
+    """Whether a computed law spends more than `CLIPPED` of the time in the limit of its output."""
+    motion = trial.motion
+    if not motion.computed:
+        return False
+    beyond = np.abs(motion.described_law.total) >= motion.limit()
+    return bool(np.mean(beyond[:, list(place.joints)]) > CLIPPED)
 
 
 def sure_damper(trial: Trial) -> np.ndarray:

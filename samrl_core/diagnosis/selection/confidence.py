@@ -29,9 +29,8 @@ def probabilities(
     """
     evidence = np.array([f.log_evidence for f in fits])
     # What the exchanged member itself adds, where several effects were named.
-    adds = (
-        float(np.max(evidence) - np.min(evidence)) if len(fits[0].hypotheses) > 1 else float(np.max(evidence))
-    )
+    there = evidence[np.isfinite(evidence)]  # a rival that is impossible here has none
+    adds = float(np.max(there) - np.min(there)) if len(fits[0].hypotheses) > 1 else float(np.max(there))
     temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REMAINDER_TEMPERATURE * remaining)
     evidence[list(tied)] = evidence[0]
     evidence[list(denied)] = -np.inf

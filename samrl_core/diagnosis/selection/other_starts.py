@@ -2,21 +2,18 @@
 
 On a pendulum, friction that depends on the position comes nearest to a sum of Coulomb, viscous and
 load-dependent friction. It is then the best single effect, and none of the three explains what it leaves.
-Recordings that were never fitted tell the two apart: the sum predicts them, the stand-in does not.
+Recordings that were never fitted tell the two apart: the sum predicts them, the one formula does not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from samrl_core.diagnosis.selection.contenders import ALIKE
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, on_bound
-
-if TYPE_CHECKING:
-    from samrl_core.diagnosis.selection.selection import Selection
 
 STARTS = 2  # further first effects that are tried
 TIE = 0.02  # of the evidence, that formulas lose by not being the thing itself
@@ -24,7 +21,29 @@ ABOUT = 0.05  # of what is left on fitted recordings, likewise
 CLEARLY_LESS = 0.5  # times what the first set leaves on held-out recordings
 
 
-def simplest(found: Selection, tried: Sequence[Selection], least: float) -> Selection:
+class Grown(Protocol):
+    """A set that grew from one first effect, and what it leaves [nat]."""
+
+    @property
+    def chosen(self) -> Fit | None:
+        """The set."""
+        ...
+
+    @property
+    def remaining(self) -> float:
+        """On fitted recordings."""
+        ...
+
+    @property
+    def held_out_remaining(self) -> float:
+        """On held-out recordings."""
+        ...
+
+
+G = TypeVar("G", bound=Grown)
+
+
+def simplest(found: G, tried: Sequence[G], least: float) -> G:
     """Of the sets that explain more than the one found, the one with the fewest free numbers; else that one.
 
     One that leaves by `least` [nat] more than the best of them on held-out recordings is out.
@@ -36,13 +55,13 @@ def simplest(found: Selection, tried: Sequence[Selection], least: float) -> Sele
     return min((s for s in better if s.held_out_remaining < lowest + least), key=_free_numbers)
 
 
-def _free_numbers(selection: Selection) -> int:
+def _free_numbers(selection: Grown) -> int:
     """Amplitudes and searched shapes of the chosen set."""
     assert selection.chosen is not None
     return sum(len(h.form.amplitudes) + len(h.form.refine) for h in selection.chosen.hypotheses)
 
 
-def explains_more(tried: Selection, found: Selection, least: float) -> bool:
+def explains_more(tried: Grown, found: Grown, least: float) -> bool:
     """Whether a larger set from another start is the better explanation.
 
     It must leave no more on fitted recordings, and clearly less, by at least `least` [nat], on held-out ones.

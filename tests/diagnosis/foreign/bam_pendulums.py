@@ -71,12 +71,12 @@ def write_case(case: Case, folder: Path, seed: int = 0) -> None:
     rng = np.random.default_rng(seed)
     about = {"mass": case.mass, "arm_mass": case.arm_mass, "length": case.length, "kp": case.gain}
     real = {**about, "mass": case.real_mass or case.mass, "kp": case.real_gain or case.gain}
-    mapping = _mapping(case, model, about)
+    mapping, urdf = _mapping(case, model, about), _urdf(case, model)  # before the supply is another
     for name in ROLES:
         entries = list(_logged(model, real, case.real_volts, trajectories[name], rng))
         text = json.dumps({**about, "motor": case.servo, "trajectory": name, "entries": entries})
         (folder / f"{name}.json").write_text(text)
-    (folder / "pendulum.urdf").write_text(_urdf(case, model))
+    (folder / "pendulum.urdf").write_text(urdf)
     (folder / "mapping.yaml").write_text(yaml.safe_dump(mapping, sort_keys=False))
 
 
@@ -118,15 +118,16 @@ def _urdf(case: Case, model: Any) -> str:
     mass = case.mass + case.arm_mass
     center = (case.mass + 0.5 * case.arm_mass) * case.length / mass
     inertia = (case.mass + case.arm_mass / 3.0) * case.length**2 - mass * center**2
-    dynamics = ""
+    dynamics, values, actuator = "", model.get_parameter_values(), model.actuator
+    volts = actuator.max_volts if case.servo.startswith("erob") else actuator.vin
+    stall, free = round(values["kt"] * volts / values["R"], 1), round(volts / values["kt"], 1)
     if case.stated:
-        values = model.get_parameter_values()
         dynamics = f'<dynamics damping="{values["friction_viscous"]}" friction="{values["friction_base"]}"/>'
     return f"""<robot name="pendulum"><link name="base"/><link name="arm"><inertial>
 <origin xyz="0 0 {-center}"/><mass value="{mass}"/>
 <inertia ixx="{inertia}" iyy="{inertia}" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="servo" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 -1 0"/>
-<limit lower="-6.3" upper="6.3" effort="200" velocity="30"/>{dynamics}</joint></robot>
+<limit lower="-6.3" upper="6.3" effort="{stall}" velocity="{free}"/>{dynamics}</joint></robot>
 """
 
 

@@ -15,8 +15,7 @@ class ActuatorGain(DriveEffect):
 
     family, number, title = "actuator_gain", 14, "Actuator torque gain"
     meaning = (
-        "The drive delivers a fixed fraction more or less torque than it is told; a drive on a voltage may "
-        "have another motor, or another supply."
+        "The drive delivers a fixed fraction more or less torque than it is told: its motor, or its supply."
     )
     remedy = (
         "Scale the torque constant in the model or recalibrate the drive; it acts on gravity compensation "

@@ -138,12 +138,12 @@ def select(
     firsts = [c.fit for c in contenders]
     chosen = firsts[0]
     singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
+    most = max(f.log_evidence for f in singles)
     progress("looking for an onset")
     left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, chosen.log_evidence, 1e-9)
     if left > settings.onset_remainder and (switched := find_onset(evidence, singles)) is not None:
         # Also more than what the motion put behind another: that may be the same effect, there all along.
-        always = max(f.log_evidence for f in singles)
-        if switched.log_evidence > always + settings.second_threshold:
+        if switched.log_evidence > most + settings.second_threshold:
             firsts = [switched, *firsts]
 
     def grown(first: Fit) -> Selection:
@@ -159,7 +159,7 @@ def select(
             denied=denied,
             contenders=others,
             again=grown,
-            most=max(f.log_evidence for f in singles),
+            most=most,
         )
 
     found = grown(firsts[0])

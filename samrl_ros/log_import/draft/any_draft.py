@@ -51,8 +51,8 @@ def _draft_tracks(tables: Sequence[LoggedTable]) -> Draft | None:
     if any(is_of_a_machine(each, tracks) for each in tracks):
         return None
     bodies = draft_bodies(tracks)
-    if bodies is not None and (_few_poses(tracks) or _falls(bodies)):
-        return bodies
+    if bodies is not None and (_few_poses(tracks) or bodies.falls):
+        return bodies  # what an arm carries does not fall
     return draft_poses(tracks) or bodies
 
 
@@ -60,8 +60,3 @@ def _few_poses(tracks: Sequence[LoggedTrack]) -> bool:
     """Whether no table holds two poses, so that there is no chain."""
     places = [each.place for each in tracks if each.track.whole]
     return len(places) == len(set(places)) and (len(places) < 2 or len({t.track.stem for t in tracks}) == 1)
-
-
-def _falls(bodies: Draft) -> bool:
-    """Whether free fall was seen: what an arm carries does not fall."""
-    return any("what is tossed comes back" in guess.reason for guess in bodies.of("bodies.gravity"))

@@ -228,7 +228,7 @@ def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None
             lean = float(np.degrees(fall.lean))
             question = f"gravity leans by {lean:.0f} degrees from {letter}: is it {sign}{letter} up?"
         draft.note(key, f"{sign}{letter} is up: that is where what is tossed comes back from", question)
-        draft.bodies["gravity"] = gravity
+        draft.bodies["gravity"], draft.falls = gravity, True
         return
     if chosen.curve is not None:
         axis, up = chosen.curve
@@ -236,7 +236,7 @@ def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None
         gravity["xyz".index(axes[axis])] = -G * up
         sign = "+" if up > 0 else "-"
         draft.note(key, f"{sign}{axes[axis]} is up: what is tossed comes back from there, in whatever unit")
-        draft.bodies["gravity"] = gravity
+        draft.bodies["gravity"], draft.falls = gravity, True
         return
     if "z" in axes:
         draft.bodies["gravity"] = [0.0, 0.0, -G]

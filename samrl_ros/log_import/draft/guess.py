@@ -50,6 +50,7 @@ class Draft:
     controller: dict[str, Any] = field(default_factory=dict)  # of a motor whose input is recorded
     poses: dict[str, Any] = field(default_factory=dict)  # of a log of poses, which has no joints
     bodies: dict[str, Any] = field(default_factory=dict)  # of tracks of a free body, likewise
+    falls: bool = False  # whether such a body was seen to fall freely
     readings: dict[str, Any] = field(default_factory=dict)  # of a log of depth against distances, likewise
     recordings: list[dict[str, Any]] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)

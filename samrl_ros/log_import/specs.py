@@ -70,6 +70,7 @@ class CsvOptions(Checked):
     skip_lines: NonNegativeInt = 0  # before the header
     comment: str = ""  # lines that start with it are left out
     decimal: Annotated[str, Field(min_length=1, max_length=1)] = "."
+    label: str = ""  # column whose text says what a row is of; `part` names the rows that are read
 
 
 class TimeSpec(Checked):
@@ -117,7 +118,7 @@ class SourceSpec(Checked):
 
     file: Files | None = None  # None: `files` of the recording names it
     part: Part = (
-        ""  # topic of a bag, episode of a LeRobot dataset, group of HDF5, keys down to JSON's samples
+        ""  # topic of a bag, episode of a dataset, group of HDF5, keys down to JSON's samples, label of rows
     )
     csv: CsvOptions = CsvOptions()
     time: TimeSpec | None = None  # None: the file's own, such as a bag's stamps

@@ -17,6 +17,8 @@ from samrl_ros.log_import.formats.json_log import read_json_table
 from samrl_ros.log_import.formats.parquet import is_lerobot, read_lerobot_table, read_parquet_table
 from samrl_ros.log_import.formats.rosbag import is_bag, read_topic_table
 from samrl_ros.log_import.formats.text import read_text_table
+from samrl_ros.log_import.formats.torch_file import read_torch_table
+from samrl_ros.log_import.formats.yaml_log import read_yaml_table
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
@@ -35,13 +37,17 @@ class _Format:
 
 
 FORMATS = (
-    _Format(TEXT_SUFFIXES, lambda path, part, csv, where: read_text_table(path, csv, where), parts=False),
+    _Format(
+        TEXT_SUFFIXES, lambda path, part, csv, where: read_text_table(path, part, csv, where), parts=True
+    ),
     _Format((".npz", ".npy"), lambda path, part, csv, where: read_numpy_table(path), parts=False),
     _Format((".mat",), lambda path, part, csv, where: read_mat_table(path, where), parts=False),
     _Format((".parquet",), lambda path, part, csv, where: read_parquet_table(path, where), parts=False),
     _Format(
         (".json", ".jsonl"), lambda path, part, csv, where: read_json_table(path, part, where), parts=True
     ),
+    _Format((".yaml", ".yml"), lambda path, part, csv, where: read_yaml_table(path, part, where), parts=True),
+    _Format((".pt", ".pth"), lambda path, part, csv, where: read_torch_table(path, where), parts=False),
     _Format((".h5", ".hdf5"), lambda path, part, csv, where: read_hdf5_table(path, part, where), parts=True),
 )
 SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.suffixes)
@@ -54,7 +60,8 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
         path: a file, a bag's folder or a LeRobot dataset's.
         options: how a text file is written.
         where: key path, for messages.
-        part: topic of a bag, episode of a dataset, group of an HDF5 file, keys of a JSON file; else empty.
+        part: topic of a bag, episode of a dataset, group of an HDF5 file, keys of a JSON or YAML file, what
+            the rows of a labelled text file are of; else empty.
 
     Raises:
         InputError: nothing there, a kind that is not known, a part that is missing or too much, or a file

@@ -300,6 +300,12 @@ READERS: tuple[Reader, ...] = (
     Reader("table MAT", "a.mat", lambda: [write_mat()], _table, share=0.1),
     Reader("table HDF5", "a.h5", lambda: [write_hdf5()], _table),
     Reader("table Parquet", "a.parquet", lambda: [write_parquet()], _table),
+    Reader(
+        "table YAML",
+        "a.yaml",
+        lambda: [b"%YAML:1.0\n---\nT_0: !!opencv-matrix\n  {rows: 1, cols: 3, data: [1, 2, 3]}\n"],
+        _table,
+    ),
     Reader("table JSON", "a.json", lambda: [b'[{"t": 1, "a": {"q": [1, 2]}}, {"t": 2}]'], _table),
     Reader("ROS 1 bag", "a.bag", lambda: [write_ros_bag("a.bag")], _topics, share=0.3),
     Reader(

@@ -288,7 +288,7 @@ def test_matlab_7_3_without_h5py_says_what_to_do(run: Run, tmp_path: Path) -> No
         ({"sources.log.columns": {"q": "Q"}}, r"columns\.q: log\.csv has no column 'Q'"),
         ({"sources.log.columns.q": {"column": "q", "missing": "guess"}}, r"q\.missing is 'guess'"),
         ({"sources.log.file": "none.csv"}, r"log\.file: no file .*none\.csv; --data"),
-        ({"sources.log.file": "m.yaml"}, "of unknown kind"),
+        ({"sources.log.file": "m.yaml"}, "m.yaml holds no samples"),
         ({"sources.log.csv": {"delimiter": ";;"}}, r"csv\.delimiter is ';;'"),
         ({"controller": {"stiffness": [1]}}, r"controller lacks damping"),
         ({"urdf": "no.urdf"}, r"urdf: no file"),

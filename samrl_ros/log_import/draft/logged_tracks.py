@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
+from samrl_ros.log_import.draft.blocks import numbers_of
+from samrl_ros.log_import.draft.column_names import is_time
 from samrl_ros.log_import.draft.pose_tracks import (
     LEAST,
     FoundTrack,
@@ -29,6 +32,8 @@ POSES = frozenset(
     f"geometry_msgs/msg/{name}"
     for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped", "PointStamped", "Pose")
 ) | {"nav_msgs/msg/Odometry"}
+MOST_LABELS = 16  # things that rows of one file are of
+SHARED = 0.5  # of the time, that things beside each other are seen together
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +121,49 @@ def _tables_of(path: Path) -> list[LoggedTable]:
     if not is_file(path) or path.suffix.lower() not in SUFFIXES:
         return []
     options = text_options(path)
-    return [LoggedTable(path, read_table(path, options, "the log", ""), csv=options)]
+    whole = LoggedTable(path, read_table(path, options, "the log", ""), csv=options)
+    return split_by_label(whole) or [whole]
+
+
+def split_by_label(whole: LoggedTable) -> list[LoggedTable]:
+    """Tables of one thing each, where a column says what a row is of; empty where none does.
+
+    It does where every label has poses of its own and their times run side by side. Without times, rows that
+    take turns (`hand`, `eye`, `hand`, ...) are as many of each.
+    """
+    for label, cells in whole.table.columns.items():
+        if not isinstance(cells, pd.Series) or is_time(label):
+            continue
+        names = pd.Series(cells, dtype="str").str.strip()
+        count = names.value_counts()
+        if not (1 < len(count) <= MOST_LABELS and int(count.min()) >= LEAST and len(count) < len(names)):
+            continue
+        options = whole.csv.model_copy(update={"label": label})
+        parts = [str(name) for name in dict.fromkeys(names)]
+        tables = [
+            LoggedTable(whole.path, read_table(whole.path, options, "the log", part), part, csv=options)
+            for part in parts
+        ]
+        if all(any(t.track.whole for t in each.tracks()) for each in tables) and _side_by_side(
+            whole.table, names.to_numpy(), parts
+        ):
+            return tables
+    return []
+
+
+def _side_by_side(table: Table, names: np.ndarray, parts: Sequence[str]) -> bool:
+    """Whether labels are of things at one time, and not of one thing at several (phases of a motion)."""
+    times = [name for name in table.columns if is_time(name)]
+    time = numbers_of(table, times[0]) if times else None
+    if time is None or time.ndim != 1:
+        turns = np.array([names[k : k + len(parts)] for k in range(0, len(names) - len(parts), len(parts))])
+        return len({int((names == part).sum()) for part in parts}) == 1 and bool((turns == turns[0]).all())
+    spans = [(np.nanmin(time[names == part]), np.nanmax(time[names == part])) for part in parts]
+    shared = min(end for _, end in spans) - max(begin for begin, _ in spans)
+    switches = int((names[1:] != names[:-1]).sum())
+    return bool(shared > SHARED * np.ptp(time)) and (
+        bool((np.diff(time) <= 0).any()) or switches > SHARED * len(names)
+    )
 
 
 def files_of(path: Path) -> list[Path]:

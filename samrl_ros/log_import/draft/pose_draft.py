@@ -37,12 +37,13 @@ from samrl_ros.log_import.sources import SourceData
 
 SEEN = frozenset(
     "tag tags marker markers target aruco apriltag april board charuco checkerboard chessboard object cam"
-    " camera detection detected vision optical pattern".split()
+    " camera detection detected vision optical pattern eye tracking".split()
 )
 CARRIED = frozenset(
-    "robot flange ee eef tcp tool tool0 gripper hand effector fk arm wrist base link7 link8 body".split()
+    "robot flange ee eef tcp tool tool0 gripper hand effector endeffector fk arm wrist base link7 link8"
+    " body".split()
 )
-CAMERAS = frozenset("cam camera optical rgb".split())
+CAMERAS = frozenset("cam camera optical rgb sensor eye".split())
 BASES = frozenset("base world link0 root origin".split())
 CLEARLY = 4.0  # times better than the next description: that is proof
 NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that stand still close any chain

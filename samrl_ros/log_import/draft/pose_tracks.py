@@ -242,27 +242,54 @@ def _words_of(name: str) -> list[str]:
 
 
 def _find_unnamed(arrays: dict[str, np.ndarray]) -> list[FoundTrack]:
-    """A pose in columns without names: a time or none, then TUM's seven numbers or KITTI's twelve."""
+    """A pose in columns without names, or in one array of all that was recorded.
+
+    A time or none, then TUM's seven numbers, KITTI's twelve, or a position and three angles. Of an array a
+    position and four numbers of length 1 are a pose, whatever follows them.
+    """
+    if len(arrays) == 1 and (one := next(iter(arrays.values()))).ndim == 2:
+        return _find_in_array(next(iter(arrays)), one)
     names = [name for name in arrays if name.isdecimal() and arrays[name].ndim == 1]
-    if len(names) != len(arrays) or len(names) not in (3, 4, 7, 8, 12, 13):
+    if len(names) != len(arrays) or len(names) not in (3, 4, 6, 7, 8, 12, 13):
         return []
     first = len(names) % 2 if len(names) in (12, 13) else int(len(names) in (4, 8))
-    numbers = np.column_stack([arrays[name] for name in names[first:]])
-    seen = np.isfinite(numbers).all(axis=1)
-    if seen.sum() < LEAST:
+    numbers = np.column_stack([arrays[name] for name in names])
+    numbers = numbers[np.isfinite(numbers).all(axis=1)]
+    if len(numbers) < LEAST:
         return []
-    parts = [Component(name) for name in names[first:]]
-    numbers = numbers[seen]
-    if numbers.shape[1] == 7:
-        length = np.linalg.norm(numbers[:, 3:], axis=1)
-        if float(np.abs(length - 1.0).max()) > _UNIT_LENGTH:
+    if numbers.shape[1] == 7 and not _are_quaternions(numbers[:, 3:]):
+        first = 1  # a time and six numbers
+        if not (np.diff(numbers[:, 0]) > 0).all():
             return []
-        return [FoundTrack((), {"position": parts[:3], "quaternion": parts[3:]}, named=False)]
+    numbers, parts = numbers[:, first:], [Component(name) for name in names[first:]]
+    if numbers.shape[1] == 7:
+        found = {"position": parts[:3], "quaternion": parts[3:]}
+        return [FoundTrack((), found, named=False)] if _are_quaternions(numbers[:, 3:]) else []
+    if numbers.shape[1] == 6:
+        found = {"position": parts[:3], "rotation_vector": parts[3:]}
+        return [FoundTrack((), found, named=False, vague=True)]
     if numbers.shape[1] == 12:
         turns = numbers.reshape(-1, 3, 4)[:, :, :3]
         off = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max()
         return [FoundTrack((), {"matrix": parts}, named=False)] if off < _TURNED else []
     return [FoundTrack((), {"position": parts}, named=False)] if numbers.shape[1] == 3 else []
+
+
+def _find_in_array(name: str, numbers: np.ndarray) -> list[FoundTrack]:
+    """A pose in the columns (N, K) of an array: three numbers and four of length 1."""
+    seen = np.isfinite(numbers).all(axis=1)
+    if seen.sum() < LEAST:
+        return []
+    for first in (0, 1):  # a time before it
+        if numbers.shape[1] >= first + 7 and _are_quaternions(numbers[seen, first + 3 : first + 7]):
+            parts = [Component(name, k) for k in range(first, first + 7)]
+            return [FoundTrack((), {"position": parts[:3], "quaternion": parts[3:]}, named=False)]
+    return []
+
+
+def _are_quaternions(numbers: np.ndarray) -> bool:
+    """Whether rows (N, 4) have length 1."""
+    return float(np.abs(np.linalg.norm(numbers, axis=1) - 1.0).max()) < _UNIT_LENGTH
 
 
 def numbers_of_parts(table: Table, parts: list[Component]) -> np.ndarray:
@@ -311,8 +338,15 @@ def time_columns(table: Table, used: list[str]) -> list[str]:
 
 
 def named_frames(words: tuple[str, ...]) -> tuple[str, str] | None:
-    """(child, parent) of a name that says both, as tag2cam, tag_in_camera, cam_T_tag; None of another."""
-    for between, flipped in (("2", False), ("to", False), ("in", False), ("t", True), ("tf", True)):
+    """(child, parent) of a name that says both, as tag2cam, tag_in_cam, tag_wrt_cam, cam_T_tag; else None."""
+    for between, flipped in (
+        ("2", False),
+        ("to", False),
+        ("in", False),
+        ("wrt", False),
+        ("t", True),
+        ("tf", True),
+    ):
         if between in words[1:-1]:
             k = words.index(between, 1)
             child, parent = " ".join(words[:k]), " ".join(words[k + 1 :])

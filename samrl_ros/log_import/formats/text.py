@@ -18,11 +18,18 @@ from samrl_ros.log_import.table import Table
 _EMPTY = ["-", "na", "Na", "NAN", "Nan", "none", "NONE", "Null"]  # besides those that pandas knows
 
 
-def read_text_table(path: Path, options: CsvOptions, where: str) -> Table:
+def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> Table:
     """Lines as rows; without options a motion capture's export is read as what it is.
 
+    Args:
+        path: of the file.
+        part: what its rows are of, where a column says it (`options.label`); else empty.
+        options: how it is written.
+        where: key path, for messages.
+
     Raises:
-        InputError: a header that names a column twice, or lists another number of columns than there are.
+        InputError: a header that names a column twice, or lists another number of columns than there are; a
+            part without a label, or of which there is no row.
         Exception: what pandas raises.
     """
     tab = path.suffix.lower() == ".tsv" and options.delimiter == ","
@@ -60,6 +67,9 @@ def read_text_table(path: Path, options: CsvOptions, where: str) -> Table:
             low_memory=False,  # one type per column, not one per block of rows
             **how,
         )
+    if part or options.label:
+        frame = _rows_of(frame, part, options.label, f"{where}: {path.name}")
+        names = [name for name in names if name != options.label]
     columns: dict[str, np.ndarray | pd.Series] = {
         name: frame[name].to_numpy(dtype=float, copy=True)
         if frame[name].dtype.kind in "fi"
@@ -67,3 +77,18 @@ def read_text_table(path: Path, options: CsvOptions, where: str) -> Table:
         for name in names
     }
     return Table(path, columns, options.decimal)
+
+
+def _rows_of(frame: pd.DataFrame, part: str, label: str, where: str) -> pd.DataFrame:
+    """Rows whose label is the part, without the label."""
+    if not label:
+        raise InputError(
+            f"{where} has no parts, so no {part!r}; `csv.label` names a column that says what a row is of"
+        )
+    if label not in frame.columns:
+        raise InputError(f"{where} has no column {label!r} that `csv.label` names")
+    labels = frame[label].astype("str").str.strip()
+    if not (labels == part).any():
+        present = ", ".join(map(repr, labels.unique()[:10]))
+        raise InputError(f"{where} has no rows of {part!r}; `part` names one of {present}")
+    return frame[labels == part].drop(columns=label).reset_index(drop=True)

@@ -91,4 +91,5 @@ def _rows_of(frame: pd.DataFrame, part: str, label: str, where: str) -> pd.DataF
     if not (labels == part).any():
         present = ", ".join(map(repr, labels.unique()[:10]))
         raise InputError(f"{where} has no rows of {part!r}; `part` names one of {present}")
-    return frame[labels == part].drop(columns=label).reset_index(drop=True)
+    others = [name for name in frame.columns if name != label]
+    return pd.DataFrame(frame.loc[labels == part, others]).reset_index(drop=True)

@@ -67,29 +67,34 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
             low_memory=False,  # one type per column, not one per block of rows
             **how,
         )
-    if part or options.label:
-        frame = _rows_of(frame, part, options.label, f"{where}: {path.name}")
-        names = [name for name in names if name != options.label]
     columns: dict[str, np.ndarray | pd.Series] = {
         name: frame[name].to_numpy(dtype=float, copy=True)
         if frame[name].dtype.kind in "fi"
         else frame[name].astype("str")
         for name in names
     }
+    if part or options.label:
+        columns = _rows_of(columns, part, options.label, f"{where}: {path.name}")
     return Table(path, columns, options.decimal)
 
 
-def _rows_of(frame: pd.DataFrame, part: str, label: str, where: str) -> pd.DataFrame:
+def _rows_of(
+    columns: dict[str, np.ndarray | pd.Series], part: str, label: str, where: str
+) -> dict[str, np.ndarray | pd.Series]:
     """Rows whose label is the part, without the label."""
     if not label:
         raise InputError(
             f"{where} has no parts, so no {part!r}; `csv.label` names a column that says what a row is of"
         )
-    if label not in frame.columns:
+    if label not in columns:
         raise InputError(f"{where} has no column {label!r} that `csv.label` names")
-    labels = frame[label].astype("str").str.strip()
-    if not (labels == part).any():
-        present = ", ".join(map(repr, labels.unique()[:10]))
+    labels = np.array([str(cell).strip() for cell in columns[label]])
+    keep = labels == part
+    if not keep.any():
+        present = ", ".join(map(repr, list(dict.fromkeys(map(str, labels)))[:10]))
         raise InputError(f"{where} has no rows of {part!r}; `part` names one of {present}")
-    others = [name for name in frame.columns if name != label]
-    return pd.DataFrame(frame.loc[labels == part, others]).reset_index(drop=True)
+    return {
+        name: values[keep] if isinstance(values, np.ndarray) else values[keep].reset_index(drop=True)
+        for name, values in columns.items()
+        if name != label
+    }

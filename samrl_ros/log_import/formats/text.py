@@ -94,7 +94,9 @@ def _rows_of(
         present = ", ".join(map(repr, list(dict.fromkeys(map(str, labels)))[:10]))
         raise InputError(f"{where} has no rows of {part!r}; `part` names one of {present}")
     return {
-        name: values[keep] if isinstance(values, np.ndarray) else values[keep].reset_index(drop=True)
+        name: values[keep]
+        if isinstance(values, np.ndarray)
+        else pd.Series(np.asarray(values, dtype=object)[keep])
         for name, values in columns.items()
         if name != label
     }

@@ -7,10 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import yaml
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as BagWriter
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.body_recording import BodyRecording
+from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_any
@@ -243,3 +248,44 @@ def test_a_slide_is_no_free_fall(friction: float) -> None:
     for made in several(slide, World(friction=friction), 3, 5, speed=2.0):
         track = made.track
         assert find_free_fall(track.time, track.position, {"s": 1.0}, LENGTHS) is None
+
+
+def test_things_beside_each_other_are_no_motions_of_one_body(tmp_path: Path) -> None:
+    """A table of a tossed cube and a wand that is carried about, told apart by a column."""
+    (made,) = several(toss, World(), 1, 3)
+    t, x, q = made.track.time, made.track.position, made.track.quat_xyzw
+    wand = np.column_stack([0.2 * t, np.ones_like(t), 0.5 + 0.05 * np.sin(3.0 * t)])
+    rows = ["t,name,x,y,z,qx,qy,qz,qw"]
+    for k, stamp in enumerate(t):
+        for name, at, turned in (("wand", wand[k], (0.0, 0.0, 0.0, 1.0)), ("cube", x[k], q[k])):
+            rows.append(f"{stamp:.5f},{name}," + ",".join(f"{v:.7f}" for v in (*at, *turned)))
+    (tmp_path / "take.csv").write_text("\n".join(rows))
+    draft = drafted(tmp_path / "take.csv")
+    assert draft.kind == "bodies" and draft.sources["track"]["part"] == "cube"
+    assert draft.recordings == [{"name": "take"}] and any("wand" in each for each in draft.unused)
+    (got,) = imported(draft, tmp_path)
+    np.testing.assert_allclose(got.track.position, x, atol=1e-6)
+
+
+def test_an_array_of_all_that_was_recorded_holds_a_pose(tmp_path: Path) -> None:
+    """Position, quaternion and rates in one tensor per toss, as ContactNets ships them."""
+    for k, made in enumerate(several(toss, World(), 3, 3)):
+        track = made.track
+        values = np.hstack([track.position, track.quat_xyzw[:, [3, 0, 1, 2]], np.zeros((len(track), 12))])
+        torch.save(torch.tensor(values)[None], tmp_path / f"{k}.pt")
+    draft = drafted(tmp_path)
+    assert draft.kind == "bodies" and draft.recordings == [{"glob": "*.pt"}]
+    assert draft.bodies["track"]["position"] == ["data[0]", "data[1]", "data[2]"]
+    assert [each for each in draft.questions if "frame rate" in each]
+    assert [each for each in draft.questions if "wxyz" in each]
+
+
+def test_a_bag_of_frames_alone_says_what_to_record(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = store.types["tf2_msgs/msg/TFMessage"]
+    with BagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        topic = bag.add_connection("/tf", kind.__msgtype__, typestore=store)
+        for k in range(60):
+            bag.write(topic, k * 10**7, store.serialize_cdr(kind(transforms=[]), kind.__msgtype__))
+    with pytest.raises(InputError, match=r"Trees of frames \(/tf\) are not read: write each frame"):
+        drafted(tmp_path / "bag")

@@ -11,7 +11,7 @@ from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
 from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_poses
 from samrl_ros.log_import.draft.reading_draft import draft_readings
-from samrl_ros.log_import.draft.seen_tracks import is_of_a_machine
+from samrl_ros.log_import.draft.seen_tracks import is_named_body, is_of_a_machine
 
 
 def draft_any(
@@ -51,12 +51,12 @@ def _draft_tracks(tables: Sequence[LoggedTable]) -> Draft | None:
     if any(is_of_a_machine(each, tracks) for each in tracks):
         return None
     bodies = draft_bodies(tracks)
-    if bodies is not None and (_few_poses(tracks) or bodies.falls):
+    if bodies is not None and (_few_poses(tracks) or bodies.falls or any(map(is_named_body, tracks))):
         return bodies  # what an arm carries does not fall
     return draft_poses(tracks) or bodies
 
 
 def _few_poses(tracks: Sequence[LoggedTrack]) -> bool:
-    """Whether no table holds two poses, so that there is no chain."""
-    places = [each.place for each in tracks if each.track.whole]
-    return len(places) == len(set(places)) and (len(places) < 2 or len({t.track.stem for t in tracks}) == 1)
+    """Whether no file, and no bag, holds two poses, so that there is no chain."""
+    paths = [each.path for each in tracks if each.track.whole]
+    return len(paths) == len(set(paths)) and (len(paths) < 2 or len({t.track.stem for t in tracks}) == 1)

@@ -26,6 +26,10 @@ ROS_TYPES = {
     "control_msgs/msg/MultiDOFStateStamped": "a controller's set point and feedback",
     "std_msgs/msg/Float64MultiArray": "commands of a forward controller",
 }
+TREES = (
+    ". Trees of frames (/tf) are not read: write each frame that you need as geometry_msgs/PoseStamped (tf2's"
+    " lookup_transform) or as a table with its stamp"
+)
 _LEAST = 50  # rows of a table that is looked at
 _STAMPS = ("log_time", "header.stamp", "header.seq")  # of a bag's messages; their table has a time
 
@@ -80,9 +84,12 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
         parts = [(t.name, t.type) for t in topics]
         if not parts:
             present = ", ".join(f"{t.name} ({t.type})" for t in list_topics(path, "the log")) or "none"
+            trees = (
+                TREES if any(t.type == "tf2_msgs/msg/TFMessage" for t in list_topics(path, "the log")) else ""
+            )
             raise InputError(
                 f"{path} has no topic of {', '.join(sorted(ROS_TYPES))} with {_LEAST} messages; topics are"
-                f" {present}"
+                f" {present}{trees}"
             )
     elif is_lerobot(path):
         parts = [("0", "")]

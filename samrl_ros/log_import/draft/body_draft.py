@@ -48,25 +48,23 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     candidates = whole or [each for each in tracks if each.track.positioned]
     if not candidates or any(is_of_a_machine(each, tracks) for each in candidates):
         return None
-    files = list(dict.fromkeys(each.place for each in candidates))
-    alike = {place: tuple(e.track.used for e in candidates if e.place == place) for place in files}
-    if len({str(columns) for columns in alike.values()}) > 1:
+    # Topics of a bag, and labels of a file's rows, are things beside each other; files are one after another.
+    files = list(dict.fromkeys(each.path for each in candidates))
+    alike = {path: tuple((c.part, *c.track.used) for c in candidates if c.path == path) for path in files}
+    if len(files) > 1 and len(set(alike.values())) > 1:
         return None  # tracks of several devices, not several motions of one body
-    first = [look_at(each) for each in candidates if each.place == files[0]]
+    first = [look_at(each) for each in candidates if each.path == files[0]]
     chosen, question = choose_track(first)
-    same = [
-        c
-        for c in candidates
-        if c.track.used == chosen.each.track.used and c.track.stem == chosen.each.track.stem
-    ]
-    runs = [chosen, *(look_at(each) for each in same if each.place != files[0])]
+    of_it = (chosen.each.part, chosen.each.track.used, chosen.each.track.stem)
+    same = [c for c in candidates if (c.part, c.track.used, c.track.stem) == of_it]
+    runs = [chosen, *(look_at(each) for each in same if each.path != files[0])]
     fall = next((run.fall for run in runs if run.fall is not None), None)
     if fall is None and not is_named_body(chosen.each) and len(chosen.each.track.axes) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     reason = "the only track" if len(first) == 1 else "the track that moves"
     draft.note("bodies.track", f"{chosen.each.name}: {reason}", question)
-    draft.unused += [each.name for each in tracks if each.place == files[0] and each is not chosen.each]
+    draft.unused += [each.name for each in tracks if each.path == files[0] and each is not chosen.each]
     track = _describe_track(chosen, fall, runs, draft)
     named = chosen.each.table.maker or set(chosen.each.track.stem) & BODIES
     draft.bodies = {"body": {"name": "_".join(chosen.each.track.stem)}} if named else {}

@@ -63,6 +63,32 @@ class OneNumber(Form[PoseTrial]):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class TargetSize(Form[PoseTrial]):
+    """A target that is larger by s: positions seen are 1 / (1 + s) of the real ones.
+
+    The amplitude is s / (1 + s), to which the twist is proportional however large s is: a size that was typed
+    in wrongly, or a length in an unknown unit, is off by a factor.
+    """
+
+    deviation: ClassVar[float] = 0.0
+    # Standard deviations of the prior: a printer's scaling and a wrong size are different things that happen.
+    shapes: tuple[Shape, ...] = ({"spread": 0.03}, {"spread": 0.5})
+
+    def columns(self, trial: PoseTrial, shape: Shape) -> Columns:
+        return trial.columns(trial.size_twist[None])
+
+    def prior(self, trial: PoseTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(1), np.full(1, shape["spread"])
+
+    def is_admissible(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        return bool(amplitudes[0] < 1.0)
+
+    def parameters(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        share = float(amplitudes[0])
+        return {self.amplitudes[0]: share / (1.0 - share)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ShiftedStamps(Form[PoseTrial]):
     """Arms read at other stamps than the camera's, by `sign` times the shape T, for arms of `roles`.
 

@@ -55,7 +55,7 @@ class Poses(Kind[PoseRecording]):
         constants, _ = solved(fit)
         made = [PoseTrial(r, constants) for r in (*fit, *held_out)]
         if not constants.free:
-            check_stated(fit[0], made[0].at_target(made[0].twist))
+            check_stated(fit[0], made[0].at_target(made[0].twist), made[0].seen_position)
         return list(made[: len(fit)]), list(made[len(fit) :])
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:

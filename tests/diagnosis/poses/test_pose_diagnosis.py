@@ -113,6 +113,14 @@ def test_a_target_of_another_size_is_named() -> None:
     assert abs(d.effects[0].parameters["s"].value - 0.02) < 0.002
 
 
+@pytest.mark.parametrize("size_error", [1.0, -0.5, -0.75])
+def test_a_size_that_was_typed_in_wrongly_is_a_size_and_no_calibration(size_error: float) -> None:
+    d = diagnosis(PoseWorld(size_error=size_error))
+    assert d.verdict == "effect" and [e.name for e in d.effects] == ["object_geometry@body:target"]
+    s = d.effects[0].parameters["s"]
+    assert abs(s.value - size_error) < 0.01 and s.ci95[0] < size_error < s.ci95[1]
+
+
 def test_wrong_detections_are_noted_and_change_nothing() -> None:
     d = diagnosis(PoseWorld(camera_error=SMALL, wrong_detections=20))
     assert d.verdict == "effect" and d.effects[0].family == "hand_eye"

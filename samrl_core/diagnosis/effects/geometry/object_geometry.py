@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place
-from samrl_core.diagnosis.effects.pose_forms import OneNumber
+from samrl_core.diagnosis.effects.pose_forms import TargetSize
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 
 
@@ -15,16 +15,17 @@ class ObjectGeometry(Effect[PoseTrial]):
     meaning = "The object's size differs from its description: a printed target was scaled, for example."
     remedy = "Measure the printed target and state its real size to the detector."
     formula = "position seen = position / (1 + s)"
-    source = "printers scale by 1-5 %"
+    source = "printers scale by 1-5 %; a size stated wrongly is off by any factor"
     acts_on = "poses"
     place_kind = "body"
     excitation = "two distances at least"
     confounded_with = ("intrinsics", "depth_scale", "hand_eye")
-    parameters = (Parameter("s", "1", -0.1, 0.1, "by which the target is larger"),)
+    # Detectors take a size that was typed in: it may be off by any factor.
+    parameters = (Parameter("s", "1", -0.1, 0.1, "by which the target is larger", bounded=False),)
     simulated = False
 
     def forms(self, trial: PoseTrial, place: Place) -> tuple[Form[PoseTrial], ...]:
-        return (OneNumber(place=place, amplitudes=("s",), twist=lambda t: t.size_twist, spread=0.03),)
+        return (TargetSize(place=place, amplitudes=("s",)),)
 
 
 EFFECT = ObjectGeometry()

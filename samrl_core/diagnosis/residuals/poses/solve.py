@@ -56,14 +56,21 @@ def solved(recordings: Sequence[PoseRecording]) -> tuple[Constants, list[str]]:
     return constants, notes
 
 
-def check_stated(recording: PoseRecording, twist: np.ndarray) -> None:
-    """Refuse a description that no error of a calibration explains, at residual twists (N, 6).
+def check_stated(recording: PoseRecording, twist: np.ndarray, predicted: np.ndarray) -> None:
+    """Refuse a description that no error of a calibration and of the target's size explains.
+
+    Args:
+        recording: of the poses.
+        twist: (N, 6) residuals, referred to the target.
+        predicted: (N, 3) positions of the target in the camera [m].
 
     Raises:
         InputError: with what the poses themselves give.
     """
     far, turned = (float(np.median(np.linalg.norm(part, axis=1))) for part in (twist[:, :3], twist[:, 3:]))
-    if far < GROSS_M and turned < GROSS_RAD:
+    share = float(np.sum(twist[:, :3] * predicted)) / max(float(np.sum(predicted**2)), 1e-12)
+    of_another_size = float(np.median(np.linalg.norm(twist[:, :3] - share * predicted, axis=1)))
+    if min(far, of_another_size) < GROSS_M and turned < GROSS_RAD:
         return
     unknown = replace(recording, camera_in_flange=None, base_in_base=None)
     if recording.tool_arm is not None and recording.camera_arm is None:

@@ -80,3 +80,19 @@ def test_millimetres_that_might_be_centimetres_are_asked_for(tmp_path: Path) -> 
     true = distances(1000.0)
     draft = drafted(log(tmp_path / "run.csv", depth=1.01 * true, distance=true))
     assert draft is not None and len(draft.questions) == 1 and " cm" in draft.questions[0]
+
+
+def test_a_short_table_of_distances_is_depth_and_says_what_it_lacks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Means at six distances in a table with words of its own, as depth cameras are tested on a wall."""
+    path = tmp_path / "wall.csv"
+    rows = ["Ground Truth (cm),Measured (cm),Std Dev (cm),Abs Error (cm)"]
+    rows += [f"{d},{1.009 * d:.2f},{2e-6 * d * d:.4f},{0.009 * d:.2f}" for d in (50, 100, 150, 200, 250, 300)]
+    path.write_text("\n".join(rows))
+    draft = drafted(path)
+    assert draft is not None and draft.readings["unit"] == "cm" and not draft.questions
+    assert draft.sources["log"]["columns"] == {"reading": "Measured (cm)", "reference": "Ground Truth (cm)"}
+    assert run(["diagnose", str(path), "--out", str(tmp_path / "report")]) == 3
+    said = capsys.readouterr().err
+    assert "6 readings" in said and "not their mean" in said

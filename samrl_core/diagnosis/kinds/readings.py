@@ -149,7 +149,8 @@ def split_readings(
     count = len(recording.reading)
     if count < LEAST:
         raise InputError(
-            f"{recording.name} has {count} readings; at least {LEAST} are needed to hold any out"
+            f"{recording.name} has {count} readings; at least {LEAST} are needed to hold any out. Give every"
+            " reading at each distance, not their mean, or a second recording"
         )
     tenth = np.minimum(10 * np.arange(count) // count, 9)
     if recording.quantity == "depth":

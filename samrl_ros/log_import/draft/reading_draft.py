@@ -28,7 +28,8 @@ GIVEN = frozenset("measured raw reading sensor camera cam estimated est".split()
 FARTHEST, NEAREST = 30.0, 0.05  # [m] that depth cameras measure
 ALIKE = 0.9  # correlation of a reading with its reference
 FARTHEST_OFF = 2.0  # factor by which a depth is off its reference
-LEAST = 50  # rows
+LEAST = 50  # stamps of two clocks
+FEWEST = 6  # distances: fewer say nothing, and are no log of depth
 HOST = frozenset(
     "host receive received recv arrival arrived system pc ptp local ros bag reference ref log".split()
 )
@@ -48,8 +49,9 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     columns = {
         name: v for name in tables[0].table.columns if (v := _numbers(tables[0].table, name)) is not None
     }
-    read = [name for name in columns if _says_depth(name) and not _says_truth(name)]
     true = [name for name in columns if _says_truth(name)]
+    read = [name for name in columns if _says_depth(name) and not _says_truth(name)]
+    read = read or [name for name in columns if _says_measured_length(name)]
     pairs = [(a, b) for a in read for b in true if _alike(columns[a], columns[b])]
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     if pairs:
@@ -179,13 +181,19 @@ def _describe_clocks(device: str, host: str, table: Table, draft: Draft) -> tupl
 def _numbers(table: Table, name: str) -> np.ndarray | None:
     """A column (N,) of enough numbers that is no time."""
     values = None if is_time(name) else numbers_of(table, name)
-    if values is None or values.ndim != 1 or np.isfinite(values).sum() < LEAST:
+    if values is None or values.ndim != 1 or np.isfinite(values).sum() < FEWEST:
         return None
     return values
 
 
 def _says_depth(name: str) -> bool:
     return bool(set(words_in(name)) & DEPTH)
+
+
+def _says_measured_length(name: str) -> bool:
+    """Whether a name says that it was measured, and in a unit of length: `Measured (cm)`."""
+    words = set(words_in(name))
+    return bool(words & GIVEN) and bool(words & set(LENGTHS))
 
 
 def _says_truth(name: str) -> bool:
@@ -195,7 +203,7 @@ def _says_truth(name: str) -> bool:
 
 def _alike(a: np.ndarray, b: np.ndarray) -> bool:
     both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < LEAST or np.ptp(a[both]) == 0.0 or np.ptp(b[both]) == 0.0:
+    if both.sum() < FEWEST or np.ptp(a[both]) == 0.0 or np.ptp(b[both]) == 0.0:
         return False
     return float(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE
 

@@ -41,7 +41,8 @@ class ReadingTrial(Observed):
         """
         if len(recording.reading) < LEAST_READINGS:
             raise InputError(
-                f"{recording.name} has {len(recording.reading)} readings; {LEAST_READINGS} are the least"
+                f"{recording.name} has {len(recording.reading)} readings; {LEAST_READINGS} are the least."
+                " Give every reading, not their mean"
             )
         self.recording, self.start = recording, start
         self.channels = (recording.quantity,)

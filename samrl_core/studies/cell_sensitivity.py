@@ -18,12 +18,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from samrl_core.cell.instance.cell_instance import GROUPS, InstanceName
-from samrl_core.cell.tasks import EVERY_TASK, task_named
+from samrl_core.cell.tasks import EVERY_TASK
 from samrl_core.common.figure_file import save_figure
 from samrl_core.common.streams import DEVELOPMENT, seed_of
-from samrl_core.policy.agent.policies import TOUCH
 from samrl_core.studies.episodes.success_rates import compared, rates
-from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob, run_episodes
+from samrl_core.studies.episodes.world_episodes import EpisodeJob, run_episodes, usual_condition
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress
 from samrl_core.studies.purpose import keep_purpose
 
@@ -75,7 +74,7 @@ def job_of(options: Options, task: str, point: str, number: int) -> EpisodeJob:
         key=f"{task}/{point}/{cell}",
         task=task,
         name=point,
-        condition=_who_acts(task),
+        condition=usual_condition(task),
         seed=seed_of(cell, "episode", "sensitivity", task),
         weights=options.weights,
         cell=options.cell,
@@ -144,14 +143,6 @@ def draw_sensitivity(task: str, points: dict[str, dict[str, Any]], path: Path) -
     figure.supylabel("success by truth [%], 95 % intervals")
     save_figure(figure, path, dpi=110)
     plt.close(figure)
-
-
-def _who_acts(task: str) -> Condition:
-    """The loop as a run of the task has it, without networks where it needs none."""
-    usual = task_named(task).usual_policy
-    if usual == TOUCH:
-        return Condition("optimised", "best", tip_offset=True, touch=True)
-    return Condition("optimised", "best") if usual == "optimised" else Condition()
 
 
 EXPERIMENT = Experiment(

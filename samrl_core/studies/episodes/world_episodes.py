@@ -22,6 +22,7 @@ from samrl_core.model.scene.settings import ModelSettings
 from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.episode import run_episode
 from samrl_core.policy.agent.loop import LoopSettings
+from samrl_core.policy.agent.policies import TOUCH
 from samrl_core.policy.agent.settings import AgentSettings, announced_residual, trained_networks
 from samrl_core.policy.networks.weights import sha256_of
 from samrl_core.studies.episodes.differing_world import differing_world
@@ -50,6 +51,18 @@ class Condition:
     touch: bool = False  # the same
     remembers: bool = False  # one agent goes through the episodes of a cell, in their order
     straw_man: str = ""  # of `STRAW_MEN`, in place of Algorithm 1; empty for none
+
+
+def usual_condition(task: str) -> Condition:
+    """The loop as a run of the task has it, without networks where it needs none.
+
+    Raises:
+        InputError: there is no such task.
+    """
+    usual = task_named(task).usual_policy
+    if usual == TOUCH:
+        return Condition("optimised", "best", tip_offset=True, touch=True)
+    return Condition("optimised", "best") if usual == "optimised" else Condition()
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from samrl_core.diagnosis.effects import FAMILIES, Effect
 from samrl_core.diagnosis.findings.onset import find_onsets
 from samrl_core.diagnosis.findings.signature import couplings, signatures
 from samrl_core.diagnosis.findings.tracking import track
-from samrl_core.diagnosis.findings.where import heatmap, timelines
+from samrl_core.diagnosis.findings.where import heatmap, tile_gaps, timelines
 from samrl_core.diagnosis.kinds.kind import Kind, Recording
 from samrl_core.diagnosis.kinds.kinds import KINDS, kind_of
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
@@ -253,6 +253,8 @@ def _conclude(
         signatures=signs,
         couplings=couplings(likelihood, rest),
         heatmap=grid,
+        tiles=tile_gaps(likelihood, z, k, does),
+        information={} if chosen is None else kind.information(likelihood, chosen),
         timelines=timelines(likelihood, z, k, onsets, does),
         curves=tuple(c for c in curves if c is not None),
         tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed), kind.effects)

@@ -61,6 +61,16 @@ class Heatmap:
     threshold: float  # above it a cell is significant after false-discovery control
 
 
+@dataclass(frozen=True)
+class TileGaps:
+    """Where in the image a channel stands out of noise and tolerances: tiles, row by row of a square."""
+
+    channel: str
+    side: int  # tiles along each side of the image
+    compared: tuple[int, ...]
+    stand_out: tuple[int, ...]  # significant after false-discovery control, effects' own part included
+
+
 @dataclass(frozen=True, eq=False)
 class Timeline:
     """The heatmap's measure for one recording, in windows."""
@@ -172,6 +182,9 @@ class Diagnosis:
     signatures: tuple[Signature, ...] = ()
     couplings: tuple[tuple[str, str, str, float], ...] = ()  # (joint, driven by joint, quantity, correlation)
     heatmap: Heatmap | None = None
+    tiles: tuple[TileGaps, ...] = ()  # of images
+    # Effect -> parameter -> least standard deviation that these recordings allow, were all else as stated.
+    information: dict[str, dict[str, float]] = field(default_factory=dict)
     timelines: tuple[Timeline, ...] = ()
     curves: tuple[Curve, ...] = ()
     overlays: tuple[Overlay, ...] = ()

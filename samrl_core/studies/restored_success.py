@@ -2,8 +2,8 @@
 
 Each cell is a `typical` installation in which one error stands out. Its images are recorded and diagnosed as
 a user would, with the plain part on the bench; the same episodes are then run as the cell is described, with
-what was diagnosed, and, told by truth, with the error exactly known. Without the error they say what there was
-to lose. Nothing is trained, and no row knows more of the cell than its name says.
+what was diagnosed, and, told by truth, with the error exactly known. Without the error they say what there
+was to lose. Nothing is trained, and no row knows more of the cell than its name says.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from samrl_core.cell.tasks import plain_name, task_named
 from samrl_core.cell.world.camera_recording import record_camera
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.true_cell import true_cell
+from samrl_core.common.errors import InputError
 from samrl_core.common.figure_file import save_figure
 from samrl_core.common.statistics import Share, bootstrap_interval
 from samrl_core.common.streams import DEVELOPMENT, seed_of
@@ -113,7 +114,12 @@ def examined(job: CellJob) -> list[Case]:
         finally:
             world.close()
     found, far = diagnose(recordings[:-1], recordings[-1:])
-    named = far.correction.cell if isinstance(far.correction, Recalibration) else NO_CORRECTION
+    refused, named = "", NO_CORRECTION
+    if isinstance(far.correction, Recalibration):
+        try:
+            named = far.correction.cell
+        except InputError as error:  # beyond what a cell puts right: nothing is applied
+            refused = str(error)
     first = found.effects[0] if found.effects else found.nearest
     case: Case = {"key": job.key, "task": job.task, "error": job.error, "verdict": found.verdict}
     case["named"] = first.name if first is not None else ""
@@ -121,6 +127,7 @@ def examined(job: CellJob) -> list[Case]:
         n: [p.value, *p.ci95] for n, p in (first.parameters.items() if first is not None else ())
     }
     case["reasons"] = list(found.reasons)
+    case["not_applied"] = refused
     case["shrink"] = found.gap.shrink if found.gap is not None else None
     applied = named if found.verdict == "effect" else NO_CORRECTION
     return [
@@ -231,7 +238,7 @@ def _cell_job(options: Options, task: str, number: int) -> CellJob:
 
 
 def _episode(options: Options, cell: CellJob, found: Case, row: str, number: int) -> EpisodeJob:
-    """An episode of a row. Where nothing was diagnosed it is the one of the cell as described, under its key."""
+    """An episode of a row; where nothing was diagnosed, that of the cell as described, under its key."""
     correction = NO_CORRECTION
     if row in (DIAGNOSED, TOLD):
         correction = correction_from(found["correction" if row == DIAGNOSED else "told"], cell.key)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import shutil
@@ -9,10 +10,14 @@ import time
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from samrl_core.blind_test.camera_worlds.forge_plan import CameraItem
 from samrl_core.blind_test.camera_worlds.label import label_of
 from samrl_core.blind_test.camera_worlds.record import CameraRecorder
+from samrl_core.blind_test.scores.outcome import TILE_CHANGE
 from samrl_core.blind_test.scores.study import Study, move_folder, write_atomically
 
 PARTS = ("A", "C")  # fitted, held out
@@ -40,8 +45,14 @@ def make_camera(job: CameraMaking) -> float:
     shutil.rmtree(half, ignore_errors=True)
     half.mkdir(parents=True)
     recorder = _recorder(item.duration_s)
-    for recording in recorder.recorded(item.world):
+    recordings = recorder.recorded(item.world)
+    for recording in recordings:
         write_image_bag(recording, half / f"{recording.name}.mcap")
+    if changes := recorder.changed_tiles(item.world, recordings[0]):
+        buffer = io.BytesIO()
+        arrays: dict[str, Any] = {f"{TILE_CHANGE}{channel}": size for channel, size in changes.items()}
+        np.savez_compressed(buffer, **arrays)
+        write_atomically(study.oracle(item.id), buffer.getvalue())
     label = json.dumps(label_of(item, recorder.cell), indent=1) + "\n"
     write_atomically(study.label(item.id), label.encode())
     move_folder(half, study.observations(item.id))

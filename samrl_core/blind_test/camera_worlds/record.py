@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from samrl_core.blind_test.camera_worlds.plan import CameraWorld, instance_of
+from samrl_core.blind_test.camera_worlds.plan import NOTHING, CameraWorld, instance_of
+from samrl_core.blind_test.camera_worlds.tiles import tile_changes
 from samrl_core.cell.excitation.camera_views import CameraMotion, camera_motion
 from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
@@ -44,6 +46,13 @@ class CameraRecorder:
     def recorded(self, world: CameraWorld) -> list[ImageRecording]:
         """Of a world, made anew."""
         return [self._made(world, name, motion) for name, motion in self._motions]
+
+    def changed_tiles(self, world: CameraWorld, caused: ImageRecording) -> dict[str, np.ndarray]:
+        """What the cause changes in the first recording, tile by tile; nothing where there is none."""
+        if world.cause == NOTHING:
+            return {}
+        name, motion = self._motions[0]
+        return tile_changes(caused, self._made(replace(world, cause=NOTHING), name, motion))
 
     def _made(self, world: CameraWorld, name: str, motion: CameraMotion) -> ImageRecording:
         instance, _ = instance_of(world, self.cell)

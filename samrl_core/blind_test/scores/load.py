@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.blind_test.scores.outcome import Outcome, SealedTruth, Shrinks
+from samrl_core.blind_test.scores.outcome import TILE_CHANGE, Outcome, SealedTruth, Shrinks
 from samrl_core.blind_test.scores.shrink_scores import shrinks_of
 from samrl_core.blind_test.scores.study import Sealed, Study
 from samrl_core.common.errors import InputError
@@ -71,7 +71,12 @@ def _outcome(
     if report is not None and oracle is not None and (folder / "resimulation.npz").exists():
         shrinks, problem = _shrinks(folder / "resimulation.npz", oracle)
         detail["resimulation"] = problem
-    return Outcome(truth, report, run.get("seconds"), shrinks, withheld, detail)
+    tiles = {
+        key.removeprefix(TILE_CHANGE): size
+        for key, size in (oracle or {}).items()
+        if key.startswith(TILE_CHANGE)
+    }
+    return Outcome(truth, report, run.get("seconds"), shrinks, withheld, detail, tiles)
 
 
 def _shrinks(path: Path, oracle: dict[str, np.ndarray]) -> tuple[Shrinks | None, str]:

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 CRASHED = "crashed"  # stands in the place of a verdict when there is no report
+TILE_CHANGE = "tile_change_"  # begins the names of an oracle's arrays (T,), before the channel's
 ALARMS = ("effect", "ambiguous", "none_of_mine")  # verdicts that report a gap
 
 
@@ -81,6 +84,7 @@ class Outcome:
     shrinks: Shrinks | None = None
     withheld: bool = False  # the true family was withheld from the diagnosis: the world is an unknown one
     detail: Mapping[str, Any] = field(default_factory=dict)
+    tiles: Mapping[str, np.ndarray] = field(default_factory=dict)  # channel -> true change (T,) of each tile
 
     @property
     def verdict(self) -> str:

@@ -11,6 +11,7 @@ from samrl_core.blind_test.scores.effect_scores import ambiguity, intervals, loc
 from samrl_core.blind_test.scores.outcome import CRASHED, Outcome
 from samrl_core.blind_test.scores.refusal_scores import calibration, refusal, risk_and_coverage
 from samrl_core.blind_test.scores.shrink_scores import shrink_scores
+from samrl_core.blind_test.scores.tile_scores import bound_scores, tile_scores
 from samrl_core.common.statistics import Share
 
 MEDIAN_SEVERITY = 0.5  # quantile of the catalogue's range
@@ -39,6 +40,8 @@ def all_scores(
         "calibration": calibration([*outcomes, *left_out]),
         "how_far": shrink_scores(single, rng),
         "intervals": intervals(single),
+        "tiles": tile_scores(single),
+        "bound": bound_scores(single),
         "two_effects": two_effects(double, single),
         "ambiguity": ambiguity([*single, *double]),
         "confusion": confusion([*outcomes, *left_out]),

@@ -41,6 +41,7 @@ def score_rows(scores: dict[str, Any]) -> list[ScoreRow]:
     d, w, p, r = scores["detection"], scores["which"], scores["place"], scores["refusal"]
     h, i, t, a, c = (scores[k] for k in ("how_far", "intervals", "two_effects", "ambiguity", "calibration"))
     risk, time = scores["risk_coverage"], scores["runtime"]
+    images = _image_rows(scores["tiles"], scores["bound"])
     rows = [
         _share("whether", "gap detected, single effects", d["single"]),
         _share("whether", "gap detected, severity from the median on", d["single_severe"], Aim(0.90)),
@@ -93,6 +94,7 @@ def score_rows(scores: dict[str, Any]) -> list[ScoreRow]:
         _spread("how far", "margin to the runner-up", h["margin_to_runner_up"], Aim(0.20)),
         _share("how far", "95 % intervals hold the truth", i["coverage"], Aim(0.85, 0.99)),
         _number("how far", "parameter error, median", i["median_relative_error"], percent=True),
+        *images,
         _share("two", "both families", t["both_families"], Aim(0.50)),
         _share("two", "both, with places", t["both_with_place"]),
         _share("two", "at least one", t["at_least_one"], Aim(0.90)),
@@ -105,6 +107,19 @@ def score_rows(scores: dict[str, Any]) -> list[ScoreRow]:
         _number("time", "one world, 95 % of them [s]", time.get("p95_s")),
     ]
     return rows
+
+
+def _image_rows(tiles: dict[str, Any], bound: dict[str, Any]) -> list[ScoreRow]:
+    """Of worlds of a camera; other worlds have none."""
+    if not tiles["worlds"]:
+        return []
+    return [
+        _number("images", "IoU of tiles, median", tiles["median"], Aim(0.5), percent=True),
+        _share("images", "IoU of 0.5 or more", tiles["half"]),
+        _share("images", "IoU of 0.5 or more, gaps detected", tiles["half_of_detected"]),
+        _number("images", "error over the least deviation that noise allows, median", bound["error_median"]),
+        _number("images", "stated deviation over the same, median", bound["stated_median"]),
+    ]
 
 
 def _share(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) -> ScoreRow:

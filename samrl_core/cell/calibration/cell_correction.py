@@ -99,18 +99,18 @@ class CellCorrection:
         depth = ((depth - offset) / slope).astype(np.float32)
         return Frame(frame.stamp_ns, color, depth, mask)
 
-    def _find_places(self, k: Intrinsics) -> _Places:
+    def _find_places(self, k: Intrinsics) -> LensPlaces:
         if self._lenses.get(k) is None:
-            self._lenses[k] = _places(self.numbers, k)
+            self._lenses[k] = find_lens_places(self.numbers, k)
         return self._lenses[k]
 
     @cached_property
-    def _lenses(self) -> dict[Intrinsics, _Places]:
+    def _lenses(self) -> dict[Intrinsics, LensPlaces]:
         return {}
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
+class LensPlaces:
     """Where the true lens has what a pixel of the described camera looks at; all (H, W)."""
 
     x: np.ndarray  # float32, counted from the middle of the first pixel [px]
@@ -120,7 +120,8 @@ class _Places:
     inside: np.ndarray  # bool
 
 
-def _places(numbers: Mapping[str, float], k: Intrinsics) -> _Places:
+def find_lens_places(numbers: Mapping[str, float], k: Intrinsics) -> LensPlaces:
+    """Of a lens that differs from a described pinhole by the numbers of `LENS`; what is left out is zero."""
     of = {name: numbers.get(name, 0.0) for name in LENS}
     u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
     rays = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).reshape(-1, 1, 3)
@@ -136,7 +137,7 @@ def _places(numbers: Mapping[str, float], k: Intrinsics) -> _Places:
     x, y = pixels[..., 0].astype(np.float32), pixels[..., 1].astype(np.float32)
     column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
     inside = (column >= 0) & (column < k.width) & (row >= 0) & (row < k.height)
-    return _Places(x, y, np.clip(row, 0, k.height - 1), np.clip(column, 0, k.width - 1), inside)
+    return LensPlaces(x, y, np.clip(row, 0, k.height - 1), np.clip(column, 0, k.width - 1), inside)
 
 
 NO_CORRECTION = CellCorrection()

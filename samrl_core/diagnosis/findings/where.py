@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.result import PHASES, Heatmap, Timeline, WhereItem
+from samrl_core.diagnosis.result import PHASES, Heatmap, TileGaps, Timeline, WhereItem
 
 WINDOW_S = 0.25
 FALSE_DISCOVERY = 0.01
@@ -65,6 +65,38 @@ def heatmap(
     # Just above the largest that is not significant, so that it is not counted itself.
     threshold = float(np.nextafter(np.max(below), np.inf)) if below.size else 1.0
     return Heatmap(places, tuple(columns), values, threshold), tuple(items)
+
+
+def tile_gaps(
+    likelihood: Likelihood, z: np.ndarray, correlation: float, effects: np.ndarray | None = None
+) -> tuple[TileGaps, ...]:
+    """Tiles of each channel that stand out, over all frames of all recordings; none of what is no image.
+
+    `z` and `effects` (N,) as for `heatmap`.
+    """
+    square = _standing_out(z, effects) ** 2
+    total: dict[tuple[str, int], list[float]] = {}  # energy and samples of a channel's tile
+    side = 0
+    for (r, channel, _), part in likelihood.blocks.items():
+        tiles = likelihood.trials[r].tiles_of(channel)
+        if tiles is None:
+            continue
+        side = max(side, likelihood.trials[r].tiles_along_side)
+        for tile in np.unique(tiles):
+            there = square[part][tiles == tile]
+            energy = total.setdefault((channel, int(tile)), [0.0, 0.0])
+            energy[0] += float(np.sum(there))
+            energy[1] += len(there)
+    keys = [key for key, (_, n) in total.items() if n / correlation >= 2]
+    energy, count = np.array([total[key] for key in keys]).reshape(-1, 2).T
+    p_values = stats.chi2.sf(energy / correlation, count / correlation)
+    limit = _benjamini_hochberg(p_values, FALSE_DISCOVERY)
+    out = []
+    for channel in dict.fromkeys(c for c, _ in keys):
+        of_channel = sorted((tile, p) for (c, tile), p in zip(keys, p_values, strict=True) if c == channel)
+        stand_out = tuple(tile for tile, p in of_channel if p <= limit)
+        out.append(TileGaps(channel, side, tuple(tile for tile, _ in of_channel), stand_out))
+    return tuple(out)
 
 
 def timelines(

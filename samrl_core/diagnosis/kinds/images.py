@@ -17,6 +17,7 @@ from samrl_core.diagnosis.kinds.image_suspects import image_suspicions
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.kinds.next_images import next_images
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial, prepared
+from samrl_core.diagnosis.residuals.images.least_deviations import least_deviations
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import NextExperiment
@@ -113,6 +114,15 @@ class Images(Kind[ImageRecording]):
         if not sure:
             return None
         return recalibration(chosen, [t for t in evidence.likelihood.trials if isinstance(t, ImageTrial)])
+
+    def information(self, likelihood: Likelihood, fit: Fit) -> dict[str, dict[str, float]]:
+        """Noise of tiles, with the object's pose, light and paint open."""
+        trials = [t for t in likelihood.trials if isinstance(t, ImageTrial)]
+        out = {}
+        for h in fit.hypotheses:
+            deviations = least_deviations(trials, h.regressors.blocks, len(h.spread))
+            out[h.name] = h.form.parameters(trials[0], h.shape, deviations)
+        return out
 
 
 def split_images(

@@ -94,6 +94,10 @@ class Kind(ABC, Generic[R]):
         """
         return None
 
+    def information(self, likelihood: Likelihood, fit: Fit) -> dict[str, dict[str, float]]:
+        """Least standard deviation of each parameter by effect that noise allows, were all else as stated."""
+        return {}
+
     def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:
         """The report in the units of this system."""
         return diagnosis

@@ -22,8 +22,8 @@ def to_json(diagnosis: Diagnosis) -> dict:
     """The diagnosis as plain JSON values; what is not finite becomes null.
 
     Beyond the contract: reasons, alarms, notes, runner_ups, tracked, nearest, signatures, couplings, heatmap,
-    timelines, curves, timings, settings, arm. The traces of overlays and the data points of curves are
-    left to report.html.
+    tiles, information, timelines, curves, timings, settings, arm. The traces of overlays and the data
+    points of curves are left to report.html.
 
     Raises:
         InputError: a value in `settings` that JSON cannot hold, or a report that breaks its own schema.
@@ -69,6 +69,8 @@ def to_json(diagnosis: Diagnosis) -> dict:
             "values": d.heatmap.values,
             "threshold": d.heatmap.threshold,
         },
+        "tiles": [asdict(t) for t in d.tiles],
+        "information": d.information,
         "timelines": [
             {
                 "recording": t.recording,

@@ -25,6 +25,7 @@ class Observed(ABC):
     )
     short: ClassVar[bool] = False  # many blocks of few samples: what noise alone exceeds in them adds up
     unsure: ClassVar[float] = 0.0  # share of the noise's energy, by which its level may be off
+    tiles_along_side: ClassVar[int] = 0  # of an image's square of tiles; 0 of what is no image
     channels: tuple[str, ...]
     cached: dict[tuple[str, str], Any]  # what a form works out once per recording
 

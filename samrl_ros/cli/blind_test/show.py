@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from samrl_core.blind_test.scores.outcome import Outcome
+from samrl_core.blind_test.scores.tile_scores import tile_iou
 
 
 def show(scores: dict[str, Any], baseline_rows: Sequence[dict[str, Any]]) -> None:
@@ -63,6 +64,7 @@ def line(o: Outcome) -> dict[str, Any]:
         "shrink": None if o.shrinks is None else o.shrinks.shrink,
         "oracle_shrink": o.shrinks.oracle_shrink if o.shrinks is not None else o.detail.get("oracle_shrink"),
         "unexplained_fraction": None if o.report is None else o.report.get("unexplained_fraction"),
+        "tile_iou": tile_iou(o) if o.tiles else None,
         "seconds": o.seconds,
         "problem": o.detail.get("resimulation")
         or (o.detail.get("output", "")[-300:] if o.report is None else ""),

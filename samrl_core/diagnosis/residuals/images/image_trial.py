@@ -42,6 +42,7 @@ class ImageTrial(Observed):
 
     kind = "images"
     exact = True
+    tiles_along_side = TILES
     unsure = 0.15  # calibrated from the recording itself: 4 to 9 % too little in development cells
 
     def __init__(

@@ -4,7 +4,7 @@ A shift of outlines by more than their blur is not linear, and edges of a model 
 pixels that could be compared. So what may be off is fitted together, one error of it beyond tolerance, the
 scene is rendered there, and rows are taken anew. What came of it names no cause: all errors stay open. A row
 is y = r + J p, with residual r and columns J at the point p, so that it stays linear in errors counted from
-the stated cell.
+the stated cell. A lens moves pixels: the recorded image is resampled to the stated pinhole, the scene stays.
 """
 
 from __future__ import annotations
@@ -12,14 +12,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from scipy import linalg
 
+from samrl_core.cell.calibration.cell_correction import LensPlaces, find_lens_places
 from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.diagnosis.residuals.images.flows import flows
 from samrl_core.diagnosis.residuals.images.noise import FREE as WIDE
 from samrl_core.diagnosis.residuals.images.noise import noise_of_rows
-from samrl_core.diagnosis.residuals.images.rows import CHANNELS, ComparedFrame, Rows, frame_rows, joined
+from samrl_core.diagnosis.residuals.images.rows import (
+    CHANNELS,
+    UNSEEN,
+    ComparedFrame,
+    Rows,
+    frame_rows,
+    joined,
+)
 from samrl_core.diagnosis.residuals.images.scene import FrameGeometry, ImageScene
 from samrl_core.diagnosis.residuals.images.spreads import stated_spreads
 from samrl_core.diagnosis.residuals.poses import rigid
@@ -27,8 +36,12 @@ from samrl_core.diagnosis.residuals.poses import rigid
 ROUNDS = 3
 SMALL = {"depth": 2e-4, "mask": 0.15}  # [m], [px]: a step that moves no more ends the rounds
 BEYOND = 24.0  # [nat] that an error beyond tolerance needs; tiles are hardly independent of their neighbours
+LEAST_LENS_PX = 1.0  # root mean square over the image, from which on a lens is taken out by resampling
 Point = Mapping[str, np.ndarray]  # name of a flow -> amplitudes (p,)
 OF_CAMERA = ("hand_eye", "base", "camera_zeros", "camera_late")  # move every point in the camera's axes
+OF_LENS = {  # names of their amplitudes, as a cell's correction has them
+    "focal": ("fx", "fy"), "centre": ("cx", "cy"), "radial": ("k1", "k2"), "tangential": ("p1", "p2"),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +65,41 @@ def displaced(scene: ImageScene, view: FrameGeometry, object_pose: np.ndarray, p
     own = flows(scene, moved, vertices, scene.group, object_at)
     out = vertices.copy()
     for name, amplitudes in point.items():
-        if name in own and name not in OF_CAMERA:
+        if name in own and name not in (*OF_CAMERA, *OF_LENS):
             out += np.einsum("p,pni->ni", amplitudes, own[name])
     return Displaced(moved, out)
+
+
+def undistorted(scene: ImageScene, frame: ComparedFrame, point: Point) -> ComparedFrame:
+    """The frame as the stated lens would have seen it, if the true one is off by what a point says."""
+    if not any(name in point for name in OF_LENS):
+        return frame
+    at = _places(scene, point)
+    color = cv2.remap(frame.color, at.x, at.y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    depth = np.where(at.inside, frame.depth[at.row, at.column], np.nan)
+    mask = np.where(at.inside, frame.mask[at.row, at.column], UNSEEN)
+    return replace(frame, color=color, depth=depth, mask=mask)
+
+
+def _places(scene: ImageScene, point: Point) -> LensPlaces:
+    """Where the true lens has what the stated one has at each pixel."""
+    numbers = {
+        key: float(value)
+        for name, keys in OF_LENS.items()
+        for key, value in zip(keys, point.get(name, ()), strict=False)
+    }
+    return find_lens_places(numbers, scene.intrinsics)
+
+
+def _without_small_lens(scene: ImageScene, point: Point) -> dict[str, np.ndarray]:
+    """The point, its lens left out where that is off by less than a pixel (root mean square).
+
+    Resampled depth and labels are those of the nearest pixel: what is smaller is nearer by its columns.
+    """
+    at = _places(scene, point)
+    v, u = np.mgrid[0 : scene.intrinsics.height, 0 : scene.intrinsics.width]
+    shift = np.sqrt(np.mean((at.x - u) ** 2 + (at.y - v) ** 2))
+    return {name: value for name, value in point.items() if shift > LEAST_LENS_PX or name not in OF_LENS}
 
 
 def _twist(shifts: np.ndarray | int) -> np.ndarray:
@@ -69,7 +114,8 @@ def rows_at(
 ) -> dict[str, Rows]:
     """Rows of every channel, linear about a point and counted from the stated cell."""
     at = displaced(scene, frame.view, object_pose, point)
-    made = frame_rows(scene, replace(frame, view=at.view), object_pose, noise_per_z2, at.vertices)
+    seen = replace(undistorted(scene, frame, point), view=at.view)
+    made = frame_rows(scene, seen, object_pose, noise_per_z2, at.vertices)
     if not point:
         return made
     return {channel: replace(r, value=r.value + _moved_by(r, point)) for channel, r in made.items()}
@@ -90,8 +136,9 @@ def linearised(
         rows = {c: r for c, r in joint.items() if len(r.value)}
         found = most_probable(rows, stated)
         before = point
-        point = {name: value for name, value in found.items() if name in FLOWS}
-        step = {n: v - before.get(n, np.zeros(len(v))) for n, v in point.items()}
+        point = _without_small_lens(scene, {n: value for n, value in found.items() if n in FLOWS})
+        zero = {n: np.zeros(len(v)) for n, v in (*before.items(), *point.items())}
+        step = {n: point.get(n, z) - before.get(n, z) for n, z in zero.items()}
         moved = [np.sqrt(np.mean(_moved_by(rows[c], step) ** 2)) / s for c, s in SMALL.items() if c in rows]
         if max(moved, default=0.0) < 1.0:
             break
@@ -151,7 +198,4 @@ def _moved_by(rows: Rows, point: Point) -> np.ndarray:
     return out
 
 
-# A lens' distortion is left out: between the vertices of large triangles it is not linear.
-FLOWS = (
-    *OF_CAMERA, "tool_zeros", "tool_late", "held", "object", "object_scale", "focal", "centre",
-)  # fmt: skip
+FLOWS = (*OF_CAMERA, "tool_zeros", "tool_late", "held", "object", "object_scale", *OF_LENS)

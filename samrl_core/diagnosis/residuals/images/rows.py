@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from samrl_core.diagnosis.residuals.images.bends import bend_modes
-from samrl_core.diagnosis.residuals.images.flows import Flows, flows
+from samrl_core.diagnosis.residuals.images.flows import Flows, flows, lens_flows
 from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, FrameGeometry, ImageScene
 
 TILES = 8  # along each side of the image
@@ -23,6 +23,7 @@ FAR_PX = 2  # from any edge, of pixels within a surface
 BLUR = 0.016  # of outlines, share of the image's width: shifts up to it stay linear
 LEAST_OUTLINE = 0.3  # squared gradient of an outline in a tile, below which it says nothing
 ROBUST = 1.4826
+UNSEEN = 255  # label of pixels that a corrected lens did not see
 CHANNELS = ("depth", "mask", "color", "depth_noise")
 UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
 OF_CHANNEL = {  # columns that are no flow, by channel
@@ -217,12 +218,13 @@ def _mask_rows(
     wanted = {0: scene.target_label, 1: scene.tool_label}
     # What the model knows roughly only (the arm, the hand) must not be near.
     coarse = ((label == scene.tool_label) & (shares[..., 1] < 0.5)) | np.isin(label, (3,))
-    coarse |= np.isin(frame.mask, (3,))
+    coarse |= np.isin(frame.mask, (3, UNSEEN))
     # A rim one pixel wide is the tip's own edge, of which its label has more and its share less than half.
     coarse = cv2.morphologyEx(coarse.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     border = np.ones((height, width), np.uint8)
     border[reach:-reach, reach:-reach] = 0
-    value, where, shape, weights, growth = [], [], [], [], []
+    value, where, shape, weights, growth, lens = [], [], [], [], [], []
+    moved = _pixel_shifts(scene)
     for channel, name in wanted.items():
         modelled = shares[..., channel]
         if modelled.sum() < LEAST_PIXELS:
@@ -235,6 +237,7 @@ def _mask_rows(
         smooth, seen = _blurred(modelled, sigma), _blurred(recorded, sigma)
         slope_v, slope_u = np.gradient(smooth)
         steep = np.hypot(slope_u, slope_v)
+        falls = {n: -(slope_u * d[..., 0] + slope_v * d[..., 1]) for n, d in moved.items()}
         for axis, slope in enumerate((slope_u, slope_v)):
             for tile in np.unique(tiles[use & (steep > 0.02)]):
                 w = np.where(use & (tiles == tile), slope, 0.0)
@@ -251,10 +254,16 @@ def _mask_rows(
                 grown = [0.0, 0.0]
                 grown[channel] = float((w * steep).sum())
                 growth.append((axis, grown))
+                lens.append({n: np.einsum("vu,pvu->p", w, f) for n, f in falls.items()})
     if not value:
         return _stacked([], [], [], [])
     gradients = scene.gradients(vertices, np.stack(weights))
-    columns = {name: np.einsum("pvi,nvi->pn", d, gradients, optimize=True) for name, d in moving.items()}
+    columns = {
+        name: np.einsum("pvi,nvi->pn", d, gradients, optimize=True)
+        for name, d in moving.items()
+        if name not in moved
+    }
+    columns |= {name: np.stack([of_row[name] for of_row in lens], axis=1) for name in moved}
     grown = np.array([g for _, g in growth])
     columns["outline_object"], columns["outline_tip"] = grown[:, 0][None], grown[:, 1][None]
     along, tile = np.array([axis for axis, _ in growth]), np.array(where)
@@ -262,6 +271,18 @@ def _mask_rows(
     bends = width * _bends(row, column, label.shape)
     columns["outline_bend"] = np.concatenate([bends * (along == axis) for axis in (0, 1)])
     return Rows(np.array(value), np.array(where), np.array(shape), columns)
+
+
+def _pixel_shifts(scene: ImageScene) -> Flows:
+    """Shifts (p, H, W, 2) [px] of the image by its lens, which moves pixels and not vertices.
+
+    A distortion bends an edge between two vertices: what they do says little of what its middle does.
+    """
+    k = scene.intrinsics
+    u, v = np.meshgrid((np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy)
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1)
+    of_lens = lens_flows(k, rays.reshape(-1, 3))
+    return {n: d.reshape(len(d), *u.shape, 3)[..., :2] * [k.fx, k.fy] for n, d in of_lens.items()}
 
 
 def joined(rows: Sequence[Rows]) -> Rows:

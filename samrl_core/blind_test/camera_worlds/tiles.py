@@ -19,8 +19,8 @@ NEIGHBOUR = np.sqrt(2.0)  # deviation of a difference of two, against that of on
 def tile_changes(caused: ImageRecording, without: ImageRecording) -> dict[str, np.ndarray]:
     """Size of the change (64,) by channel, root mean square over images; NaN where nothing is compared.
 
-    depth [m]: median over a surface that both see. mask [px]: pixels that change label, for each of an
-    outline. color [1 is white]: median of the same surface's grey. depth_noise [log]: spread between neighbours.
+    depth [m]: median over a surface that both see. mask [px]: pixels that change label, by those of outlines.
+    color [1 is white]: median of that surface's grey. depth_noise [log]: spread between neighbours.
     """
     height, width = without.depth.shape[1:]
     v, u = np.mgrid[0:height, 0:width]

@@ -59,7 +59,7 @@ def bound_scores(single: list[Outcome]) -> dict[str, Any]:
     for o in single:
         if not o.name_right or o.primary is None or o.report is None:
             continue
-        bound = (o.report.get("information") or {}).get(o.primary["name"], {})
+        bound = (o.report.get("information") or {}).get(f"{o.primary['family']}@{o.primary['place']}", {})
         pairs = comparable(o.primary.get("parameters", {}), o.truth.effects[0]["parameters"])
         rows = [(estimate, true, bound[name]) for name, estimate, true in pairs if bound.get(name)]
         if rows:

@@ -1,8 +1,8 @@
 """The least standard deviations that recorded images allow an effect's parameters: the bound by information.
 
-Gaussian noise as the recordings have it, and what nobody states beside the effect: the object's pose, light
-and paint. All else is taken to be as stated, so that no estimate without bias is surer (Cramer-Rao bound, with
-priors on what is open: van Trees 1968, section 2.4).
+Gaussian noise as the recordings have it. Beside the effect, what nobody states is open: the object's pose,
+light and paint. All else is taken to be as stated, so that no estimate without bias is surer (Cramer-Rao
+bound with priors on what is open: van Trees 1968, section 2.4).
 """
 
 from __future__ import annotations

@@ -1,0 +1,68 @@
+"""A lens that is off: what it does to outlines and depth, and large errors taken out before comparing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from samrl_core.cell.calibration.cell_correction import find_lens_places
+from samrl_core.cell.types.image_recording import ImageRecording
+from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
+from samrl_core.diagnosis.residuals.images.image_trial import DEPTH_NOISE_PER_Z2, prepared
+from samrl_core.diagnosis.residuals.images.linearisation import undistorted
+from samrl_core.diagnosis.residuals.images.object_pose import solved_object
+from samrl_core.diagnosis.residuals.images.rows import frame_rows
+from samrl_core.diagnosis.residuals.images.scene import ImageScene
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("radial", (0.25, 0.0)), ("focal", (0.02, -0.02)), ("centre", (0.01, 0.01))]
+)
+def test_columns_are_what_a_lens_changes(
+    recordings: list[ImageRecording], name: str, size: tuple[float, float]
+) -> None:
+    """Outlines before and after images are resampled, against the columns: size and sign."""
+    scene = ImageScene(recordings[0], compared_size(recordings[0].intrinsics)[0])
+    frames = chosen_frames(scene, recordings[0])
+    pose = solved_object(scene, frames[:8], recordings[0].tolerances, DEPTH_NOISE_PER_Z2)
+    seen, expected = [], []
+    for frame in frames[::5]:
+        taken_out = undistorted(scene, frame, {name: np.array(size)})
+        before, after = (frame_rows(scene, f, pose, DEPTH_NOISE_PER_Z2)["mask"] for f in (frame, taken_out))
+        if np.array_equal(before.tile, after.tile):
+            seen.append(before.value - after.value)
+            expected.append(np.array(size) @ before.columns[name])
+    a, b = np.concatenate(seen), np.concatenate(expected)
+    assert np.corrcoef(a, b)[0, 1] > 0.8
+    assert 0.7 < (a @ b) / (b @ b) < 1.3
+
+
+def test_a_lens_as_stated_leaves_the_frame(recordings: list[ImageRecording]) -> None:
+    scene = ImageScene(recordings[0], compared_size(recordings[0].intrinsics)[0])
+    frame = chosen_frames(scene, recordings[0])[0]
+    assert undistorted(scene, frame, {"hand_eye": np.ones(6)}) is frame
+
+
+@pytest.mark.thorough
+def test_a_large_error_of_the_lens_is_where_images_are_compared(recordings: list[ImageRecording]) -> None:
+    """5 % of the focal lengths and of the image's height: far outside of what is linear."""
+    focal, centre = np.array([0.05, 0.04]), np.array([0.0, 0.05])
+    first = recordings[0]
+    inverse = dict(
+        zip(("fx", "fy", "cx", "cy"), [*(1 / (1 + focal) - 1), *(-centre / (1 + focal))], strict=True)
+    )
+    at = find_lens_places(inverse, first.intrinsics)
+    color = np.stack([cv2.remap(c, at.x, at.y, cv2.INTER_LINEAR, borderMode=1) for c in first.color])
+    spoilt = replace(
+        first,
+        color=color,
+        depth=np.where(at.inside, first.depth[:, at.row, at.column], np.float32(np.nan)),
+        mask=np.where(at.inside, first.mask[:, at.row, at.column], np.uint8(0)),
+    )
+    (trial,) = prepared([spoilt], 1)
+    point = trial.constants.point
+    np.testing.assert_allclose(point["focal"], focal, atol=0.012)
+    np.testing.assert_allclose(point["centre"], centre, atol=0.012)

@@ -53,7 +53,13 @@ class Poses(Kind[PoseRecording]):
         self, fit: Sequence[PoseRecording], held_out: Sequence[PoseRecording]
     ) -> tuple[list[Observed], list[Observed]]:
         constants, _ = solved(fit)
-        made = [PoseTrial(r, constants) for r in (*fit, *held_out)]
+        made = [PoseTrial(r, constants) for r in fit]
+        most = max(made, key=lambda trial: len(trial.recording.seen))
+        few = [len(r.seen) < min(LEAST_TO_SPLIT, len(most.recording.seen)) for r in held_out]
+        made += [
+            PoseTrial(r, constants, least=most.level if short else None)
+            for r, short in zip(held_out, few, strict=True)
+        ]
         if not constants.free:
             check_stated(fit[0], made[0].at_target(made[0].twist), made[0].seen_position)
         return list(made[: len(fit)]), list(made[len(fit) :])

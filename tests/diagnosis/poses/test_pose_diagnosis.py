@@ -12,10 +12,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from samrl_core.cell.types.pose_recording import PoseRecording
+from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.kinds.poses import split_poses
+from samrl_core.diagnosis.kinds.poses import Poses, split_poses
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.noise import leftover
@@ -260,3 +260,16 @@ def test_recordings_of_other_devices_are_not_mixed() -> None:
     one = record(PoseWorld(at_rest=True))
     with pytest.raises(InputError, match="one\\s+camera"):
         diagnose([one], [replace(one, camera="another")])
+
+
+def test_few_views_that_are_held_out_have_the_noise_of_the_many() -> None:
+    """Of six views the constants take up nearly all: their own noise would make any residual dozens."""
+    recording = replace(record(PoseWorld(at_rest=True)), camera_in_flange=None, base_in_base=None)
+    seen = recording.seen
+    kept = PoseTrack(seen.time[:27], seen.position[:27], seen.quat_xyzw[:27])
+    fit, held_out = split_poses(replace(recording, seen=kept))
+    (many,), (few,) = Poses().trials([fit], [held_out])
+    assert isinstance(many, PoseTrial) and isinstance(few, PoseTrial) and len(held_out.seen) == 6
+    assert np.all(few.level >= many.level)
+    parts = [few.residual[c] / few.sigma[c] for c in few.channels]
+    assert float(np.sqrt(np.mean(np.square(parts)))) < 2.0

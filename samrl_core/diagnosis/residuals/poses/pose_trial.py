@@ -37,9 +37,16 @@ class PoseTrial(Observed):
     exact = True
 
     def __init__(
-        self, recording: PoseRecording, constants: Constants, level: np.ndarray | None = None
+        self,
+        recording: PoseRecording,
+        constants: Constants,
+        level: np.ndarray | None = None,
+        least: np.ndarray | None = None,
     ) -> None:
         """Form the residuals at the given constants, with noise `level` (6,) or the recording's own.
+
+        `least` (6,) is the noise of more poses of the same detector: of a few views at rest the constants
+        that noise is estimated around take up most of it.
 
         Raises:
             InputError: fewer than `LEAST_POSES` poses.
@@ -62,7 +69,7 @@ class PoseTrial(Observed):
             and all(_rate(a.stamps) >= TIMING_RATE_HZ for a in recording.arms)
         )
         if level is None:
-            self.level, self._sigma, self.outliers = self._noise()
+            self.level, self._sigma, self.outliers = self._noise(least)
         else:
             self.level, self.outliers = level, 0
             self._sigma = np.broadcast_to(level, self._residual.shape)
@@ -203,7 +210,7 @@ class PoseTrial(Observed):
 
     # -- noise -----------------------------------------------------------------------------------------
 
-    def _noise(self) -> tuple[np.ndarray, np.ndarray, int]:
+    def _noise(self, least: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, int]:
         """Level (6,) and standard deviations (N, 6), and how many detections stand apart from all others."""
         columns: list[np.ndarray] = []
         spread: list[float] = []
@@ -224,6 +231,7 @@ class PoseTrial(Observed):
         stated = self.recording.tolerances
         floor = stated.deviation * np.array([stated.detection_position] * 3 + [stated.detection_rotation] * 3)
         level = noise_level(left, floor)
+        level = level if least is None else np.maximum(level, least)
         score = np.max(np.abs(left) / np.hypot(level, 1.5 * np.median(np.abs(left), axis=0)), axis=1)
         apart = score > OUTLIER
         sigma = np.broadcast_to(level, left.shape).copy()

@@ -24,6 +24,7 @@ NAME = "cell_instances"
 COUNT = 100  # episodes per condition
 PER_INSTANCE = 5  # episodes of one cell
 SCALES = (0.5, 2.0, 4.0)  # times typical, one group at a time
+THINKING = (0.5, 1.0, 2.0)  # time from an image to its action, where the cell is busy [s]
 BY_LEVEL = LEVELS[1:]  # what is run unless something else is asked for
 # Who acts otherwise than by the learned policy and views, by what is added to a level's name.
 ROWS: dict[str, Condition] = {
@@ -33,6 +34,7 @@ ROWS: dict[str, Condition] = {
     "_remembering": Condition("optimised", "best", tip_offset=True, touch=True, remembers=True),
     "_fixed_view": Condition("optimised", HELD),
     **{f"_{name}": Condition("optimised", HELD, straw_man=name) for name in STRAW_MEN},
+    **{f"_thinking_{time_s:g}s": Condition(think_s=time_s) for time_s in THINKING},
     "_script_touch": Condition("optimised", HELD, tip_offset=True, touch=True, straw_man="script"),
 }
 

@@ -50,6 +50,7 @@ class Condition:
     tip_offset: bool = False  # see `AgentSettings`
     touch: bool = False  # the same
     remembers: bool = False  # one agent goes through the episodes of a cell, in their order
+    think_s: float = 0.0  # from an image to the action that follows from it, while the world goes on [s]
     straw_man: str = ""  # of `STRAW_MEN`, in place of Algorithm 1; empty for none
 
 
@@ -138,7 +139,8 @@ def episode_cases(job: EpisodeJob, anew: bool = True) -> list[Case]:
         world = differing_world(task, cell, job.offset)
     else:
         world = PyBulletWorld(task, cell, instance=instance_named(job.instance, cell))
-    plant, watch = WorldPlant(world, task, cell, correction=job.correction), Stopwatch()
+    plant = WorldPlant(world, task, cell, correction=job.correction, think_s=job.condition.think_s)
+    watch = Stopwatch()
     plant.begin(job.seed)
     for stop in job.way:
         plant.move_camera(np.array(stop))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
@@ -10,6 +12,7 @@ from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.tool_motion import ToolMotion
 from samrl_core.cell.world.world import SimulatedWorld
+from samrl_core.common.errors import InputError
 from samrl_core.model.task_dynamics.settings import TaskPhysicsSettings
 from samrl_core.studies.episodes.cell_driver import CellDriver
 
@@ -25,14 +28,22 @@ class WorldPlant:
         period_s: float = TaskPhysicsSettings.action_s,
         rest_s: float = TaskPhysicsSettings.rest_s,
         correction: CellCorrection = NO_CORRECTION,
+        think_s: float = 0.0,
     ) -> None:
-        """`period_s` is the time of an action, `rest_s` that before an image [s]; `correction` is what the
-        cell is known to differ by from `cell`."""
+        """`period_s` is the time of an action, `rest_s` that before an image, `think_s` that from an image to
+        the action that follows from it, while the world goes on [s]; `correction` is what the cell is known
+        to differ by from `cell`.
+
+        Raises:
+            InputError: a time that is negative or not finite.
+        """
+        if not 0.0 <= think_s < math.inf:
+            raise InputError(f"think_s is {think_s} s, must be 0 or more and finite")
         self._world = world
         cell = correction.cell(cell)
         self._driver = CellDriver(world, cell, task.scene(cell).tool, correction)
         self._motion = ToolMotion(world, task, cell, period_s)
-        self._rest_steps = round(rest_s * 1e3)
+        self._rest_steps, self._think_steps = round(rest_s * 1e3), round(think_s * 1e3)
 
     def begin(self, seed: int) -> None:
         """Lay the scene anew."""
@@ -45,8 +56,7 @@ class WorldPlant:
 
     def observe(self) -> Observation:
         """See `Plant`: what swings comes to rest first."""
-        for _ in range(self._rest_steps):
-            self._world.advance()
+        self._advance(self._rest_steps)
         return self._driver.observe()
 
     def move_camera(self, camera_arm_position: np.ndarray) -> None:
@@ -57,6 +67,11 @@ class WorldPlant:
         """See `Plant`.
 
         Raises:
-            ReachError: the arm does not get there; nothing has moved.
+            ReachError: the arm does not get there; it has not moved.
         """
+        self._advance(self._think_steps)
         self._motion.displace(displacement)
+
+    def _advance(self, steps: int) -> None:
+        for _ in range(steps):
+            self._world.advance()

@@ -51,6 +51,8 @@ FORMATS = (
     _Format((".h5", ".hdf5"), lambda path, part, csv, where: read_hdf5_table(path, part, where), parts=True),
 )
 SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.suffixes)
+# Beside other logs these are settings, notes and weights; they are logs where they are named, or alone.
+RARELY_LOGS = (".yaml", ".yml", ".pt", ".pth")
 
 
 def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> Table:

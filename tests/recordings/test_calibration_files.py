@@ -142,6 +142,12 @@ def test_a_tensor_of_a_toss_is_read_without_running_code(tmp_path: Path) -> None
             read_table(tmp_path / name, CsvOptions(), "it")
     assert not ran.exists()
 
+    itself: list[object] = []
+    itself.append(itself)
+    torch.save({"x": itself}, tmp_path / "4.pt")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_table(tmp_path / "4.pt", CsvOptions(), "it")
+
 
 def test_a_label_that_is_not_there_is_named(tmp_path: Path) -> None:
     path = _written(tmp_path / "a.csv", "who,x\nhand,1\neye,2\nhand,3\n")

@@ -144,6 +144,7 @@ def test_files_with_the_same_columns_are_recordings_of_one_machine(tmp_path: Pat
         rows = np.column_stack([time, goal, goal + 0.01 * np.sin(9 * time), rate, force])
         head = "Time[s],Target[mm],Actual[mm],Velocity[mm/s],Force[N]"
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=head, comments="", fmt="%.6f")
+    (folder / "params.yaml").write_text("rate: 100\n")  # settings beside logs are no recording
     draft = draft_mapping([folder], None, None)
     assert [(r["name"], r["role"]) for r in draft.recordings] == [
         ("slow", "fit"), ("swift", "fit"), ("work", "held_out"),

@@ -35,7 +35,7 @@ from samrl_ros.bags.reader import open_bag
 from samrl_ros.cli.progress import with_progress
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.log_import.formats.rosbag import is_mcap
-from samrl_ros.log_import.tables import SUFFIXES
+from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 
 ROBOT_FILE = "diagnose.yaml"
 ROBOT_OPTIONS = ("urdf", "tolerances", "library", "arm", "effort", "xacro_arg")  # as on the command line
@@ -215,7 +215,8 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 
 def _is_set(path: Path) -> bool:
     if not path.is_dir():
-        return path.suffix.lower() in SUFFIXES and path.suffix.lower() != ".txt"  # notes are kept so
+        kind = path.suffix.lower()
+        return kind in SUFFIXES and kind not in (*RARELY_LOGS, ".txt")  # notes are kept as .txt
     signs = ("metadata.yaml", "recordings.json", "meta/info.json")
     return any(is_there(path / sign) for sign in signs) or any(path.glob("*.mcap"))
 

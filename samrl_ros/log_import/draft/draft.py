@@ -24,7 +24,7 @@ from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
-from samrl_ros.log_import.tables import SUFFIXES
+from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _MOST_EPISODES = 20  # of a dataset, that become recordings
@@ -136,7 +136,7 @@ def _files(path: Path) -> list[Path]:
     inside = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
     if not inside:
         raise InputError(f"{path} holds no log: no bag, no LeRobot dataset, no {', '.join(SUFFIXES)}")
-    return inside
+    return [file for file in inside if file.suffix.lower() not in RARELY_LOGS] or inside
 
 
 def _described(files: list[Path], draft: Draft) -> str | None:

@@ -200,6 +200,13 @@ def test_a_log_without_positions_is_refused(tmp_path: Path) -> None:
         _made(path, False)
 
 
+def test_a_folder_of_settings_alone_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "params.yaml").write_text("rate: 100\n")
+    (tmp_path / "weights.pt").write_text("x")
+    with pytest.raises(InputError, match="holds no columns of numbers"):
+        draft_mapping([tmp_path], None, None)
+
+
 def test_a_ros1_bag_with_a_damaged_message_is_refused(tmp_path: Path) -> None:
     """Its reader opens: the index is whole, and only the messages tell."""
     path = ros1_bag(tmp_path)

@@ -183,6 +183,8 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         reason = "named as positions often are"
     if not wanted:
         names = ", ".join(name_of(c) for c in found)
+        if not names:
+            raise InputError("the log holds no columns of numbers; name the file of the motion")
         raise InputError(f"no measured position was found among {names}; write the mapping by hand")
     fits = [c for c in wanted if joints and set(c.block.labels) & set(joints)] or wanted
     best = max(

@@ -10,9 +10,8 @@ import numpy as np
 
 from samrl_core.cell.types.image_recording import ImageRecording
 
-TILES = 8  # along each side of the image
+TILES = 8  # along each side of the image; a test holds it to that of reports, which a maker does not know
 LEAST_PIXELS = 12  # of a tile and surface, in an image
-CHANNELS = ("depth", "mask", "color", "depth_noise")
 NEIGHBOUR = np.sqrt(2.0)  # deviation of a difference of two, against that of one
 
 

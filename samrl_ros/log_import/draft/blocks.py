@@ -80,13 +80,11 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
         InputError: the log cannot be read, or holds no table of numbers.
     """
     if is_bag(path):
-        topics = [t for t in list_topics(path, "the log") if t.type in ROS_TYPES and t.count >= _LEAST]
-        parts = [(t.name, t.type) for t in topics]
+        topics = list_topics(path, "the log")
+        parts = [(t.name, t.type) for t in topics if t.type in ROS_TYPES and t.count >= _LEAST]
         if not parts:
-            present = ", ".join(f"{t.name} ({t.type})" for t in list_topics(path, "the log")) or "none"
-            trees = (
-                TREES if any(t.type == "tf2_msgs/msg/TFMessage" for t in list_topics(path, "the log")) else ""
-            )
+            present = ", ".join(f"{t.name} ({t.type})" for t in topics) or "none"
+            trees = TREES if any(t.type == "tf2_msgs/msg/TFMessage" for t in topics) else ""
             raise InputError(
                 f"{path} has no topic of {', '.join(sorted(ROS_TYPES))} with {_LEAST} messages; topics are"
                 f" {present}{trees}"

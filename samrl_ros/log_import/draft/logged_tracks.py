@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +24,10 @@ from samrl_ros.log_import.draft.pose_tracks import (
 )
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
+from samrl_ros.log_import.formats.text import rows_of
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
-from samrl_ros.log_import.tables import SUFFIXES, read_table
+from samrl_ros.log_import.tables import SUFFIXES, TEXT_SUFFIXES, read_table
 
 POSES = frozenset(
     f"geometry_msgs/msg/{name}"
@@ -122,11 +123,12 @@ def _tables_of(path: Path) -> list[LoggedTable]:
         return []
     options = text_options(path)
     whole = LoggedTable(path, read_table(path, options, "the log", ""), csv=options)
-    return split_by_label(whole) or [whole]
+    labelled = split_by_label(whole) if path.suffix.lower() in TEXT_SUFFIXES else []
+    return labelled or [whole]
 
 
 def split_by_label(whole: LoggedTable) -> list[LoggedTable]:
-    """Tables of one thing each, where a column says what a row is of; empty where none does.
+    """Tables of one thing each, where a column of text says what a row is of; empty where none does.
 
     It does where every label has poses of its own and their times run side by side. Without times, rows that
     take turns (`hand`, `eye`, `hand`, ...) are as many of each.
@@ -140,10 +142,11 @@ def split_by_label(whole: LoggedTable) -> list[LoggedTable]:
             continue
         options = whole.csv.model_copy(update={"label": label})
         parts = [str(name) for name in dict.fromkeys(names)]
-        tables = [
-            LoggedTable(whole.path, read_table(whole.path, options, "the log", part), part, csv=options)
-            for part in parts
-        ]
+        tables = []
+        for part in parts:
+            rows = rows_of(whole.table.columns, part, label, f"the log: {whole.path.name}")
+            table = replace(whole.table, columns=rows)
+            tables.append(LoggedTable(whole.path, table, part, csv=options))
         if all(any(t.track.whole for t in each.tracks()) for each in tables) and _side_by_side(
             whole.table, names.to_numpy(), parts
         ):

@@ -74,14 +74,18 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
         for name in names
     }
     if part or options.label:
-        columns = _rows_of(columns, part, options.label, f"{where}: {path.name}")
+        columns = rows_of(columns, part, options.label, f"{where}: {path.name}")
     return Table(path, columns, options.decimal)
 
 
-def _rows_of(
+def rows_of(
     columns: dict[str, np.ndarray | pd.Series], part: str, label: str, where: str
 ) -> dict[str, np.ndarray | pd.Series]:
-    """Rows whose label is the part, without the label."""
+    """Rows whose label is the part, without the label.
+
+    Raises:
+        InputError: a part without a label, no such column, or no such row.
+    """
     if not label:
         raise InputError(
             f"{where} has no parts, so no {part!r}; `csv.label` names a column that says what a row is of"

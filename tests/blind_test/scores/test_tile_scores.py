@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from samrl_core.blind_test.camera_worlds import tiles
 from samrl_core.blind_test.camera_worlds.tiles import tile_changes
 from samrl_core.blind_test.scores.outcome import Outcome, SealedTruth
 from samrl_core.blind_test.scores.tile_scores import bound_scores, tile_iou, tile_scores
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.image_recording import ImageRecording
+from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
 HAND_EYE = {"family": "hand_eye", "place": "sensor:camera"}
 
@@ -32,6 +34,10 @@ def _outcome(verdict: str, stand_out: list[int], changed: list[int]) -> Outcome:
     change = np.zeros(64)
     change[changed] = 0.004
     return Outcome(truth, report, tiles={"depth": change})
+
+
+def test_worlds_and_reports_count_the_same_tiles() -> None:
+    assert tiles.TILES == ImageTrial.tiles_along_side
 
 
 def test_iou_counts_compared_tiles_alone() -> None:

@@ -51,12 +51,15 @@ def run(given: list[str]) -> int:
     from functools import partial
 
     from samrl_ros.hosting.host import run_process
-    from samrl_ros.hosting.threads import give_freed_memory_back, one_thread_per_library
+    from samrl_ros.hosting.threads import FreedMemory, one_thread_per_library
     from samrl_ros.nodes.registry import make_node
 
     one_thread_per_library()
-    give_freed_memory_back()
-    return run_process([partial(make_node, name) for name in names], [sys.argv[0], *arguments])
+    memory = FreedMemory()
+    try:
+        return run_process([partial(make_node, name) for name in names], [sys.argv[0], *arguments])
+    finally:
+        memory.stop()
 
 
 def own_arguments(arguments: list[str]) -> list[str]:

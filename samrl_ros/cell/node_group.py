@@ -16,7 +16,7 @@ from typing import Any
 from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.files import room_for
 from samrl_ros.cell.pulse import Silence, pulse_of
-from samrl_ros.hosting.threads import give_freed_memory_back, one_thread_per_library
+from samrl_ros.hosting.threads import FreedMemory, one_thread_per_library
 
 STOP_TIMEOUT_S = 15.0  # asleep, held by a signal, or of processor time
 STOP_LOOK_S = 0.02
@@ -43,7 +43,7 @@ class ThreadGroup:
         # wait that long each time for a thread that computes.
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         one_thread_per_library()
-        give_freed_memory_back()
+        self._memory = FreedMemory()
         self._names: list[str] = []
         self._threads: list[Any] = []
 
@@ -91,6 +91,7 @@ class ThreadGroup:
                 thread.stop()
             except TimeoutError as error:
                 hanging.append(str(error))
+        self._memory.stop()
         return "; ".join(hanging)
 
 

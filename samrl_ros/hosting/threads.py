@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
-import time
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # mallopt(3)
 _ARENAS = 2  # heaps in a process; by default 8 per core, each with its own holes
@@ -26,28 +25,38 @@ def one_thread_per_library() -> None:
     torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
 
 
-def give_freed_memory_back(every_s: float = TRIM_S) -> None:
-    """Make glibc return freed arrays to the system, where it would keep them for later; elsewhere do nothing.
+class FreedMemory:
+    """Makes glibc return freed arrays to the system, which it would keep for later; elsewhere does nothing.
 
     By default it raises its limit for that to 32 MB with the first large array, and puts those below between
     small objects that stay: the view planner's heap grew by 290 MB an hour, of which none was in use. Whole
-    pages that are free between smaller arrays are given back every `every_s` seconds.
+    pages that are free between smaller arrays are given back every `every_s` seconds until `stop`: a process
+    with a thread left ends without Python's own end, and Fast DDS then leaves its shared memory behind.
     """
-    glibc = ctypes.CDLL(None)
-    mallopt, trim = getattr(glibc, "mallopt", None), getattr(glibc, "malloc_trim", None)
-    if mallopt is None or trim is None:
-        return
-    for name, value in (
-        (_M_ARENA_MAX, _ARENAS),
-        (_M_MMAP_THRESHOLD, _LARGE),
-        (_M_TRIM_THRESHOLD, 4 * _LARGE),
-    ):
-        mallopt(name, value)
-    trim.argtypes = [ctypes.c_size_t]
 
-    def trim_now_and_then() -> None:
-        while True:
-            time.sleep(every_s)
-            trim(0)  # without the interpreter's lock: other threads go on
+    def __init__(self, every_s: float = TRIM_S) -> None:
+        glibc = ctypes.CDLL(None)
+        mallopt, self._trim = getattr(glibc, "mallopt", None), getattr(glibc, "malloc_trim", None)
+        self._every_s = every_s
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._give_back, name="malloc_trim", daemon=True)
+        if mallopt is None or self._trim is None:
+            return
+        for name, value in (
+            (_M_ARENA_MAX, _ARENAS),
+            (_M_MMAP_THRESHOLD, _LARGE),
+            (_M_TRIM_THRESHOLD, 4 * _LARGE),
+        ):
+            mallopt(name, value)
+        self._trim.argtypes = [ctypes.c_size_t]
+        self._thread.start()
 
-    threading.Thread(target=trim_now_and_then, name="malloc_trim", daemon=True).start()
+    def stop(self) -> None:
+        """End the thread; what is freed afterwards stays with the process."""
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _give_back(self) -> None:
+        while not self._stop.wait(self._every_s):
+            self._trim(0)  # without the interpreter's lock: the nodes go on

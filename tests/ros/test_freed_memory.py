@@ -13,7 +13,7 @@ CODE = """
 import sys
 import time
 import numpy as np
-from samrl_ros.hosting.threads import give_freed_memory_back
+from samrl_ros.hosting.threads import FreedMemory
 
 def anonymous_MB():
     lines = open("/proc/self/smaps_rollup").read().splitlines()
@@ -21,7 +21,7 @@ def anonymous_MB():
 
 how, array, stays = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 if how == "back":
-    give_freed_memory_back(0.2)
+    memory = FreedMemory(0.2)
 np.ones(20_000_000, np.uint8)  # glibc takes the size as its new limit of what is given back
 before = anonymous_MB()
 arrays, between = [], []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
+from collections.abc import Callable
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # mallopt(3)
 _ARENAS = 2  # heaps in a process; by default 8 per core, each with its own holes
@@ -36,11 +37,11 @@ class FreedMemory:
 
     def __init__(self, every_s: float = TRIM_S) -> None:
         glibc = ctypes.CDLL(None)
-        mallopt, self._trim = getattr(glibc, "mallopt", None), getattr(glibc, "malloc_trim", None)
+        mallopt, trim = getattr(glibc, "mallopt", None), getattr(glibc, "malloc_trim", None)
         self._every_s = every_s
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._give_back, name="malloc_trim", daemon=True)
-        if mallopt is None or self._trim is None:
+        self._thread = threading.Thread(target=self._give_back, args=(trim,), name="malloc_trim", daemon=True)
+        if mallopt is None or trim is None:
             return
         for name, value in (
             (_M_ARENA_MAX, _ARENAS),
@@ -48,7 +49,7 @@ class FreedMemory:
             (_M_TRIM_THRESHOLD, 4 * _LARGE),
         ):
             mallopt(name, value)
-        self._trim.argtypes = [ctypes.c_size_t]
+        trim.argtypes = [ctypes.c_size_t]
         self._thread.start()
 
     def stop(self) -> None:
@@ -57,6 +58,6 @@ class FreedMemory:
         if self._thread.ident is not None:
             self._thread.join()
 
-    def _give_back(self) -> None:
+    def _give_back(self, trim: Callable[[int], int]) -> None:
         while not self._stop.wait(self._every_s):
-            self._trim(0)  # without the interpreter's lock: the nodes go on
+            trim(0)  # without the interpreter's lock: the nodes go on

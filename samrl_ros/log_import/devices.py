@@ -11,6 +11,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder, is_there
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_free_devices
+from samrl_ros.log_import.draft.clock_draft import STAMPED
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import POSES
 from samrl_ros.log_import.draft.writing import as_yaml
@@ -103,7 +104,7 @@ def _may_hold_devices(path: Path) -> bool:
         return False
     if is_bag(path):
         kinds = {topic.type for topic in list_topics(path, "the log")}
-        return bool(kinds & POSES) and not any(kind.endswith("JointState") for kind in kinds)
+        return bool(kinds & (POSES | STAMPED)) and not any(kind.endswith("JointState") for kind in kinds)
     if is_folder(path):
         names = [file.name for file in path.iterdir()]
         return INDEX not in names and not any(name.endswith((*_IMPORTED, ".mcap")) for name in names)

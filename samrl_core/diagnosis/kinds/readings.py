@@ -18,7 +18,7 @@ from samrl_core.diagnosis.kinds.reading_corrections import reading_recalibration
 from samrl_core.diagnosis.recordings.held_out import SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.residuals.readings.reading_trial import ReadingTrial, plateaus_of
+from samrl_core.diagnosis.residuals.readings.reading_trial import SLOW, ReadingTrial, plateaus_of
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
@@ -28,7 +28,6 @@ LEAST = 40  # readings of a recording that is cut
 NEXT_DEPTHS_M = (0.3, 0.5, 0.8, 1.2, 1.8)
 NEXT_READINGS = 400
 NEXT_HOURS = 2.0
-SLOW = 6.0  # readings that count as one where it is asked whether anything at all is there
 PATTERN = 80.0  # [nat] beyond noise and tolerances, of which something is there whatever it is
 
 
@@ -61,18 +60,19 @@ class Readings(Kind[ReadingRecording]):
         made = [ReadingTrial(r, start) for r in (*fit, *held_out)]
         # An error that noise hides needs no regressor, which would take away from what is left to see.
         at = plateaus_of([*fit, *held_out])
-        plateaus = tuple(z for z in at if any(t.shows_plateau(z) > SLOW for t in made))
+        shown = set[str]().union(*(trial.shown(at) for trial in made))
         for trial in made:
-            trial.plateaus = plateaus
+            trial.tolerated = {name: v for name, v in trial.tolerances(at).items() if name in shown}
         return list(made[: len(fit)]), list(made[len(fit) :])
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
-        made = [t for t in trials if isinstance(t, ReadingTrial) and t.outliers]
-        return [
+        made = [t for t in trials if isinstance(t, ReadingTrial)]
+        return [*_steps(made), *(
             f"{t.name}: {t.outliers} of {len(t.recording.reading)} readings stand apart from all others and"
             " hardly count"
             for t in made
-        ]
+            if t.outliers
+        )]  # fmt: skip
 
     def system(self, trial: Observed) -> str:
         assert isinstance(trial, ReadingTrial)
@@ -93,8 +93,9 @@ class Readings(Kind[ReadingRecording]):
         return reading_recalibration(chosen, trials)
 
     def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
-        if chosen is not None:
-            return []
+        steps = _steps([t for t in evidence.likelihood.trials if isinstance(t, ReadingTrial)])
+        if chosen is not None or steps:
+            return steps
         excess = evidence.likelihood.deficit(evidence.likelihood.y, SLOW)
         if excess < PATTERN:
             return []
@@ -136,6 +137,16 @@ class Readings(Kind[ReadingRecording]):
             "record": motion,
         }
         return NextExperiment(FILE, why, float(1.0 - np.exp(-best / NAT_PER_CERTAINTY)), content), ""
+
+
+def _steps(trials: Sequence[ReadingTrial]) -> list[str]:
+    """Where clocks step apart, a sentence each: no offset and no drift is one there."""
+    return [
+        f"{t.name}: the clocks step apart by {size:+.4g} s after {when:.5g} s: one was set, or events were"
+        " lost; cut there with `rows` and diagnose the parts"
+        for t in trials
+        for when, size in t.jumps()
+    ]
 
 
 def split_readings(

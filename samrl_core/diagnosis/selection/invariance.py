@@ -91,6 +91,8 @@ class Sizes:
         q, degrees = self._statistic()
         if degrees < 1:
             return 1.0
+        if q <= degrees:  # no more than noise: likelier yet where the law may scatter; SciPy overflows there
+            return float(stats.chi2.sf(q, degrees))
         return float(stats.ncx2.sf(q, degrees, (allowed * self.mean) ** 2 * self.total + 1e-12))
 
     def _statistic(self) -> tuple[float, int]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from samrl_ros.log_import.draft.body_draft import draft_bodies
+from samrl_ros.log_import.draft.clock_draft import draft_stamped_topic
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
@@ -39,7 +40,7 @@ def draft_free_devices(paths: Sequence[Path]) -> Draft | None:
         InputError: a log that cannot be read.
     """
     tables = read_logged_tables(paths)
-    return draft_readings(tables) or _draft_tracks(tables)
+    return draft_readings(tables) or _draft_tracks(tables) or draft_stamped_topic(paths)
 
 
 def _draft_tracks(tables: Sequence[LoggedTable]) -> Draft | None:

@@ -52,6 +52,7 @@ class Draft:
     bodies: dict[str, Any] = field(default_factory=dict)  # of tracks of a free body, likewise
     falls: bool = False  # whether such a body was seen to fall freely
     readings: dict[str, Any] = field(default_factory=dict)  # of a log of depth against distances, likewise
+    tolerances: dict[str, float] = field(default_factory=dict)  # where the log itself leaves more open
     recordings: list[dict[str, Any]] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)  # columns that went nowhere, and why
@@ -87,7 +88,9 @@ class Draft:
             content["urdf"] = self.urdf
         if self.xacro_args:
             content["xacro_args"] = self.xacro_args
-        described = (
+        described: dict[str, Any] = (
             {"channels": self.channels} if self.kind == "joints" else {self.kind: getattr(self, self.kind)}
         )
+        if self.tolerances:
+            described["tolerances"] = self.tolerances
         return content | {"sources": self.sources} | described | {"recordings": self.recordings}

@@ -1,8 +1,7 @@
 """Drafts a mapping of readings: which column the sensor gave, which is the truth, in which unit.
 
 Nothing but names says which of two columns is the truth: a factor of 1.01 is 0.99 the other way round. Metres
-show in the numbers, since no depth camera measures 100 m; between cm and mm a name must decide. Two clocks
-that stamp the same events are told by their names, too, and by running alike.
+show in the numbers, since no depth camera measures 100 m; between cm and mm a name must decide.
 """
 
 from __future__ import annotations
@@ -12,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.column_names import is_time, meaning, words_in
+from samrl_ros.log_import.draft.clock_draft import describe_clocks, find_clocks
+from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable
 from samrl_ros.log_import.draft.text_layout import stated_options
-from samrl_ros.log_import.draft.track_entries import SECONDS
 from samrl_ros.log_import.pose_specs import LENGTHS
 from samrl_ros.log_import.table import Table
 
@@ -28,15 +26,7 @@ GIVEN = frozenset("measured raw reading sensor camera cam estimated est".split()
 FARTHEST, NEAREST = 30.0, 0.05  # [m] that depth cameras measure
 ALIKE = 0.9  # correlation of a reading with its reference
 FARTHEST_OFF = 2.0  # factor by which a depth is off its reference
-LEAST = 50  # stamps of two clocks
 FEWEST = 6  # distances: fewer say nothing, and are no log of depth
-HOST = frozenset(
-    "host receive received recv arrival arrived system pc ptp local ros bag reference ref log".split()
-)
-DEVICE = frozenset("device camera cam sensor hardware hw header exposure image imu driver mcu robot".split())
-COUNTERS = frozenset("frame frames seq index id number count".split())
-RUNS_ALIKE = 0.999  # correlation of two clocks
-FAR_APART_S = 5.0  # that no clock is off, which counts from the same moment
 
 
 def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
@@ -56,8 +46,8 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     if pairs:
         used = _describe_depth(columns, pairs, draft)
-    elif clocks := _clocks(tables[0].table):
-        used = _describe_clocks(*clocks, tables[0].table, draft)
+    elif clocks := find_clocks(tables[0].table):
+        used = describe_clocks(clocks, [each.table for each in tables if clocks.are_in(each.table)], draft)
     else:
         return None
     if any(not set(used) <= set(each.table.columns) for each in tables):
@@ -114,68 +104,6 @@ def _describe_depth(
     draft.sources["log"] = {"columns": {"reading": reading, "reference": reference}}
     draft.readings = {"quantity": "depth", "reading": formulas[0], "reference": formulas[1], "unit": unit}
     return reading, reference
-
-
-def _clocks(table: Table) -> tuple[str, str] | None:
-    """(device's, host's) stamps of the same events, by their names, in a table that holds little else."""
-    stamps: list[tuple[str, np.ndarray]] = []
-    others = 0
-    for name in table.columns:
-        values = numbers_of(table, name)
-        if values is None or values.ndim != 1 or np.isfinite(values).sum() < LEAST:
-            continue
-        if is_time(name) or set(words_in(name)) & (HOST | DEVICE):
-            stamps.append((name, values))
-        elif not set(words_in(name)) & COUNTERS:
-            others += 1
-    device = [(n, v) for n, v in stamps if set(words_in(n)) & DEVICE and not set(words_in(n)) & HOST]
-    host = [(n, v) for n, v in stamps if set(words_in(n)) & HOST]
-    if len(device) != 1 or len(host) != 1 or others:
-        return None
-    (one, a), (other, b) = device[0], host[0]
-    rates = [np.ptp(v[np.isfinite(v)]) for v in (a, b)]
-    if min(rates) <= 0 or not _alike(a, b) or np.corrcoef(a, b)[0, 1] < RUNS_ALIKE:
-        return None
-    return one, other
-
-
-def _describe_clocks(device: str, host: str, table: Table, draft: Draft) -> tuple[str, str]:
-    """Roles and units of two clocks; the columns used."""
-    values = {name: np.asarray(table.numbers(name, "the log")) for name in (device, host)}
-    draft.note("readings", f"{device!r} are a device's stamps, {host!r} another clock's: by their names")
-    units: dict[str, str] = {}
-    for name, v in values.items():
-        said, found = meaning(name).unit, evidence.time_unit(np.diff(v[np.isfinite(v)]))
-        units[name] = said if said in SECONDS else (found or ["s"])[0]
-        open_ = said not in SECONDS and len(found) != 1
-        question = f"is {name!r} in {units[name]}?" if open_ else ""
-        draft.note(
-            "readings",
-            f"{name!r} in {units[name]}: {'its name' if said in SECONDS else 'its steps'}",
-            question,
-        )
-    a, b = (SECONDS[units[name]] * v for name, v in values.items())
-    apart = float(np.nanmedian(a - b))
-    if abs(apart) > FAR_APART_S:
-        draft.note(
-            "readings", f"the clocks are {apart:.6g} s apart",
-            "do they count from the same moment? If not, subtract what is known of it in `reading`",
-        )  # fmt: skip
-    same = units[device] == units[host]
-    formulas = (
-        ["device", "host"]
-        if same
-        else [f"{SECONDS[units[n]]:g} * {k}" for n, k in ((device, "device"), (host, "host"))]
-    )
-    draft.sources["log"] = {
-        "time": {"column": host, "unit": units[host]},
-        "columns": {"device": device, "host": host},
-    }
-    if (np.diff(b[np.isfinite(b)]) <= 0).any():
-        draft.sources["log"]["time"]["repeated"] = "drop"
-    unit = units[host] if same else "s"
-    draft.readings = {"quantity": "stamp", "reading": formulas[0], "reference": formulas[1], "unit": unit}
-    return device, host
 
 
 def _numbers(table: Table, name: str) -> np.ndarray | None:

@@ -33,6 +33,9 @@ class ClockOffsetByStamps(Effect[ReadingTrial]):
         offset = Polynomial(name="offset", place=place, amplitudes=("o",), powers=(0,), spreads=(0.1,))
         far = Polynomial(name="far apart", place=place, amplitudes=("o",), powers=(0,), spreads=(100.0,))
         drift = Polynomial(name="drift", place=place, amplitudes=("drift",), powers=(1,), spreads=(5e-5,))
+        fast = Polynomial(  # a rate that was stated wrongly, as 30 Hz for 29.97
+            name="fast drift", place=place, amplitudes=("drift",), powers=(1,), spreads=(5e-4,), surprise=1.0
+        )
         both = Polynomial(
             name="offset and drift",
             place=place,
@@ -44,7 +47,7 @@ class ClockOffsetByStamps(Effect[ReadingTrial]):
             name="far apart, drifting", place=place, amplitudes=("o", "drift"), powers=(0, 1),
             spreads=(100.0, 5e-4),
         )  # fmt: skip
-        return (offset, far, drift, both, far_both)
+        return (offset, far, drift, fast, both, far_both)
 
 
 EFFECT = ClockOffsetByStamps()

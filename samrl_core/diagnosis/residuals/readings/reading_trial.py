@@ -22,6 +22,9 @@ LEAST_ALIKE, MOST_PLATEAUS = (
     60,
 )  # readings at one depth, and depths, from and up to which they share errors
 GROUPS, LEAST_SPREAD = 8, 0.4  # of readings by depth, and of its logarithm, that show how noise grows
+NEXT_TO_STEP, STEP = 25, 8.0  # stamps on either side of a step of the clocks, and its size in their noise
+SLOW = 6.0  # readings that count as one where it is asked whether anything at all is there
+MOST_STEPS = 5  # that are told
 APART = 6.0  # standard deviations beyond which a reading is none of this quantity
 
 
@@ -47,7 +50,7 @@ class ReadingTrial(Observed):
         self.recording, self.start = recording, start
         self.channels = (recording.quantity,)
         self.cached: dict[tuple[str, str], Any] = {}
-        self.plateaus: tuple[float, ...] = ()  # reference depths [m] of this session at which planes stood
+        self.tolerated = self.tolerances()
         self._error = recording.reading - recording.reference
         self.outliers = 0
         if like is None:
@@ -116,10 +119,49 @@ class ReadingTrial(Observed):
         """Columns (N,) each of the residual."""
         return {(self.channels[0], 0): np.stack([np.broadcast_to(r, self._error.shape) for r in rows])}
 
-    def shows_plateau(self, depth: float) -> float:
-        """Information on an error of the tolerated size that readings at a depth [m] share, in variances."""
-        stated, there = self.recording.tolerances, np.abs(self.over - depth) < ALIKE_M
-        return float(np.sum((stated.deviation * stated.depth_pattern * depth / self._sigma[there]) ** 2))
+    def tolerances(self, plateaus: Sequence[float] = ()) -> dict[str, tuple[np.ndarray, float]]:
+        """What may be off by name, with the error (N,) that one unit of it makes, and its deviation."""
+        stated, ones = self.recording.tolerances, np.ones_like(self.over)
+        if self.recording.quantity == "depth":
+            rows = {"scale": (self.over, stated.depth_scale), "offset": (ones, stated.depth_offset)}
+            # What a plane's distance was measured wrong by, all readings at it share.
+            for depth in plateaus:
+                there = np.abs(self.over - depth) < ALIKE_M
+                rows[f"plane at {depth!r} m"] = there * self.over, stated.depth_pattern
+        else:
+            rows = {"offset": (ones, stated.stamp), "drift": (self.over, stated.drift)}
+        return {name: (row, stated.deviation * width) for name, (row, width) in rows.items() if width > 0}
+
+    def shown(self, plateaus: Sequence[float]) -> set[str]:
+        """Tolerances that stand out of the noise, each beyond what stronger ones explain."""
+        rows = {name: by * row / self._sigma for name, (row, by) in self.tolerances(plateaus).items()}
+        found, basis = set(), np.zeros((0, len(self._sigma)))
+        for name in sorted(rows, key=lambda each: -float(rows[each] @ rows[each])):
+            left = rows[name] - (basis @ rows[name]) @ basis
+            if (strength := float(left @ left)) > SLOW:
+                found.add(name)
+                basis = np.vstack([basis, left / np.sqrt(strength)])
+        return found
+
+    def jumps(self) -> list[tuple[float, float]]:
+        """(when, by how much) [s] the clocks step apart for good, the largest first; none of depth."""
+        if self.recording.quantity != "stamp" or len(self._error) < 4 * NEXT_TO_STEP:
+            return []
+        size = NEXT_TO_STEP
+        windows = np.median(np.lib.stride_tricks.sliding_window_view(self._error, size), axis=1)
+        rise = windows[size:] - windows[:-size]
+        rise = rise - np.median(rise)  # of a drift
+        level = np.hypot(float(scale(rise[:, None])[0]), self.recording.tolerances.stamp)
+        found: list[tuple[float, float]] = []
+        while len(found) < MOST_STEPS and np.abs(rise).max() > STEP * level:
+            at = int(np.argmax(np.abs(rise)))
+            near = slice(max(at - size, 0), at + size)
+            # A flank is as wide as the window; its middle is where the step is.
+            flank = np.flatnonzero(np.abs(rise[near]) > 0.5 * abs(rise[at])) + near.start
+            k = int(np.median(flank)) + size
+            found.append((float(self.elapsed("")[k]), float(rise[at])))
+            rise[near] = 0.0
+        return found
 
     @property
     def _growth(self) -> np.ndarray:
@@ -167,16 +209,7 @@ class ReadingTrial(Observed):
 
 def tolerance_columns(trial: ReadingTrial, widened: float = 1.0) -> list[tuple[Columns, float]]:
     """Regressors (one row each) and standard deviations."""
-    stated = trial.recording.tolerances
-    by, ones = widened * stated.deviation, np.ones_like(trial.over)
-    if trial.recording.quantity == "depth":
-        rows = [(trial.over, stated.depth_scale), (ones, stated.depth_offset)]
-        # What a plane's distance was measured wrong by, all readings at it share.
-        shared = [np.abs(trial.over - value) < ALIKE_M for value in trial.plateaus]
-        rows += [(mask * trial.over, stated.depth_pattern) for mask in shared]
-    else:
-        rows = [(ones, stated.stamp), (trial.over, stated.drift)]
-    return [(trial.columns(row), by * width) for row, width in rows if width > 0]
+    return [(trial.columns(row), widened * by) for row, by in trial.tolerated.values()]
 
 
 def plateaus_of(recordings: Sequence[ReadingRecording]) -> tuple[float, ...]:

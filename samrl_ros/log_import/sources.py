@@ -11,6 +11,7 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
+from samrl_ros.log_import.formats.depth_images import read_depth_images
 from samrl_ros.log_import.formulas import evaluate, names_in
 from samrl_ros.log_import.specs import ColumnSpec, LoggedSpec, Missing, TimeSpec
 from samrl_ros.log_import.table import Table
@@ -44,7 +45,12 @@ def read_source(
     """
     source, where = spec.sources[name], f"{spec.path}.sources.{name}"
     paths = tuple(data / file for file in spec.files_of(name))
-    tables = [read_table(path, source.csv, f"{where}.file", spec.part_of(name)) for path in paths]
+    tables = [
+        read_table(path, source.csv, f"{where}.file", spec.part_of(name))
+        if source.images is None
+        else read_depth_images(path, source.images, f"{where}.file")
+        for path in paths
+    ]
     for table in tables:
         notes += [f"{where}: {note}" for note in table.notes]
     columns = {

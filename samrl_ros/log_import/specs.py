@@ -73,6 +73,19 @@ class CsvOptions(Checked):
     label: str = ""  # column whose text says what a row is of; `part` names the rows that are read
 
 
+class ImageOptions(Checked):
+    """Depth images of a plane: scale, intrinsics of the camera, and a table with a row for each image."""
+
+    per_metre: Positive  # raw numbers of one metre
+    fx: Positive  # [pixels], as the others
+    fy: Positive
+    cx: float
+    cy: float
+    list: str | None = None  # a text table in the folder of the images
+    name: str = ""  # its column that names the image; else its rows are in the images' order
+    csv: CsvOptions = CsvOptions()  # how it is written
+
+
 class TimeSpec(Checked):
     """Where a source's time comes from: a column, a rate, or a column that counts frames at a rate."""
 
@@ -121,6 +134,7 @@ class SourceSpec(Checked):
         ""  # topic of a bag, episode of a dataset, group of HDF5, keys down to JSON's samples, label of rows
     )
     csv: CsvOptions = CsvOptions()
+    images: ImageOptions | None = None  # the file is a folder or a stack of depth images
     time: TimeSpec | None = None  # None: the file's own, such as a bag's stamps
     columns: dict[Name, Annotated[ColumnSpec, BeforeValidator(_column)]]
     missing: Missing = "error"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from samrl_ros.log_import.draft.body_draft import draft_bodies
 from samrl_ros.log_import.draft.clock_draft import draft_stamped_topic
+from samrl_ros.log_import.draft.depth_draft import draft_depth_images
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
@@ -39,6 +40,8 @@ def draft_free_devices(paths: Sequence[Path]) -> Draft | None:
     Raises:
         InputError: a log that cannot be read.
     """
+    if (images := draft_depth_images(paths)) is not None:
+        return images
     tables = read_logged_tables(paths)
     return draft_readings(tables) or _draft_tracks(tables) or draft_stamped_topic(paths)
 

@@ -39,8 +39,8 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     columns = {
         name: v for name in tables[0].table.columns if (v := _numbers(tables[0].table, name)) is not None
     }
-    true = [name for name in columns if _says_truth(name)]
-    read = [name for name in columns if _says_depth(name) and not _says_truth(name)]
+    true = [name for name in columns if says_truth(name)]
+    read = [name for name in columns if _says_depth(name) and not says_truth(name)]
     read = read or [name for name in columns if _says_measured_length(name)]
     pairs = [(a, b) for a in read for b in true if _alike(columns[a], columns[b])]
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
@@ -124,7 +124,8 @@ def _says_measured_length(name: str) -> bool:
     return bool(words & GIVEN) and bool(words & set(LENGTHS))
 
 
-def _says_truth(name: str) -> bool:
+def says_truth(name: str) -> bool:
+    """Whether a name is of what is trusted."""
     words = set(words_in(name))
     return bool(words & TRUTH) and not words & GIVEN
 

@@ -1,0 +1,156 @@
+"""Depth images of a wall without a mapping: what is sure, what is asked, what is found, what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from samrl_core.common.errors import InputError
+from samrl_ros.cli.main import run
+from samrl_ros.log_import.devices import read_devices
+from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.formats.depth_images import distance_in
+from samrl_ros.log_import.formats.intrinsics import Intrinsics, read_cameras
+from tests.recordings.depth_cameras import (
+    CX,
+    CY,
+    FX,
+    FY,
+    MATRIX,
+    make_realsense,
+    make_ros_dump,
+    make_stack,
+    make_tum,
+    save,
+    wall,
+)
+
+
+def report(path: Path, folder: Path) -> dict:
+    assert run(["diagnose", str(path), "--out", str(folder)]) == 0
+    return json.loads((folder / "report.json").read_text())
+
+
+def check(found: dict, name: str, truth: float) -> None:
+    (effect,) = found["effects"]
+    assert found["verdict"] == "effect" and effect["family"] == "depth_scale"
+    (value,) = [effect["parameters"][name]]
+    assert set(effect["parameters"]) == {name}
+    low, high = value["ci95"]
+    assert low <= truth <= high and high - low < 0.2 * abs(truth)
+
+
+@pytest.mark.parametrize("floor", [False, True])
+def test_folders_by_distance_show_a_factor(tmp_path: Path, floor: bool) -> None:
+    check(report(make_realsense(tmp_path / "wall", 0.012, floor), tmp_path / "report"), "a", 0.012)
+
+
+def test_a_camera_that_is_right_has_no_gap(tmp_path: Path) -> None:
+    assert report(make_realsense(tmp_path / "wall", 0.0), tmp_path / "report")["verdict"] == "no_gap"
+
+
+def test_a_stack_of_arrays_shows_a_factor(tmp_path: Path) -> None:
+    check(report(make_stack(tmp_path / "stack", -0.02), tmp_path / "report"), "a", -0.02)
+
+
+def test_an_offset_may_be_where_the_camera_sits(tmp_path: Path) -> None:
+    found = report(make_ros_dump(tmp_path / "dump", 0.006), tmp_path / "report")
+    assert found["verdict"] == "ambiguous"
+    families = {each["family"] for each in (*found["effects"], *found["runner_ups"])}
+    assert families == {"hand_eye", "depth_scale"}
+
+
+def test_poses_of_a_board_give_the_plane_of_a_leaning_wall(tmp_path: Path) -> None:
+    folder = make_tum(tmp_path / "tum", 0.008)
+    draft = draft_any([folder], None, None)
+    (question,) = draft.questions
+    assert "depth aligned" in question
+    assert draft.sources["log"]["images"]["per_metre"] == 5000.0
+    mapping = tmp_path / "mapping.yaml"
+    assert run(["bag", "draft", str(folder), "--out", str(mapping)]) == 0
+    lines = mapping.read_text().splitlines()
+    begin = lines.index("questions:")
+    mapping.write_text("\n".join([*lines[:begin], *lines[begin + 2 :]]))
+    assert run(["bag", "import", str(mapping), "--out", str(tmp_path / "bags")]) == 0
+    check(report(tmp_path / "bags", tmp_path / "report"), "c", 0.008)
+
+
+def test_what_no_file_says_is_asked_for(tmp_path: Path) -> None:
+    for k in range(3):
+        save(tmp_path / "wall" / f"{k}.png", wall(np.random.default_rng(k), 1.0))
+    with pytest.raises(InputError) as caught:
+        read_devices([tmp_path / "wall"], [])
+    for asked in ("how far was it", "do 1000 make a metre", "what are fx, fy, cx and cy"):
+        assert asked in str(caught.value)
+
+
+def test_raw_numbers_that_fit_no_unit_are_asked_for(tmp_path: Path) -> None:
+    for k, distance in enumerate((0.5, 1.0)):
+        save(tmp_path / "wall" / f"{distance}m.png", wall(np.random.default_rng(k), distance), 1300.0)
+    draft = draft_any([tmp_path / "wall"], None, None)
+    assert any("how many should" in question for question in draft.questions)
+
+
+@pytest.mark.parametrize(
+    "spoil, message",
+    [
+        (lambda f: Image.new("L", (9, 9), 7).save(f / "a_0.3m.png"), "a picture of 8 bits"),
+        (lambda f: save(f / "a_0.3m.png", np.ones((9, 9))), "put images of one camera and one size"),
+        (lambda f: (f / "a_0.3m.png").write_bytes(b"\x89PNG"), "cannot be read as an image"),
+    ],
+)  # fmt: skip
+def test_images_that_are_no_depth_are_refused(tmp_path: Path, spoil, message: str) -> None:
+    save(tmp_path / "wall" / "b_0.5m.png", wall(np.random.default_rng(0), 0.5))
+    spoil(tmp_path / "wall")
+    with pytest.raises(InputError, match=message):
+        read_devices([tmp_path / "wall"], [])
+    assert run(["diagnose", str(tmp_path / "wall"), "--out", str(tmp_path / "report")]) == 3
+
+
+def test_nothing_but_zeros_is_refused(tmp_path: Path) -> None:
+    save(tmp_path / "wall" / "0.5m.png", np.zeros((240, 320)))
+    with pytest.raises(InputError, match="no image holds depth in its middle"):
+        read_devices([tmp_path / "wall"], [])
+
+
+def test_a_heap_of_things_is_no_plane(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    for distance in (0.5, 1.0):
+        save(tmp_path / "heap" / f"{distance}m.png", distance * rng.uniform(0.6, 1.5, (240, 320)))
+    (tmp_path / "heap" / "K.txt").write_text("\n".join(" ".join(map(str, row)) for row in MATRIX))
+    with pytest.raises(InputError, match="no image of heap shows a plane"):
+        read_devices([tmp_path / "heap"], [])
+
+
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("camera_info.yaml", f"K: [{FX}, 0, {CX}, 0, {FY}, {CY}, 0, 0, 1]"),
+        ("open3d.json", json.dumps({"intrinsic_matrix": np.transpose(MATRIX).ravel().tolist()})),
+        ("intrinsic_depth.txt", f"{FX} 0 {CX} 0\n0 {FY} {CY} 0\n0 0 1 0\n0 0 0 1\n"),
+        ("calib.txt", f"{FX} {FY} {CX} {CY}\n"),
+        ("opencv.yml", "%YAML:1.0\n---\nM:\n  camera_matrix: !!opencv-matrix\n    rows: 3\n    cols: 3\n"
+                       f"    dt: d\n    data: [{FX}, 0., {CX}, 0., {FY}, {CY}, 0., 0., 1.]\n"),
+    ],
+)  # fmt: skip
+def test_intrinsics_are_read_as_tools_write_them(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    (tmp_path / "notes.txt").write_text("wall of the lab, 3 May")
+    (camera,) = read_cameras([tmp_path])
+    assert camera.intrinsics == Intrinsics(FX, FY, CX, CY)
+
+
+def test_distances_in_names() -> None:
+    names = (
+        "0.8m/3.png",
+        "wall_500mm_03.png",
+        "d 80 cm.png",
+        "1m/depth_2.png",
+        "run3/0001.png",
+        "a_0,5m.png",
+    )
+    assert [distance_in(name) for name in names] == [0.8, 0.5, 0.8, 1.0, None, 0.5]

@@ -35,21 +35,20 @@ from samrl_core.cell.tasks import plain_name, task_named
 from samrl_core.cell.world.camera_recording import record_camera
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.true_cell import true_cell
-from samrl_core.common.errors import InputError
 from samrl_core.common.figure_file import save_figure
 from samrl_core.common.statistics import Share, bootstrap_interval
-from samrl_core.common.streams import DEVELOPMENT, seed_of
+from samrl_core.common.streams import DEVELOPMENT, TEST, seed_of
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.studies.episodes.world_episodes import EpisodeJob, run_episodes, usual_condition
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress, run_cases
-from samrl_core.studies.purpose import keep_purpose
+from samrl_core.studies.purpose import keep_purpose, one_purpose
 
 NAME = "restored_success"
 COUNT = 12  # cells, each with the next of `DOMINANT`
 EPISODES = 2  # in each cell and condition
 MAX_ACTIONS = 45  # at most, or the task's own limit: an expert needs 22 to 41
-FIRST_CELL = 400  # development cells from here on
+FIRST_CELL = 400  # and on; of development, or of test where a row is asked for by its name with `_test`
 FACTOR = 2.0  # of the error, against what is met in practice where nobody checked
 RECORDINGS = (("A", 100), ("B", 101), ("C", 102))  # name and seed of the motion; the last one is held out
 SECONDS = 6.0  # each
@@ -60,6 +59,7 @@ ROWS = {  # what they say of the cell
     DIAGNOSED: "with what was diagnosed",
     TOLD: "with the error told by truth",
 }
+CONDITIONS = {f"{row}{end}": (row, of) for of, end in ((DEVELOPMENT, ""), (TEST, "_test")) for row in ROWS}
 
 
 @dataclass(frozen=True)
@@ -74,12 +74,18 @@ class CellJob:
 
 
 def run(options: Options, progress: Progress) -> dict[str, Any]:
-    """All cases, the summary, and the picture."""
-    keep_purpose(options.out, DEVELOPMENT)
-    log, rows = CaseLog(options.out), options.conditions or tuple(ROWS)
+    """All cases, the summary, and the picture.
+
+    Raises:
+        InputError: rows for development and for a final table in one folder.
+    """
+    asked = [CONDITIONS[name] for name in options.conditions or ROWS]
+    rows, purpose = [row for row, _ in asked], one_purpose(of for _, of in asked)
+    keep_purpose(options.out, purpose)
+    log = CaseLog(options.out)
     summary: dict[str, Any] = {}
     for task in options.tasks:
-        cells = [_cell_job(options, task, n) for n in range(options.count or COUNT)]
+        cells = [_cell_job(options, purpose, task, n) for n in range(options.count or COUNT)]
         found = run_cases(log, examined, [((c.key,), c) for c in cells], options.spread, progress)
         jobs = [
             _episode(options, c, case, row, k)
@@ -92,7 +98,13 @@ def run(options: Options, progress: Progress) -> dict[str, Any]:
         episodes = [of_key[job.key] for job in jobs]
         summary[task] = restored(cells, found, jobs, episodes)
         draw_restored(summary[task], task, options.out / f"{NAME}_{task}.png")
-    return {"factor": FACTOR, "max_actions": MAX_ACTIONS, "first_cell": FIRST_CELL, "tasks": summary}
+    return {
+        "purpose": purpose,
+        "factor": FACTOR,
+        "max_actions": MAX_ACTIONS,
+        "first_cell": FIRST_CELL,
+        "tasks": summary,
+    }
 
 
 def examined(job: CellJob) -> list[Case]:
@@ -114,12 +126,9 @@ def examined(job: CellJob) -> list[Case]:
         finally:
             world.close()
     found, far = diagnose(recordings[:-1], recordings[-1:])
-    refused, named = "", NO_CORRECTION
-    if isinstance(far.correction, Recalibration):
-        try:
-            named = far.correction.cell
-        except InputError as error:  # beyond what a cell puts right: nothing is applied
-            refused = str(error)
+    corrected = far.correction if isinstance(far.correction, Recalibration) else None
+    named = corrected.cell if corrected is not None else NO_CORRECTION
+    refused = [f"{r.effect}: {r.says}" for r in corrected.refused] if corrected is not None else []
     first = found.effects[0] if found.effects else found.nearest
     case: Case = {"key": job.key, "task": job.task, "error": job.error, "verdict": found.verdict}
     case["named"] = first.name if first is not None else ""
@@ -231,9 +240,9 @@ def draw_restored(found: dict[str, Any], task: str, path: Path) -> None:
     plt.close(figure)
 
 
-def _cell_job(options: Options, task: str, number: int) -> CellJob:
+def _cell_job(options: Options, purpose: str, task: str, number: int) -> CellJob:
     cell, error = FIRST_CELL + options.seed + number, list(DOMINANT)[number % len(DOMINANT)]
-    instance = str(InstanceName("typical", cell, DEVELOPMENT, ((error, FACTOR),)))
+    instance = str(InstanceName("typical", cell, purpose, ((error, FACTOR),)))
     return CellJob(f"{task}/cell/{cell}", task, options.cell, instance, error)
 
 
@@ -264,5 +273,5 @@ EXPERIMENT = Experiment(
     ("peg_insertion_hard",),
     run,
     on_request=("peg_insertion",),
-    conditions=tuple(ROWS),
+    conditions=tuple(CONDITIONS),
 )

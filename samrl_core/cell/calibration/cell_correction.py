@@ -31,7 +31,7 @@ KIND = "cell_correction"
 POSES = ("camera_in_flange", "tool_base_in_camera_base")
 NUMBERS = {  # largest size that is still a camera of the kind that was described
     "depth_scale": 0.2, "depth_offset": 0.1, "fx": 0.3, "fy": 0.3, "cx": 0.2, "cy": 0.2,
-    "k1": 0.5, "k2": 0.5, "p1": 0.05, "p2": 0.05,
+    "k1": 1.0, "k2": 1.0, "p1": 0.05, "p2": 0.05,
 }  # fmt: skip
 LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
 
@@ -54,14 +54,11 @@ class CellCorrection:
     effects: tuple[str, ...] = ()  # `family@place` that they come from
 
     def __post_init__(self) -> None:
-        for name, value in self.numbers.items():
+        for name in self.numbers:
             if name not in NUMBERS:
                 raise InputError(f"a cell has no {name!r} to correct; it has {', '.join(NUMBERS)}")
-            if not (math.isfinite(value) and abs(value) <= NUMBERS[name]):
-                raise InputError(
-                    f"{name} is {value:g}, must be within +-{NUMBERS[name]:g}: beyond that the camera is "
-                    "another one than described; describe it anew"
-                )
+        if beyond := find_beyond(self.numbers):
+            raise InputError(beyond)
 
     @property
     def is_empty(self) -> bool:
@@ -109,6 +106,17 @@ class CellCorrection:
         return {}
 
 
+def find_beyond(numbers: Mapping[str, float]) -> str:
+    """Which of the numbers is not finite or beyond `NUMBERS`, and what that means; empty if none is."""
+    for name, value in numbers.items():
+        if not (math.isfinite(value) and abs(value) <= NUMBERS[name]):
+            return (
+                f"{name} is {value:g}, must be within +-{NUMBERS[name]:g}: beyond that the camera is "
+                "another one than described; describe it anew"
+            )
+    return ""
+
+
 @dataclass(frozen=True, eq=False)
 class LensPlaces:
     """Where the true lens has what a pixel of the described camera looks at; all (H, W)."""
@@ -117,7 +125,7 @@ class LensPlaces:
     y: np.ndarray
     row: np.ndarray  # nearest, within the image
     column: np.ndarray
-    inside: np.ndarray  # bool
+    inside: np.ndarray  # bool: within the image, and no image of a ray that the lens folds back
 
 
 def find_lens_places(numbers: Mapping[str, float], k: Intrinsics) -> LensPlaces:
@@ -137,7 +145,18 @@ def find_lens_places(numbers: Mapping[str, float], k: Intrinsics) -> LensPlaces:
     x, y = pixels[..., 0].astype(np.float32), pixels[..., 1].astype(np.float32)
     column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
     inside = (column >= 0) & (column < k.width) & (row >= 0) & (row < k.height)
+    inside &= _is_before_fold(of["k1"], of["k2"], (rays[..., :2] ** 2).sum(axis=-1).reshape(inside.shape))
     return LensPlaces(x, y, np.clip(row, 0, k.height - 1), np.clip(column, 0, k.width - 1), inside)
+
+
+def _is_before_fold(k1: float, k2: float, square: np.ndarray) -> np.ndarray:
+    """Where the radius in the image, r (1 + k1 r^2 + k2 r^4), has grown all the way to a ray's r^2.
+
+    Beyond its first maximum Brown's polynomial comes back and would show the inner image once more.
+    """
+    slope = np.polynomial.Polynomial([1.0, 3.0 * k1, 5.0 * k2])  # of r^2
+    turns = [root.real for root in slope.roots() if abs(root.imag) < 1e-12 and root.real > 0.0]
+    return square < min(turns, default=math.inf)
 
 
 NO_CORRECTION = CellCorrection()

@@ -58,6 +58,7 @@ class Recalibration:
     sources: tuple[tuple[str, str], ...]  # (file, sha256) of the recordings that were fitted
     numbers: Mapping[str, float] = field(default_factory=dict[str, float])  # of depth and lens, of NUMBERS
     of_numbers: tuple[str, ...] = ()  # `family@place` that they come from
+    refused: tuple[Advice, ...] = ()  # found, but nothing that a cell puts right, and why
 
     @property
     def cell(self) -> CellCorrection:
@@ -71,9 +72,6 @@ class Recalibration:
 def write_recalibration(found: Recalibration, folder: Path) -> list[Path]:
     """A folder with `calibration.json` for each transform of a cell, `corrected.yaml` with all lines, and
     `cell.json` where a cell can put something right.
-
-    Raises:
-        InputError: a number beyond what a described cell can be corrected by; nothing was written then.
     """
     written: list[Path] = []
     if not found.cell.is_empty:
@@ -118,4 +116,5 @@ def _lines(found: Recalibration) -> str:
             f"  {t.name}: {{position: [{position}], quaternion: [{quaternion}]}}",
         ]
     out += [f"# {s.effect}: {s.says}" for s in found.statements]
+    out += [f"# Not in {CELL}: {s.effect}: {s.says}" for s in found.refused]
     return "\n".join(out) + "\n"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from samrl_core.cell.calibration.cell_correction import LENS
+from samrl_core.cell.calibration.cell_correction import LENS, find_beyond
 from samrl_core.cell.types.pose import Pose
 from samrl_core.diagnosis.export.recalibration import Advice, CorrectedTransform, Recalibration
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
@@ -29,12 +29,16 @@ NUMBERS_OF: dict[str, dict[str, str]] = {
 
 
 def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
-    """Turn the named effects into corrections; what is no transform becomes a sentence."""
+    """Turn the named effects into corrections; what is no transform becomes a sentence.
+
+    An effect that has a number beyond what a cell puts right is left out as a whole: half of a lens is none.
+    """
     first = trials[0]
     transforms: list[CorrectedTransform] = []
     statements: list[Advice] = []
     numbers: dict[str, float] = {}
     of_numbers: list[str] = []
+    refused: list[Advice] = []
     for h, amplitudes, covariance in chosen.parts():
         if h.effect.family in TRANSFORMS:
             transforms.append(_transform(h, amplitudes, covariance, first))
@@ -42,11 +46,21 @@ def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
         statements.append(Advice(h.name, _statement(h, amplitudes, first)))
         if names := NUMBERS_OF.get(h.effect.family):
             values = h.form.parameters(first, h.shape, amplitudes)
-            numbers |= {names[key]: value for key, value in values.items() if key in names}
+            of_effect = {names[key]: value for key, value in values.items() if key in names}
+            if beyond := find_beyond(of_effect):
+                refused.append(Advice(h.name, beyond))
+                continue
+            numbers |= of_effect
             of_numbers.append(h.name)
     sources = tuple((t.recording.source, t.recording.sha256) for t in trials)
     return Recalibration(
-        first.recording.camera, tuple(transforms), tuple(statements), sources, numbers, tuple(of_numbers)
+        first.recording.camera,
+        tuple(transforms),
+        tuple(statements),
+        sources,
+        numbers,
+        tuple(of_numbers),
+        tuple(refused),
     )
 
 

@@ -2,13 +2,14 @@
 
 Each cell is a `typical` installation in which one error stands out. Its images are recorded and diagnosed as
 a user would, with the plain part on the bench; the same episodes are then run as the cell is described, with
-what was diagnosed, and, told by truth, with the error exactly known. Without the error they say what there
-was to lose. Nothing is trained, and no row knows more of the cell than its name says.
+what was diagnosed, and, told by truth, with the error exactly known. Beside it all numbers of a correction
+are fitted to the same images at once, without asking which of them it is. Without the error they say what
+there was to lose. Nothing is trained, and no row knows more of the cell than its name says.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks import plain_name, task_named
+from samrl_core.cell.types.image_recording import ImageRecording
 from samrl_core.cell.world.camera_recording import record_camera
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.true_cell import true_cell
@@ -42,6 +44,7 @@ from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.studies.episodes.world_episodes import EpisodeJob, run_episodes, usual_condition
 from samrl_core.studies.experiment import Case, CaseLog, Experiment, Options, Progress, run_cases
+from samrl_core.studies.fit_at_once import fit_at_once
 from samrl_core.studies.purpose import keep_purpose, one_purpose
 
 NAME = "restored_success"
@@ -52,13 +55,18 @@ FIRST_CELL = 400  # and on; of development, or of test where a row is asked for 
 FACTOR = 2.0  # of the error, against what is met in practice where nobody checked
 RECORDINGS = (("A", 100), ("B", 101), ("C", 102))  # name and seed of the motion; the last one is held out
 SECONDS = 6.0  # each
-UNHARMED, DESCRIBED, DIAGNOSED, TOLD = "unharmed", "described", "diagnosed", "told"
+UNHARMED, DESCRIBED, FITTED, DIAGNOSED, TOLD = "unharmed", "described", "fitted", "diagnosed", "told"
 ROWS = {  # what they say of the cell
     UNHARMED: "without the error",
     DESCRIBED: "as it is described",
+    FITTED: "all numbers fitted at once",
     DIAGNOSED: "with what was diagnosed",
     TOLD: "with the error told by truth",
 }
+COLOURS = {
+    UNHARMED: "#7a9e7e", DESCRIBED: "#b3261e", FITTED: "#c98b2b", DIAGNOSED: "#1f5fa8", TOLD: "#8a8a8a",
+}  # fmt: skip
+CORRECTED = (FITTED, DIAGNOSED, TOLD)
 CONDITIONS = {f"{row}{end}": (row, of) for of, end in ((DEVELOPMENT, ""), (TEST, "_test")) for row in ROWS}
 
 
@@ -86,7 +94,14 @@ def run(options: Options, progress: Progress) -> dict[str, Any]:
     summary: dict[str, Any] = {}
     for task in options.tasks:
         cells = [_cell_job(options, purpose, task, n) for n in range(options.count or COUNT)]
-        found = run_cases(log, examined, [((c.key,), c) for c in cells], options.spread, progress)
+        found: list[Case] = [{} for _ in cells]
+        if {DIAGNOSED, TOLD} & set(rows):
+            found = run_cases(log, examined, [((c.key,), c) for c in cells], options.spread, progress)
+        if FITTED in rows:
+            fits = [replace(c, key=f"{task}/fit/{c.key.rpartition('/')[2]}") for c in cells]
+            of_fits = run_cases(log, fitted, [((c.key,), c) for c in fits], options.spread, progress)
+            for case, fit in zip(found, of_fits, strict=True):
+                case[FITTED] = fit["correction"]
         jobs = [
             _episode(options, c, case, row, k)
             for c, case in zip(cells, found, strict=True)
@@ -112,19 +127,8 @@ def examined(job: CellJob) -> list[Case]:
 
     `told` is truth's, for comparison alone.
     """
-    task, cell = task_named(plain_name(job.task)), cell_named(job.cell)
+    cell, recordings = cell_named(job.cell), record_cell(job)
     instance = instance_named(job.instance, cell)
-    tool = task.scene(cell).tool
-    loads = nominal_payloads(cell, tool)
-    recordings = []
-    for name, seed in RECORDINGS:
-        motion = camera_motion(task, cell, loads, seed, SECONDS)
-        world = PyBulletWorld(task, cell, instance=instance)
-        try:
-            world.reset(0)  # one place of the object, as the recordings of one bench have it
-            recordings.append(record_camera(world, task.name, cell, motion, name))
-        finally:
-            world.close()
     found, far = diagnose(recordings[:-1], recordings[-1:])
     corrected = far.correction if isinstance(far.correction, Recalibration) else None
     named = corrected.cell if corrected is not None else NO_CORRECTION
@@ -139,9 +143,29 @@ def examined(job: CellJob) -> list[Case]:
     case["not_applied"] = refused
     case["shrink"] = found.gap.shrink if found.gap is not None else None
     applied = named if found.verdict == "effect" else NO_CORRECTION
-    return [
-        {**case, "correction": as_data(applied), "told": as_data(correct_by_truth(job.error, instance, cell))}
-    ]
+    return [{**case, DIAGNOSED: as_data(applied), TOLD: as_data(correct_by_truth(job.error, instance, cell))}]
+
+
+def fitted(job: CellJob) -> list[Case]:
+    """The correction that the same images give when all its numbers are fitted at once."""
+    return [{"key": job.key, "correction": as_data(fit_at_once(record_cell(job)[:-1]))}]
+
+
+def record_cell(job: CellJob) -> list[ImageRecording]:
+    """Its recordings of the plain part's bench; the last one is to be held out."""
+    task, cell = task_named(plain_name(job.task)), cell_named(job.cell)
+    instance = instance_named(job.instance, cell)
+    loads = nominal_payloads(cell, task.scene(cell).tool)
+    recordings = []
+    for name, seed in RECORDINGS:
+        motion = camera_motion(task, cell, loads, seed, SECONDS)
+        world = PyBulletWorld(task, cell, instance=instance)
+        try:
+            world.reset(0)  # one place of the object, as the recordings of one bench have it
+            recordings.append(record_camera(world, task.name, cell, motion, name))
+        finally:
+            world.close()
+    return recordings
 
 
 def correct_by_truth(error: str, instance: CellInstance, cell: CellSpec) -> CellCorrection:
@@ -178,14 +202,14 @@ def restored(
         "rows": {row: Share.of(values).as_dict() for row, values in all_of.items()},
         "answers": [
             {
-                "instance": job.instance, "verdict": case["verdict"], "named": case["named"],
+                "instance": job.instance, "verdict": case.get("verdict", ""), "named": case.get("named", ""),
                 **{row: sum(by[job.instance.split()[0]][row]) for row in rows},
             }
             for job, case in zip(cells, found, strict=True)
         ],
     }  # fmt: skip
     if {UNHARMED, DESCRIBED} <= set(rows):
-        for row in (DIAGNOSED, TOLD):
+        for row in CORRECTED:
             if row in rows:
                 out[f"restored_{row}"] = _share_of_loss(means, row)
     return out
@@ -220,9 +244,7 @@ def draw_restored(found: dict[str, Any], task: str, path: Path) -> None:
     ends = 100 * np.array([found["rows"][row]["ci95"] for row in rows])
     errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
     places = np.arange(len(rows))
-    upper.barh(
-        places, share, xerr=errors, capsize=3, color=["#7a9e7e", "#b3261e", "#1f5fa8", "#8a8a8a"][: len(rows)]
-    )
+    upper.barh(places, share, xerr=errors, capsize=3, color=[COLOURS[row] for row in rows])
     upper.set_yticks(places, [ROWS[row] for row in rows])
     upper.invert_yaxis()
     trials = found["rows"][rows[0]]["trials"]
@@ -249,8 +271,8 @@ def _cell_job(options: Options, purpose: str, task: str, number: int) -> CellJob
 def _episode(options: Options, cell: CellJob, found: Case, row: str, number: int) -> EpisodeJob:
     """An episode of a row; where nothing was diagnosed, that of the cell as described, under its key."""
     correction = NO_CORRECTION
-    if row in (DIAGNOSED, TOLD):
-        correction = correction_from(found["correction" if row == DIAGNOSED else "told"], cell.key)
+    if row in CORRECTED:
+        correction = correction_from(found[row], cell.key)
     name = cell.instance.split()[0]
     same = DESCRIBED if row == DIAGNOSED and correction.is_empty else row
     return EpisodeJob(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.calibration.cell_correction import CellCorrection, as_data
+from samrl_core.cell.calibration.cell_correction import CellCorrection
 from samrl_core.cell.instance.cell_instance import instance_named
 from samrl_core.cell.instance.dominant import DOMINANT
 from samrl_core.cell.robots.cells import cell_named
@@ -16,10 +16,13 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Frame
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.true_cell import true_cell
+from samrl_core.common.errors import InputError
 from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob
+from samrl_core.studies.experiment import Options
 from samrl_core.studies.restored_success import (
     DESCRIBED,
     DIAGNOSED,
+    FITTED,
     ROWS,
     TOLD,
     UNHARMED,
@@ -27,6 +30,7 @@ from samrl_core.studies.restored_success import (
     correct_by_truth,
     draw_restored,
     restored,
+    run,
 )
 
 CELL, TASK = cell_named(), task_named("peg_insertion")
@@ -78,15 +82,14 @@ def _case(success: bool) -> dict[str, object]:
 
 
 def test_shares_of_a_loss(tmp_path: Path) -> None:
-    """Two cells of two episodes: unharmed 4 of 4, described 0, diagnosed 2, told 3."""
-    wins = {UNHARMED: (2, 2), DESCRIBED: (0, 0), DIAGNOSED: (2, 0), TOLD: (2, 1)}
+    """Two cells of two episodes: unharmed 4 of 4, described 0, fitted 1, diagnosed 2, told 3."""
+    wins = {UNHARMED: (2, 2), DESCRIBED: (0, 0), FITTED: (0, 1), DIAGNOSED: (2, 0), TOLD: (2, 1)}
     cells = [CellJob(f"k{n}", TASK.name, CELL.name, f"typical:{n} hand_eye=2", "hand_eye") for n in (1, 2)]
     found = [
         {
             "key": c.key,
             "verdict": v,
             "named": "hand_eye@sensor:camera",
-            "correction": as_data(CellCorrection()),
         }
         for c, v in zip(cells, ("effect", "none_of_mine"), strict=True)
     ]
@@ -100,9 +103,17 @@ def test_shares_of_a_loss(tmp_path: Path) -> None:
     out = restored(cells, found, jobs, cases)
     assert out["restored_diagnosed"]["value"] == pytest.approx(0.5)
     assert out["restored_told"]["value"] == pytest.approx(0.75)
+    assert out["restored_fitted"]["value"] == pytest.approx(0.25)
     assert out["rows"][UNHARMED]["successes"] == 4 and list(out["rows"]) == list(ROWS)
     assert [a[DIAGNOSED] for a in out["answers"]] == [2, 0]
     draw_restored(out, TASK.name, tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 10_000
     nothing_lost = restored(cells, found, jobs, [_case(True)] * len(jobs))
     assert nothing_lost["restored_told"]["value"] is None
+
+
+def test_rows_for_development_and_for_a_final_table_are_kept_apart(tmp_path: Path) -> None:
+    options = Options(tmp_path, tasks=("peg_insertion_hard",), conditions=(DESCRIBED, f"{TOLD}_test"))
+    with pytest.raises(InputError, match="development and test"):
+        run(options, lambda _: None)
+    assert not (tmp_path / "cases.jsonl").exists()

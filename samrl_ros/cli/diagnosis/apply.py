@@ -42,9 +42,6 @@ def apply(found: Correction | Recalibration | None, diagnosis: Diagnosis, report
 def _apply_to_arm(found: Correction, folder: Path) -> list[str]:
     done = write_applied_model(found, folder)
     lines = [f"applied: {s.place}: {s.said}" for s in done.inside]
-    by_name = ", ".join(f"{name} {value:.5g}" for name, value in found.numbers.items())
-    lines += [f"applied: {by_name}, from {', '.join(found.of_numbers)}"] if found.numbers else []
-    lines += [f"not applied: {r.effect}: {r.says}" for r in found.refused]
     lines += [f"for your own code: {s.place}: {s.what}: {s.said}" for s in done.outside]
     lines += [f"for your own code: {name}: no number of a model stands for it" for name in done.unsimulated]
     return [*lines, *(str(path) for path in done.files)]

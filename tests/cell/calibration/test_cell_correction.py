@@ -13,6 +13,8 @@ from samrl_core.cell.calibration.cell_correction import (
     NO_CORRECTION,
     CellCorrection,
     correction_of,
+    find_beyond,
+    find_lens_places,
     read_correction,
     write_correction,
 )
@@ -146,3 +148,24 @@ def test_json_holds_no_nan(tmp_path: Path) -> None:
     write_correction(tmp_path / "cell.json", NO_CORRECTION)
     assert json.loads((tmp_path / "cell.json").read_text())["numbers"] == {}
     assert read_correction(tmp_path / "cell.json").is_empty
+
+
+def test_rays_beyond_the_fold_of_a_lens_are_not_in_its_image() -> None:
+    """r (1 + k1 r^2) comes back from r^2 = 1 / (3 |k1|): nearer the middle than a wide camera's corner."""
+    wide = replace(LENS, fx=0.5 * LENS.fx, fy=0.5 * LENS.fy)
+    at = find_lens_places({"k1": -0.6}, wide)
+    u, v = np.meshgrid(np.arange(wide.width) + 0.5, np.arange(wide.height) + 0.5)
+    square = ((u - wide.cx) / wide.fx) ** 2 + ((v - wide.cy) / wide.fy) ** 2
+    np.testing.assert_array_equal(at.inside, square < 1 / 1.8)
+    assert 0.2 < at.inside.mean() < 0.9
+    for mild in ({"k1": 0.53}, {"k1": -0.2, "k2": 0.1}):
+        x, y = find_lens_places(mild, LENS).x, find_lens_places(mild, LENS).y
+        within = (np.abs(x - 63.5) < 63.0) & (np.abs(y - 63.5) < 63.0)
+        assert find_lens_places(mild, LENS).inside[within].all()
+
+
+def test_a_lens_that_a_camera_may_have_is_corrected_and_a_stranger_one_is_named() -> None:
+    assert CellCorrection(numbers={"k1": 0.53}).numbers == {"k1": 0.53}  # that of typical:405
+    assert find_beyond({"k1": 0.53, "k2": -0.2}) == ""
+    assert "k2 is -1.2, must be within +-1" in find_beyond({"k1": 0.53, "k2": -1.2})
+    assert "p1 is nan" in find_beyond({"p1": float("nan")})

@@ -127,14 +127,15 @@ def linearised(
     object_pose: np.ndarray,
     noise_per_z2: float,
     stated: ImageTolerances,
+    together: Sequence[str] = (),
 ) -> dict[str, np.ndarray]:
-    """The point at which the rendered scene looks like the frames."""
+    """The point at which the rendered scene looks like the frames; `together` as for `most_probable`."""
     point: dict[str, np.ndarray] = {}
     for _ in range(ROUNDS):
         made = [rows_at(scene, f, object_pose, noise_per_z2, point) for f in frames]
         joint = {c: joined([m[c] for m in made]) for c in CHANNELS}
         rows = {c: r for c, r in joint.items() if len(r.value)}
-        found = most_probable(rows, stated)
+        found = most_probable(rows, stated, together)
         before = point
         point = _without_small_lens(scene, {n: value for n, value in found.items() if n in FLOWS})
         zero = {n: np.zeros(len(v)) for n, v in (*before.items(), *point.items())}
@@ -145,14 +146,18 @@ def linearised(
     return point
 
 
-def most_probable(rows: Mapping[str, Rows], stated: ImageTolerances) -> dict[str, np.ndarray]:
+def most_probable(
+    rows: Mapping[str, Rows], stated: ImageTolerances, together: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
     """Amplitudes by name: all within what is stated, but for the one error that explains most beyond it.
 
     One error beyond tolerance, the one of most evidence (Gaussian priors, in closed form): were all wide, a
     large error would be spread over all that look like it, and the scene rendered where none of them is.
+    Names that are `together` are all wide, and no other is: a fit that does not ask which of them it is.
     """
     sigma = noise_of_rows(rows, {})[1]
     spreads = stated_spreads(stated)
+    spreads |= {name: np.maximum(WIDE[name], spreads[name]) for name in together}
     starts, start = {}, 0
     for name, widths in spreads.items():
         starts[name], start = start, start + len(widths)
@@ -165,7 +170,7 @@ def most_probable(rows: Mapping[str, Rows], stated: ImageTolerances) -> dict[str
         moment += design @ (r.value / sigma[channel])
     stated_widths = np.concatenate(list(spreads.values()))
     best, most = np.zeros(start), -np.inf
-    for group in (), *_alone(starts, spreads):
+    for group in (), *(() if together else _alone(starts, spreads)):
         widths = stated_widths.copy()
         for name, k in group:
             widths[starts[name] + k] = max(WIDE[name], widths[starts[name] + k])

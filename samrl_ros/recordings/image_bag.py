@@ -14,7 +14,9 @@ from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.types.image_recording import ImageRecording, ImageTolerances
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.images import split_images
+from samrl_ros.bags.decode import decode
 from samrl_ros.bags.reader import Bag, open_bag
+from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.conversions import from_message
 from samrl_ros.recordings.arrays_by_role import read_stated
 
@@ -23,11 +25,12 @@ INFO, MASK = "/cell/camera/color/camera_info", "/cell/camera/mask/image_raw"
 CALIBRATION = "/cell/camera/calibration"
 STATES = {role: f"/cell/{role}/joint_states" for role in ROLES}
 WANTED = (COLOR, DEPTH, INFO, MASK, CALIBRATION, *STATES.values())
+MOST_FRAMES = 300  # that are held of a recording, evenly over it: a minute at 30 Hz of 640x480 has 4.4 GB
 _MOST_BYTES = 3_000_000_000  # of images that are held at once
 
 
 def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageRecording:
-    """The frames that have colour, depth and mask of one stamp.
+    """The frames that have colour, depth and mask of one stamp, at most `MOST_FRAMES` of them.
 
     Raises:
         InputError: a topic is missing, images of several sizes, or messages that are broken.
@@ -45,13 +48,20 @@ def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageReco
     joints: dict[str, dict[int, np.ndarray]] = {role: {} for role in ROLES}
     lens, poses, size = None, None, 0
     roles = {name: role for role, name in STATES.items()}
-    for raw, message in bag.decoded(WANTED):
+    stamps = _kept_stamps(bag)
+    kept = set(stamps)
+    decoders = {name: bag.decoder(name) for name in WANTED}
+    for raw in bag.messages(WANTED):
+        if raw.topic in images and header_stamp_ns(raw.type, raw.data) not in kept:
+            continue
+        message = decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
         if raw.topic in images:
             image = from_message.image(message)
             size += image.nbytes
             if size > _MOST_BYTES:
                 raise InputError(
-                    f"bag {path} holds more than {_MOST_BYTES / 1e9:g} GB of images; cut it to a minute"
+                    f"{len(stamps)} images of bag {path} have more than {_MOST_BYTES / 1e9:g} GB; record them"
+                    " smaller, a camera is told from images 160 pixels wide"
                 )
             images[raw.topic][from_message.stamp_ns(message)] = image
         elif raw.topic in roles:
@@ -63,11 +73,6 @@ def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageReco
         else:
             poses = from_message.calibration(message.data)
     assert lens is not None and poses is not None
-    stamps = sorted(set(images[COLOR]) & set(images[DEPTH]) & set(images[MASK]))
-    if not stamps:
-        raise InputError(
-            f"bag {path}: colour, depth and mask share no stamp; publish them aligned, as one frame"
-        )
     expected = (lens.height, lens.width)
     for topic, found in images.items():
         if wrong := next((i.shape for i in found.values() if i.shape[:2] != expected), None):
@@ -107,6 +112,27 @@ def load_image_bags(
         return fitted, held, []
     first, last = split_images(fitted[0])
     return [first], [last], [f"{fitted[0].name} is alone: its last part is held out"]
+
+
+def _kept_stamps(bag: Bag) -> list[int]:
+    """Stamps [ns] that colour, depth and mask share, at most `MOST_FRAMES`, without decoding a pixel."""
+    found: dict[str, set[int]] = {COLOR: set(), DEPTH: set(), MASK: set()}
+    for raw in bag.messages(tuple(found)):
+        stamp = header_stamp_ns(raw.type, raw.data)
+        if stamp is None:
+            raise InputError(
+                f"bag {bag.path}: {raw.topic} at log time {raw.log_time_ns} ns has no stamp; let the driver"
+                " set header.stamp"
+            )
+        found[raw.topic].add(stamp)
+    shared = sorted(set.intersection(*found.values()))
+    if not shared:
+        raise InputError(
+            f"bag {bag.path}: colour, depth and mask share no stamp; publish them aligned, as one frame"
+        )
+    if len(shared) <= MOST_FRAMES:
+        return shared
+    return [shared[k] for k in np.linspace(0, len(shared) - 1, MOST_FRAMES).round().astype(int)]
 
 
 def _same(before: Any, now: Any, bag: Bag) -> Any:

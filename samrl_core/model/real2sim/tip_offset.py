@@ -9,7 +9,7 @@ part that is nearer, so that its growth is estimated along.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,6 +42,16 @@ class TipOffsetSettings:
     enough: float = 2e-5  # a step below ends the search [m]
     longest: float = 0.003  # step per axis [m]
     least_pixels: int = 30  # fewer of the peg say nothing
+
+    def doubting(self, times: float) -> TipOffsetSettings:
+        """The same for cells whose calibration is wrong by so many times as much."""
+        x, y, z = self.prior
+        return replace(
+            self,
+            prior=(times * x, times * y, times * z),
+            per_metre=times * self.per_metre,
+            per_radian=times * self.per_radian,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,11 @@ from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.prediction import CameraErrors, likeliest, predictions, seen_from_elsewhere
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
-from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit
+from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit, TipOffsetSettings
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
 from samrl_core.policy.contact.insertion import FREE_MOVES
-from samrl_core.policy.contact.touch_insertion import TouchInsertion
+from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.networks import ResidualActor
 from samrl_core.policy.planning.expert import label_of
@@ -101,13 +101,14 @@ class Agent:
         Raises:
             InputError: settings that another agent has to be built for.
         """
-        for name in ("policy", "strategy", "actor_image", "plan", "information", "ascent"):
+        for name in ("policy", "strategy", "actor_image", "doubt", "plan", "information", "ascent"):
             if getattr(settings, name) != getattr(self.settings, name):
                 raise InputError(f"{name} of an agent stays what it is; build another agent for another one")
         self.settings, self.residual = settings, residual
         self._view_rng = np.random.default_rng(settings.seed)
         self.explore_from(0)
-        self._touch = TouchInsertion(self.model.task, self.model.cell) if settings.touch else None
+        searched = TouchSettings().doubting(settings.doubt)
+        self._touch = TouchInsertion(self.model.task, self.model.cell, searched) if settings.touch else None
         self._kept_offset: TipOffset | None = None
         self._forget()
 
@@ -190,7 +191,8 @@ class Agent:
     @cached_property
     def _tip_offset_fit(self) -> TipOffsetFit:
         cell = self.model.cell
-        return TipOffsetFit(self.model.task.scene(cell).tool, cell)
+        believed = TipOffsetSettings().doubting(self.settings.doubt)
+        return TipOffsetFit(self.model.task.scene(cell).tool, cell, believed)
 
     @cached_property
     def _view_ascent(self) -> ViewAscent:

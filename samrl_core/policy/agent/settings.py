@@ -40,6 +40,7 @@ class AgentSettings:
     # A peg is led by what it touches, without the planned action or a residual, and a cell's errors are
     # remembered from episode to episode.
     touch: bool = False
+    doubt: float = 1.0  # times the usual errors of calibration and images that a touched peg is searched with
     actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
     seed: int = 0  # of strategy "random" and of exploration
     exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]
@@ -68,6 +69,8 @@ class AgentSettings:
             )
         if self.touch and not self.tip_offset:
             raise InputError("touch starts from where the camera sees the held peg; set tip_offset as well")
+        if not 1.0 <= self.doubt <= 10.0:
+            raise InputError(f"doubt is {self.doubt}, must be within 1..10 times the errors of a usual cell")
         if self.actor_image == "real" and self.policy != "learned":
             raise InputError(
                 f"policy {self.policy!r} has no actor to read a real image; take policy 'learned'"

@@ -13,8 +13,9 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 
-REACH = 0.004  # the grid's half side [m]
+REACH = 0.004  # the grid's usual half side [m]
 SPACING = 0.00025  # [m]
+MOST_PLACES = 41  # along a side; a wider grid is coarser
 FREEDOM = 3.0  # degrees of freedom of Student's t: beyond three deviations lie 3 % in place of 0.01 %
 APART = 0.0008  # of places that are worth a press each, at least [m]
 
@@ -46,15 +47,16 @@ class HoleGrid:
     stops: np.ndarray  # (M, 2) where a press did not go in [m]
 
     @staticmethod
-    def of(mean: np.ndarray, covariance: np.ndarray) -> HoleGrid:
-        """Student's t about a mean (2,) [m] with a covariance (2, 2) [m2] near it, cut off at `REACH`.
+    def of(mean: np.ndarray, covariance: np.ndarray, reach: float = REACH) -> HoleGrid:
+        """Student's t about a mean (2,) [m] with a covariance (2, 2) [m2] near it, cut off at `reach` [m].
 
         Raises:
             InputError: the covariance is not positive definite or not finite.
         """
         if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0.0):
             raise InputError(f"covariance {covariance.tolist()} m2 of a hole must be positive definite")
-        axis = np.arange(-REACH, REACH + 0.5 * SPACING, SPACING)
+        spacing = max(SPACING, 2.0 * reach / (MOST_PLACES - 1))
+        axis = np.arange(-reach, reach + 0.5 * spacing, spacing)
         away = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
         distance = np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away)
         weights = (1.0 + distance / FREEDOM) ** (-0.5 * (FREEDOM + 2.0))

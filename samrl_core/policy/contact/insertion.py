@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from samrl_core.policy.contact.hole_grid import Forgiveness, HoleGrid
+from samrl_core.policy.contact.hole_grid import REACH, Forgiveness, HoleGrid
 from samrl_core.policy.contact.tip_sense import TipReading
 
 BOTTOM = "bottom"  # name of the move that follows once the peg is in
@@ -56,6 +56,12 @@ class Mouth:
     covariance: np.ndarray  # (2, 2) [m2]
     height: float  # by the encoders [m]
     lean: np.ndarray  # (2,) way of the hole's axis in x and y for each metre upwards [-]
+    reach: float = REACH  # from its place, within which it is searched [m]
+
+    @property
+    def grid(self) -> HoleGrid:
+        """The same as a belief that presses change."""
+        return HoleGrid.of(self.place, self.covariance, self.reach)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +90,7 @@ class Move:
 
 def begin(mouth: Mouth, force: np.ndarray) -> Insertion:
     """Above the hole; `force` (3,) is what is read of a tip that touches nothing [N]."""
-    return Insertion("above", mouth, force, HoleGrid.of(mouth.place, mouth.covariance))
+    return Insertion("above", mouth, force, mouth.grid)
 
 
 def looked_again(state: Insertion, mouth: Mouth, force: np.ndarray) -> Insertion:
@@ -94,7 +100,7 @@ def looked_again(state: Insertion, mouth: Mouth, force: np.ndarray) -> Insertion
     free = state.free_force
     if state.phase == "above":
         free = free + 0.5 * (force - free)
-    return replace(state, mouth=mouth, free_force=free, grid=HoleGrid.of(mouth.place, mouth.covariance))
+    return replace(state, mouth=mouth, free_force=free, grid=mouth.grid)
 
 
 def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings) -> Move:

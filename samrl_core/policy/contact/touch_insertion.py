@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from samrl_core.policy.contact.cell_memory import (
     at_view,
     no_memory,
 )
+from samrl_core.policy.contact.hole_grid import REACH
 from samrl_core.policy.contact.insertion import (
     Insertion,
     InsertionSettings,
@@ -46,6 +47,12 @@ class TouchSettings:
     memory: MemorySettings = field(default_factory=MemorySettings)
     uncertain: float = 0.0015  # standard deviation of the hole's place at which it does not go down [m]
     most_waits: int = 4  # actions in which it stays above for more images
+    reach: float = REACH  # from where the hole is expected, within which it is searched [m]
+
+    def doubting(self, times: float) -> TouchSettings:
+        """The same for cells whose images are wrong by so many times as much."""
+        memory = replace(self.memory, unknown=times * self.memory.unknown)
+        return replace(self, memory=memory, reach=times * self.reach)
 
 
 def require_peg(task: Task) -> PegInsertion:
@@ -123,7 +130,7 @@ class TouchInsertion:
         covariance = best + offset.covariance[:2, :2] + variance * np.eye(2)
         place, lean = self._middle()
         height = self._task.height + self.memory.height
-        return Mouth(place - offset.offset[:2] - error, covariance, height, lean)
+        return Mouth(place - offset.offset[:2] - error, covariance, height, lean, self._settings.reach)
 
     def _middle(self) -> tuple[np.ndarray, np.ndarray]:
         """Middle place (2,) [m] and lean (2,) of the images that know them nearly as well as the best one."""

@@ -49,6 +49,7 @@ class Condition:
     view_period: int = LoopSettings.view_period  # actions from one search for a view to the next
     tip_offset: bool = False  # see `AgentSettings`
     touch: bool = False  # the same
+    doubt: float = 1.0  # the same
     remembers: bool = False  # one agent goes through the episodes of a cell, in their order
     think_s: float = 0.0  # from an image to the action that follows from it, while the world goes on [s]
     straw_man: str = ""  # of `STRAW_MEN`, in place of Algorithm 1; empty for none
@@ -198,6 +199,7 @@ def _agent(task: str, cell: str, condition: Condition, weights: Path | None, res
         update=condition.update,
         tip_offset=condition.tip_offset,
         touch=condition.touch,
+        doubt=condition.doubt,
     )
     networks = trained_networks(task, model.cell, weights) if settings.needs_networks else None
     agent = Agent(model, settings, networks)

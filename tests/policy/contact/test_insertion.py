@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from samrl_core.policy.contact.hole_grid import APART, FREEDOM, Forgiveness, HoleGrid
+from samrl_core.policy.contact.hole_grid import APART, FREEDOM, REACH, Forgiveness, HoleGrid
 from samrl_core.policy.contact.insertion import (
     BOTTOM,
     Insertion,
@@ -27,9 +29,9 @@ def mouth_at(place: np.ndarray, deviation: float = 0.0008) -> Mouth:
     return Mouth(place, deviation**2 * np.eye(2), 0.040, np.zeros(2))
 
 
-def insert(error: tuple[float, float], most: int = 60) -> tuple[SpringBlock, list[Move]]:
+def insert(error: tuple[float, float], most: int = 60, doubt: float = 1.0) -> tuple[SpringBlock, list[Move]]:
     """From 5 mm above a hole believed `error` beside where it is, each step at most 5 mm."""
-    mouth = mouth_at(HOLE + error)
+    mouth = replace(mouth_at(HOLE + error, 0.0008 * doubt), reach=REACH * doubt)
     block = SpringBlock(np.array([*(mouth.place + [0.004, 0.002]), 0.045]), HOLE, FACE)
     state: Insertion | None = None
     moves: list[Move] = []
@@ -80,6 +82,14 @@ def test_nothing_but_a_face_is_searched_until_the_actions_end() -> None:
     places = {tuple(np.round(1e4 * (m.state.grid.mean - HOLE)).tolist()) for m in moves}
     assert len(places) > 5, "each stop must change the belief"
     assert block.largest < S.most_press + S.press
+
+
+def test_who_doubts_finds_sooner_what_lies_further_off() -> None:
+    """5.7 mm beside where it is believed: beyond the reach of one who takes the cell to be a usual one."""
+    _, sure = insert((0.004, -0.004))
+    _, doubting = insert((0.004, -0.004), doubt=4.0)
+    assert (sure[-1].state.phase, doubting[-1].state.phase) == ("search", "inserted")
+    assert len(doubting[0].state.grid.places) < 2000  # a wide grid is a coarse one
 
 
 def test_in_contact_images_and_free_forces_count_no_more() -> None:

@@ -63,6 +63,19 @@ def test_the_hole_is_seen_from_the_tip_that_the_camera_sees(nothing_known: Estim
     np.testing.assert_allclose(mouth.covariance, spread * np.eye(2))
 
 
+def test_doubt_widens_what_images_are_believed_to_be_wrong_by(nothing_known: Estimate) -> None:
+    spreads = []
+    for doubt in (1.0, 4.0):
+        touch = TouchInsertion(TASK, CELL, TouchSettings().doubting(doubt))
+        touch.see(believed(nothing_known, (0.51, 0.0, 0.0, 0.0)), sight(0))
+        mouth = touch.mouth(offset_of(0.0, 0.0))
+        spreads.append((mouth.covariance[0, 0], mouth.reach))
+    more = 15.0 * TouchSettings().memory.unknown ** 2
+    np.testing.assert_allclose(spreads[1], (spreads[0][0] + more, 4.0 * spreads[0][1]))
+    with pytest.raises(InputError, match="within 1..10"):
+        AgentSettings(policy="optimised", tip_offset=True, touch=True, doubt=0.5)
+
+
 def test_one_image_that_is_off_by_a_centimetre_changes_little(nothing_known: Estimate) -> None:
     touch = TouchInsertion(TASK, CELL)
     for k, x in enumerate((0.510, 0.5104, 0.525, 0.5102, 0.5103)):

@@ -22,6 +22,7 @@ from samrl_core.studies.experiment import Options
 from samrl_core.studies.restored_success import (
     DESCRIBED,
     DIAGNOSED,
+    DOUBTING,
     FITTED,
     ROWS,
     TOLD,
@@ -83,7 +84,14 @@ def _case(success: bool) -> dict[str, object]:
 
 def test_shares_of_a_loss(tmp_path: Path) -> None:
     """Two cells of two episodes: unharmed 4 of 4, described 0, fitted 1, diagnosed 2, told 3."""
-    wins = {UNHARMED: (2, 2), DESCRIBED: (0, 0), FITTED: (0, 1), DIAGNOSED: (2, 0), TOLD: (2, 1)}
+    wins = {
+        UNHARMED: (2, 2),
+        DESCRIBED: (0, 0),
+        DOUBTING: (0, 0),
+        FITTED: (0, 1),
+        DIAGNOSED: (2, 0),
+        TOLD: (2, 1),
+    }
     cells = [CellJob(f"k{n}", TASK.name, CELL.name, f"typical:{n} hand_eye=2", "hand_eye") for n in (1, 2)]
     found = [
         {
@@ -104,6 +112,7 @@ def test_shares_of_a_loss(tmp_path: Path) -> None:
     assert out["restored_diagnosed"]["value"] == pytest.approx(0.5)
     assert out["restored_told"]["value"] == pytest.approx(0.75)
     assert out["restored_fitted"]["value"] == pytest.approx(0.25)
+    assert out["restored_doubting"]["value"] == 0.0
     assert out["rows"][UNHARMED]["successes"] == 4 and list(out["rows"]) == list(ROWS)
     assert [a[DIAGNOSED] for a in out["answers"]] == [2, 0]
     draw_restored(out, TASK.name, tmp_path / "picture.png")

@@ -62,6 +62,11 @@ SIGN = {"v": 0.005}
 
 CASES: tuple[Case, ...] = (
     Case("coulomb_friction", "joint:lift", "smooth", {"coulomb": {LIFT: 0.8}}, SIGN, (0.8,), {"Fc": 0.8}),
+    # the simulator's tanh lies at an exponent of 2.8
+    Case(
+        "coulomb_friction", "joint:lift", "slow to saturate", {"coulomb": {LIFT: 0.8}},
+        {"v": 0.0054, "p": 2.8}, (0.8,), {"Fc": 0.8},
+    ),
     Case(
         "coulomb_friction", "joint:lift", "stiff bristle",
         {"coulomb": {LIFT: 0.8}, "presliding_stiffness": {LIFT: 8000.0}}, {"xs": 1e-4}, (0.8,), {"Fc": 0.8},

@@ -218,11 +218,14 @@ def turn_widths(widest: float) -> tuple[float, ...]:
 
 
 def usual_turns(trial: Trial, joints: tuple[int, ...]) -> tuple[float, ...]:
-    """Widths [rad/s] of a sign's turn to begin with where another shape is searched beside it."""
+    """Widths [rad/s] of a sign's turn to begin with where another shape is searched beside it.
+
+    Whatever the machine, one of them is wide: where the sign turns more slowly than the sharpest, a level
+    beside waves comes out negative, which no friction is, and the search would not begin. Torques by the law
+    and fast motors need one between the two.
+    """
     fastest = fastest_motion(trial, joints)
     narrow, wide = min(USUAL_TURN, 0.015 * fastest), 0.015 * fastest
-    if trial.motion.computed:
-        # A torque by the law knows a reversal as well as the log's speed: a sign that turns too fast explains
-        # so little there that a level comes out negative, and the search would not begin.
+    if trial.motion.computed or fastest >= FAST:
         return narrow, wide, 4.0 * wide
-    return (narrow,) if fastest < FAST else (narrow, wide)
+    return narrow, 4.0 * wide

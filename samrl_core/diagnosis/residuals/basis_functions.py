@@ -15,6 +15,19 @@ def smooth_sign(velocity: np.ndarray, width: float) -> np.ndarray:
     return np.tanh(velocity / width)
 
 
+def power_sign(velocity: np.ndarray, width: float, exponent: float) -> np.ndarray:
+    """v / (width^p + |v|^p)^(1/p): nears one as 1 - (width / v)^p / p, an exponential one at once.
+
+    p = 1 and p = 2 are the usual sigmoids of that name, an arctangent lies at 1.1 to 1.4, a tanh at 2.8.
+    """
+    return velocity / (width**exponent + np.abs(velocity) ** exponent) ** (1.0 / exponent)
+
+
+def half_speed(width: float, exponent: float) -> float:
+    """Speed at which `power_sign` is a half."""
+    return float(width * (2.0**exponent - 1.0) ** (-1.0 / exponent))
+
+
 def bristle(position: np.ndarray, distance: float) -> np.ndarray:
     """Normalised Dahl bristle (F,) in -1..1 along a position, relaxing over `distance` [same unit].
 

@@ -40,6 +40,7 @@ class Differs:
     supply: float = 0.0  # of the voltage that a duty cycle stands for, relative
     proportional: float = 0.0  # of the position loop, relative
     delay: float = 0.0  # of the command [s]
+    tight: tuple[float, float, float] = (0.0, 1.0, 0.01)  # spots: friction [N m], order [1/rad], turn [rad/s]
 
 
 @dataclass(frozen=True)
@@ -183,6 +184,7 @@ class RealMachines:
         self.viscous, self.coulomb, self.slack = (
             np.array([getattr(d, name) for d in differs]) for name in ("viscous", "coulomb", "backlash")
         )
+        self.tight, self.order, self.turn = np.array([d.tight for d in differs]).T
         each = len(machine.paths)  # recordings of one real machine
         heavy = 1.0 + 0.005 * np.repeat(
             rng.uniform(-1, 1, count // each), each
@@ -198,6 +200,7 @@ class RealMachines:
         """Of link and motor."""
         q, w, qm, wm = state
         rubs = self.viscous * wm + self.coulomb * np.tanh(wm / 0.01)
+        rubs = rubs + self.tight * (0.15 + np.cos(0.5 * self.order * qm) ** 4) * np.tanh(wm / self.turn)
         torque = on * self.drive.torque(output, qm, wm)[0] + self.offset - rubs
         load = self.weight * np.cos(q)  # level at zero, hanging at a quarter turn
         together = (torque + load) / (self.machine.rotor + self.link)

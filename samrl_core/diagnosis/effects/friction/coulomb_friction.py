@@ -19,12 +19,22 @@ from samrl_core.diagnosis.effects.drive_torque import (
 )
 from samrl_core.diagnosis.effects.effect import Parameter, lacks_drive_torque
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
-from samrl_core.diagnosis.residuals.basis_functions import SIGN_SPEEDS, bristle, smooth_sign, travel
+from samrl_core.diagnosis.residuals.basis_functions import (
+    SIGN_SPEEDS,
+    bristle,
+    half_speed,
+    power_sign,
+    smooth_sign,
+    travel,
+)
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
 LEAST_ANGLE = 0.001  # [rad] parked short, from which a joint counts
 STIFF = (3e-5, 1e-4)  # [rad] presliding distances below what encoders of arms resolve
+TAILS = (0.8, 4.0)  # exponents of a sign that saturates slowly: below, it is no level; above, it is a clip
+FIRST_TAIL = 1.3
+TAIL_WIDTH = 0.25  # of the widest turn of a tanh: p = 1 nears nine tenths of its level at nine widths
 
 
 class CoulombFriction(DriveEffect):
@@ -40,7 +50,7 @@ class CoulombFriction(DriveEffect):
         "Add the friction level to the joint's model or compensate it in the controller; if it is far above "
         "the datasheet, check brake, seal and lubrication."
     )
-    formula = "tau_f = Fc tanh(dq / v)"
+    formula = "tau_f = Fc tanh(dq / v), or Fc dq / (v^p + |dq|^p)^(1/p) where it saturates slowly"
     source = "Olsson et al. 1998, Friction models and friction compensation; ranges: Gaz et al. 2019 (Panda)"
     excitation = "slow sweeps in both directions, reversals"
     curve_over = "velocity"
@@ -75,6 +85,15 @@ class CoulombFriction(DriveEffect):
         limits, stiff = {"v": (5e-4, widest)}, tuple({"xs": x} for x in STIFF)
         return (
             SmoothSign(name="smooth", place=place, amplitudes=("Fc",), shapes=grid, refine=limits),
+            # Another turn than a tanh's costs more than it seems: tolerated frictions of several widths mend
+            # the shape, at the expense of the size.
+            SlowSign(
+                name="slow to saturate",
+                place=place,
+                amplitudes=("Fc",),
+                shapes=tuple({"v": v, "p": FIRST_TAIL} for v in turn_widths(TAIL_WIDTH * widest)),
+                refine={"v": (5e-4, TAIL_WIDTH * widest), "p": TAILS},
+            ),
             StiffBristle(
                 name="stiff bristle",
                 place=place,
@@ -107,6 +126,31 @@ class SmoothSign(ShaftForm):
         return {
             "coulomb": self.at_joints(trial, amplitudes),
             "coulomb_velocity": self.at_joints(trial, shape.get("v", 0.003), 0.005),
+        }
+
+
+class SlowSign(DriveForm):
+    """A sign that nears its level by a power of the speed, as arctangents do."""
+
+    def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return power_sign(trial.motion.sure_velocity[:, joint], shape["v"], shape["p"])[None]
+
+    def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
+        return np.array([0.1 * trial.scale[joint]])
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        stated = joint_dynamics(trial.recording.arm).friction
+        return bool(amplitudes[0] > -stated[self.joint])
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return name_sizes(trial, self.place, "Fc", amplitudes)
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        # The simulator's tanh is a half at the same speed.
+        width = half_speed(shape["v"], shape["p"]) / np.arctanh(0.5)
+        return {
+            "coulomb": self.at_joints(trial, amplitudes),
+            "coulomb_velocity": self.at_joints(trial, width, 0.005),
         }
 
 

@@ -21,7 +21,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 
 ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 WAVES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0)  # the same in steps that the travel tells apart
-OVER_TRAVEL = (1.5, 2.0, 2.5, 3.0, 4.0)  # periods within a short travel, whose orders are beyond these
+OVER_TRAVEL = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0)  # periods within a short travel, whose orders are beyond these
 WHOLE_WAVE = 0.9 * 2.0 * np.pi / TRAVEL_UNITS  # nearly a period over the travel of a slide
 LOWEST, HIGHEST = 0.9, 15.0  # once per turn at least: less is a spring
 LEAST_NEGATIVE = 0.25  # of the largest friction: what missing harmonics may make negative somewhere
@@ -55,8 +55,8 @@ class PositionDependentFriction(DriveEffect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         (joint,) = place.joints
         unit = travel_unit(trial, joint)
-        few = [2.0 * np.pi * n / max(float(trial.travel[joint]), 1e-6) for n in OVER_TRAVEL]
-        few = [k for k in few if k > max(ORDERS) / unit]
+        periods = [2.0 * np.pi * n / max(float(trial.travel[joint]), 1e-6) for n in OVER_TRAVEL]
+        few = [k for k in periods if k > max(ORDERS) / unit]
         grid = tuple({"k": k} for k in (*(k / unit for k in ORDERS), *few))
         limits, wave = (
             {"k": (LOWEST / unit, max([HIGHEST / unit, *(1.3 * k for k in few)]))},
@@ -67,7 +67,11 @@ class PositionDependentFriction(DriveEffect):
         # A slide runs from end to end, its speed by its place: less than a period of a free shape is a drag.
         assert trial.rigid is not None
         lowest = WHOLE_WAVE if trial.rigid.slides[joint] else LOWEST
-        everywhere = (*(k / unit for k in WAVES if k > lowest), *few)
+        # Half a period over the travel is what one order stands out from the next by: no wider gap is left.
+        everywhere = (
+            *(k / unit for k in WAVES if k > lowest),
+            *(k for k in periods if k > 1.1 * max(WAVES) / unit),
+        )
         return (
             FrictionWave(
                 name="friction",

@@ -67,7 +67,12 @@ class ThermalFriction(DriveEffect):
                 name="by its work",
                 place=place,
                 amplitudes=names,
-                shapes=tuple({"T": t, "vw": vw, "v": turns[-1]} for t in (3.0, 10.0) for vw in (0.05, 0.2)),
+                shapes=tuple(
+                    {"T": t, "vw": vw, "v": v}
+                    for t in (3.0, 10.0)
+                    for vw in (0.05, 0.2)
+                    for v in (turns[0], turns[-1])
+                ),
                 refine={"T": (0.3, 600.0), "vw": (0.01, 2.0), "v": turn},
             ),
             WarmingByPath(

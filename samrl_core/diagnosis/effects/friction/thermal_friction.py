@@ -71,7 +71,7 @@ class ThermalFriction(DriveEffect):
                     {"T": t, "vw": vw, "v": v}
                     for t in (3.0, 10.0)
                     for vw in (0.05, 0.2)
-                    for v in (turns[0], turns[-1])
+                    for v in turns
                 ),
                 refine={"T": (0.3, 600.0), "vw": (0.01, 2.0), "v": turn},
             ),

@@ -145,7 +145,7 @@ def test_searches_begin_at_turns_as_wide_as_the_speeds() -> None:
     assert turn_widths(0.3)[-1] == pytest.approx(0.18)
     trial = trial_of(worlds.record(worlds.plant(), "A")[0])
     trial.fastest = np.full(3, 6.0)
-    assert usual_turns(trial, (0,)) == pytest.approx((0.005, 0.09, 0.36))
+    assert usual_turns(trial, (0,)) == pytest.approx((0.005, 0.09, 0.24))
 
 
 def test_a_friction_that_turns_slowly_is_coulombs() -> None:

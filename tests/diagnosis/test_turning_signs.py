@@ -10,13 +10,14 @@ import pytest
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose, library
+from samrl_core.diagnosis.effects.drive.torque_rate_limit import LimitedRate
 from samrl_core.diagnosis.effects.drive_torque import usual_turns
 from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.effects.friction.position_dependent_friction import OVER_TRAVEL, WAVES
 from samrl_core.diagnosis.residuals.basis_functions import half_speed, power_sign
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.search import best_singles
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, on_bound
+from samrl_core.diagnosis.selection.search import best_singles, find_onset
 from tests.diagnosis import worlds
 from tests.diagnosis.controllers.kinds import VOLTAGE_MOTOR
 from tests.diagnosis.controllers.machines import Differs
@@ -37,6 +38,16 @@ def losing(recording: ArmRecording, law: Law) -> ArmRecording:
     effort = sent.effort.copy()
     effort[:, TURN] += law(q, v)
     return replace(recording, command=None, commanded_effort=replace(sent, effort=effort))
+
+
+def begun(recording: ArmRecording, law: Law, onset: float) -> ArmRecording:
+    """The same, from a moment [s] on."""
+    later = losing(recording, law)
+    before, after = recording.commanded_effort, later.commanded_effort
+    assert before is not None and before.effort is not None
+    assert after is not None and after.effort is not None
+    on = (after.time - after.time[0] >= onset)[:, None]
+    return replace(later, commanded_effort=replace(after, effort=np.where(on, after.effort, before.effort)))
 
 
 def best_of(family: str, law: Law) -> tuple[Fit, float]:
@@ -114,3 +125,32 @@ def test_a_slow_machine_is_searched_with_a_wide_turn_too() -> None:
     trial = worlds.trials(worlds.world(1, "A"))[0]
     trial.fastest = np.full(3, 1.0)
     assert usual_turns(trial, (0,)) == pytest.approx((0.005, 0.06))
+
+
+def test_what_begins_is_searched_in_all_its_forms() -> None:
+    """Of a friction that begins, the stiffest bristle fitted best as one that was there all along.
+
+    With an onset it stayed on the bound of its search, and was refused for that.
+    """
+    onset, law = 3.1, lambda q, v: 0.8 * np.tanh(v / 0.008)
+    a, b, _ = worlds.world(1)
+    likelihood = Likelihood(worlds.trials([begun(r, law, onset) for r in (a, b)]))
+    evidence = Evidence(likelihood, likelihood.correlation_time(likelihood.y) ** 0.5)
+    pool = [h for h in evidence.screen(library(["coulomb_friction"])) if h.place == PLACE.name]
+    stiff = max((evidence.fit([h]) for h in pool if "xs" in h.shape), key=lambda f: f.log_evidence)
+    found = find_onset(evidence, pool, [stiff])
+    assert found is not None
+    first = found.hypotheses[0]
+    assert "xs" not in first.shape and not on_bound(first)
+    assert first.shape[ONSET] == pytest.approx(onset, abs=0.1)
+    assert found.amplitudes[0][0] == pytest.approx(0.8, rel=0.06)
+
+
+def test_a_rate_limit_that_takes_nearly_all_torque_is_none() -> None:
+    """A drive that has nothing to do but its friction seemed to give nothing: 0.05 N m/s."""
+    trial = worlds.trials(worlds.world(1, "B"))[0]
+    (effect,) = library(["torque_rate_limit"])
+    (form,) = effect.forms(trial, PLACE)
+    assert isinstance(form, LimitedRate)
+    assert not form.is_possible(trial, {"R": 0.05})
+    assert form.is_possible(trial, {"R": 60.0})

@@ -226,6 +226,7 @@ def usual_turns(trial: Trial, joints: tuple[int, ...]) -> tuple[float, ...]:
     """
     fastest = fastest_motion(trial, joints)
     narrow, wide = min(USUAL_TURN, 0.015 * fastest), 0.015 * fastest
+    wider = min(4.0 * wide, 0.8 * widest_turn(trial, joints, 0.1))
     if trial.motion.computed or fastest >= FAST:
-        return narrow, wide, 4.0 * wide
-    return narrow, 4.0 * wide
+        return narrow, wide, wider
+    return narrow, wider

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,13 +67,15 @@ def _inside_first(fits: list[Fit]) -> list[Fit]:
     return fits
 
 
-def find_onset(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
-    """The best single effect that begins within the recordings, at one time after each one's start."""
+def find_onset(evidence: Evidence, pool: Sequence[Hypothesis], singles: Sequence[Fit]) -> Fit | None:
+    """The best single effect that begins within the recordings, at one time after each one's start.
+
+    `pool` holds all forms: the best one of what acts throughout need not be that of what begins.
+    """
     shortest = min(t.duration for t in evidence.likelihood.trials)
     best: Fit | None = None
 
-    def attempt(fit: Fit, onset: float) -> Fit | None:
-        h = fit.hypotheses[0]
+    def attempt(h: Hypothesis, onset: float) -> Fit | None:
         shape = {**h.shape, ONSET: onset}
         later = hypothesis(evidence.likelihood, h.effect, h.form, shape)
         return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
@@ -82,21 +84,31 @@ def find_onset(evidence: Evidence, singles: Sequence[Fit]) -> Fit | None:
     there = [f for f in singles[CANDIDATES_FOR_ONSET:] if f.hypotheses[0].place == first]
     for fit in [*singles[:CANDIDATES_FOR_ONSET], *there]:
         for onset in np.linspace(0.1, 0.9, ONSETS) * shortest:
-            found = attempt(fit, float(onset))
+            found = attempt(fit.hypotheses[0], float(onset))
             if found is not None and (best is None or found.log_evidence > best.log_evidence):
                 best = found
     if best is None:
         return None
-    step = 0.4 * shortest / ONSETS
+    best = _closest_onset(attempt, best, 0.4 * shortest / ONSETS)
+    first = best.hypotheses[0]
+    others = [attempt(h, first.shape[ONSET]) for h in pool if h.name == first.name]
+    better = max((f for f in others if f is not None), key=lambda f: f.log_evidence, default=best)
+    if better.log_evidence > best.log_evidence:
+        best = _closest_onset(attempt, evidence.refine(better, 0), 0.4 * shortest / ONSETS)
+    return evidence.refine(best, 0)
+
+
+def _closest_onset(attempt: Callable[[Hypothesis, float], Fit | None], best: Fit, step: float) -> Fit:
+    """The fit with its onset moved by steps [s], halved until they are short, as long as that helps."""
     while step > 0.02:
-        onset = best.hypotheses[0].shape[ONSET]
-        around = [attempt(best, onset + d) for d in (-step, step)]
+        h = best.hypotheses[0]
+        around = [attempt(h, h.shape[ONSET] + d) for d in (-step, step)]
         better = max((f for f in around if f is not None), key=lambda f: f.log_evidence, default=None)
         if better is not None and better.log_evidence > best.log_evidence:
             best = better
         else:
             step /= 2.0
-    return evidence.refine(best, 0)
+    return best
 
 
 def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:

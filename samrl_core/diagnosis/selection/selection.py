@@ -141,7 +141,7 @@ def select(
     most = max(f.log_evidence for f in singles)
     progress("looking for an onset")
     left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, chosen.log_evidence, 1e-9)
-    if left > settings.onset_remainder and (switched := find_onset(evidence, singles)) is not None:
+    if left > settings.onset_remainder and (switched := find_onset(evidence, pool, singles)) is not None:
         # Also more than what the motion put behind another: that may be the same effect, there all along.
         if switched.log_evidence > most + settings.second_threshold:
             firsts = [switched, *firsts]

@@ -11,6 +11,8 @@ from samrl_core.diagnosis.residuals.basis_functions import rate_limited
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
+MOST_LIMITED = 0.75  # share of samples at which the torque changes as fast as it may
+
 
 class TorqueRateLimit(DriveEffect):
     """The drive's torque cannot change faster than a rate."""
@@ -50,6 +52,13 @@ class LimitedRate(PresentForm):
         u = sent[:, self.joint]
         lost = (u - rate_limited(u, shape["R"] / trial.motion.rate))[None]
         return lose_torque(trial, self.place, lambda _: lost)
+
+    def is_possible(self, trial: Trial, shape: Shape) -> bool:
+        """Below some rate all torque is lost: an idle joint's friction under another name."""
+        u = trial.motion.sure_torque[:, self.joint]
+        most = shape["R"] / trial.motion.rate
+        steps = np.abs(np.diff(rate_limited(u, most)))
+        return bool(np.mean(steps > 0.999 * most) < MOST_LIMITED)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"R": shape["R"]}

@@ -68,10 +68,7 @@ class ThermalFriction(DriveEffect):
                 place=place,
                 amplitudes=names,
                 shapes=tuple(
-                    {"T": t, "vw": vw, "v": v}
-                    for t in (3.0, 10.0)
-                    for vw in (0.05, 0.2)
-                    for v in turns
+                    {"T": t, "vw": vw, "v": v} for t in (3.0, 10.0) for vw in (0.05, 0.2) for v in turns
                 ),
                 refine={"T": (0.3, 600.0), "vw": (0.01, 2.0), "v": turn},
             ),

@@ -248,7 +248,7 @@ def _arm(
         law = spec.controller.get("type", LAW)
         if law not in KINDS:
             raise InputError(f"{where}.type is {law!r}; known are {', '.join(KINDS)}")
-        words = ("gravity_compensation", *KINDS[law].choices)
+        words = ("gravity_compensation", "between_commands", *KINDS[law].choices)
         about = {
             k: v if k in words else _numbers(v, constants, f"{where}.{k}")
             for k, v in spec.controller.items()

@@ -14,6 +14,7 @@ import numpy as np
 
 from samrl_core.cell.robots.urdf_text import MOST_KG
 from samrl_core.cell.types.arm_description import (
+    HELD,
     ArmController,
     ArmDescription,
     NominalTool,
@@ -77,6 +78,8 @@ def controller_text(arm: ArmDescription) -> str:
         "gravity": list(controller.gravity),
         "tolerances": tolerances,
     }
+    if controller.between_commands == HELD:
+        about["between_commands"] = controller.between_commands
     return json.dumps(about)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.cell.types.stated_tolerances import StatedTolerances
 
+HELD, LINE = "held", "line"  # a command between two stamps: until the next one, or straight
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # in the arm's base frame [m/s2]
 
 
@@ -62,6 +63,7 @@ class ArmController:
     law: DriveLaw = field(default_factory=DriveLaw)
     kind: str = "joint_impedance"
     stated: Mapping[str, Any] = field(default_factory=dict)  # keys of the kind, where it has its own
+    between_commands: str = LINE  # or HELD
 
 
 @dataclass(frozen=True, eq=False)

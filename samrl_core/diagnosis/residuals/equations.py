@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
-from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
@@ -239,7 +239,7 @@ def _between_commands(motion: RecordedMotion) -> np.ndarray:
     """Effort (J,) by which a line between sparse commands may miss what the controller tracked."""
     command, controller = motion.recording.command, motion.recording.arm.controller
     assert command is not None and controller is not None
-    if float(np.median(np.diff(command.time))) < 1.5 / motion.rate:
+    if controller.between_commands == HELD or float(np.median(np.diff(command.time))) < 1.5 / motion.rate:
         return np.zeros(motion.joints)
 
     def missed(values: np.ndarray | None) -> np.ndarray:

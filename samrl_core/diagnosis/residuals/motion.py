@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy import signal
 
-from samrl_core.cell.types.arm_description import ArmController
+from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.residuals.control_law import (
     LawTerms,
@@ -22,7 +22,7 @@ from samrl_core.diagnosis.residuals.control_law import (
     position_error,
     spring_of_rounded,
 )
-from samrl_core.diagnosis.residuals.signal_band import SignalBand, onto_grid
+from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
     highest_sure_frequency,
@@ -60,9 +60,11 @@ class RecordedMotion(SignalBand):
         super().__init__(rate, min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0))
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
-        self.raw_position = onto_grid(states.time, states.position, self.time)
-        self.raw_velocity = onto_grid(states.time, states.velocity, self.time)
-        self.raw_effort = onto_grid(states.time, states.effort, self.time)
+        held = self.controller is not None and self.controller.between_commands == HELD
+        self.raw_position, self.raw_velocity, self.raw_effort = (
+            onto_grid(states.time, x, self.time, held)
+            for x in (states.position, states.velocity, states.effort)
+        )
         position = self.raw_position
         if position is None:
             raise ValueError(f"{recording.name} has no positions")
@@ -100,13 +102,13 @@ class RecordedMotion(SignalBand):
         command = self.recording.command
         if command is None or len(command) < 2:
             return None
-        position = onto_grid(command.time, command.position, self.time)
+        position, velocity, effort = (
+            self._tracked(command.time, x) for x in (command.position, command.velocity, command.effort)
+        )
         if position is None:
             if command.velocity is None or self.controller is None or np.any(self.controller.stiffness > 0):
                 return None
             position = np.zeros_like(self.raw_position)  # a speed loop is told no position
-        velocity = onto_grid(command.time, command.velocity, self.time)
-        effort = onto_grid(command.time, command.effort, self.time)
         zero = np.zeros_like(self.raw_position)
         return JointSignal(
             self.time,
@@ -115,6 +117,14 @@ class RecordedMotion(SignalBand):
             None,
             zero if effort is None else effort,
         )
+
+    def _tracked(self, time: np.ndarray, values: np.ndarray | None) -> np.ndarray | None:
+        """A command's part (F, J) as the controller follows it between two stamps."""
+        if self.controller is None or self.controller.between_commands != HELD:
+            return onto_grid(time, values, self.time)
+        # Beside a recorded torque the law is read at the instant of its sample.
+        mean = self.recording.commanded_effort is None and self.raw_effort is None
+        return held_on_grid(time, values, self.time, mean)
 
     @property
     def controller(self) -> ArmController | None:

@@ -94,15 +94,47 @@ class SignalBand:
         return 2.0 * self.band / self.rate if self.dynamic else 1.0
 
 
-def onto_grid(time: np.ndarray, values: np.ndarray | None, grid: np.ndarray) -> np.ndarray | None:
-    """Samples on the grid: those of the same ticks as they are, slower ones interpolated."""
+def onto_grid(
+    time: np.ndarray, values: np.ndarray | None, grid: np.ndarray, wandering: bool = False
+) -> np.ndarray | None:
+    """Samples on the grid: those of the same ticks as they are, slower ones interpolated.
+
+    `wandering` interpolates those whose stamps keep no regular clock too: nobody computed from them alone.
+    """
     if values is None:
         return None
     ticks = regular(time)
     period, step = float(np.median(np.diff(ticks))), float(grid[1] - grid[0])
-    if period < 1.5 * step:
+    if period < 1.5 * step and not (wandering and ticks is time):
         # Nearest, not interpolated: the controller computed from this very sample, noise included.
         index = np.clip(np.searchsorted(ticks, grid), 1, len(ticks) - 1)
         index -= (grid - ticks[index - 1]) < (ticks[index] - grid)
         return values[index]
     return np.stack([np.interp(grid, ticks, column) for column in values.T], axis=1)
+
+
+def held_on_grid(
+    time: np.ndarray, values: np.ndarray | None, grid: np.ndarray, mean: bool
+) -> np.ndarray | None:
+    """What a signal (N, J) is at each sample of the grid (F, J) if each value holds until the next stamp.
+
+    Args:
+        time: stamps (N,) [s].
+        values: (N, J); None gives None.
+        grid: regular (F,) [s].
+        mean: over a step of the grid about each sample, as the motion feels it, and not at its instant, as a
+            controller that sends its torque at that instant reads it.
+    """
+    if values is None:
+        return None
+    ticks = regular(time)
+    step = float(grid[1] - grid[0])
+    if not mean:  # a stamp that is late by rounding alone counts as come
+        return values[np.clip(np.searchsorted(ticks, grid + 1e-3 * step, side="right") - 1, 0, None)]
+    bounds = np.concatenate([[grid[0] - step], ticks[1:], [max(ticks[-1], grid[-1]) + step]])
+    area = np.cumsum(values * np.diff(bounds)[:, None], axis=0).T
+
+    def until(time: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(time, bounds, np.concatenate([[0.0], a])) for a in area], axis=1)
+
+    return (until(grid + 0.5 * step) - until(grid - 0.5 * step)) / step

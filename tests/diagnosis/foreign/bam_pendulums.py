@@ -43,10 +43,12 @@ class Case:
     real_mass: float | None = None  # where it differs from the description
     real_gain: float | None = None
     real_volts: float | None = None
+    told_held: bool = False  # whether the mapping says that a goal is held
 
 
 CASES = {
     "nothing wrong": Case("mx106", "m1", 1.0, 0.1, 0.2, 32, stated=True),
+    "nothing wrong, goals told as held": Case("mx106", "m1", 1.0, 0.1, 0.2, 32, stated=True, told_held=True),
     "friction not modelled": Case("mx106", "m1", 1.0, 0.1, 0.2, 32),
     "drop at low speed": Case("mx106", "m2", 1.0, 0.1, 0.2, 32, stated=True),
     "gears under load": Case("mx64", "m3", 1.0, 0.1, 0.15, 32, stated=True),
@@ -151,6 +153,8 @@ def _mapping(case: Case, model: Any, log: dict[str, float]) -> dict[str, Any]:
             "resistance": [motor["R"]],
             "rotor_inertia": [motor["armature"]],
         }
+    if case.told_held:
+        controller["between_commands"] = "held"
     columns = {"position": "position", "speed": "speed", "goal": "goal_position", "powered": "torque_enable"}
     source = {"file": "{name}.json", "part": "entries", "time": {"column": "timestamp", "unit": "s"}}
     return {

@@ -29,6 +29,10 @@ def test_nothing_wrong(tmp_path: Path) -> None:
     assert diagnosed("nothing wrong", tmp_path).verdict == "no_gap"
 
 
+def test_nothing_wrong_where_goals_are_told_as_held(tmp_path: Path) -> None:
+    assert diagnosed("nothing wrong, goals told as held", tmp_path).verdict == "no_gap"
+
+
 @pytest.mark.parametrize(
     ("case", "family", "parameter", "value"),
     [

@@ -9,7 +9,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, ArmController, Tolerances
+from samrl_core.cell.types.arm_description import (
+    HELD,
+    LINE,
+    STANDARD_GRAVITY,
+    ArmController,
+    Tolerances,
+)
 from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.common.errors import InputError
 
@@ -98,6 +104,7 @@ class ControllerKind(ABC):
             tolerances=tolerances,
             law=gains.law,
             kind=self.name,
+            between_commands=word(about, "between_commands", (LINE, HELD), where),
             stated={**own, **{name: about[name] for name in (*self.choices, *COMMON_KEPT) if name in about}},
         )
 
@@ -111,7 +118,7 @@ COMMON = (
     Key("effort_limit", "N m", "most torque at the joint; the URDF's where it is left out", np.inf),
     Key("armature", "kg m2", "rotor inertia at the joint", 0.0),
 )
-WORDS = ("type", "joints", "gravity_compensation", "gravity", "tolerances")
+WORDS = ("type", "joints", "gravity_compensation", "gravity", "tolerances", "between_commands")
 COMMON_KEPT = ("effort_limit", "armature")
 
 

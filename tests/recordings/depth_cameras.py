@@ -1,11 +1,13 @@
 """Depth of a wall as depth cameras and data sets write it, by NumPy and Pillow alone.
 
 Noise grows with the square of the depth, a pattern of 0.04 % lasts, an edge and 3 % of the pixels are holes.
+python -m tests.recordings.depth_cameras DIR makes a folder for each case.
 """
 
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -95,3 +97,18 @@ def make_stack(folder: Path, factor: float) -> Path:
     np.savez(folder / "run.npz", depth=np.where(images > 0, images, np.nan), K=np.array(MATRIX))
     np.savetxt(folder / "tape.csv", 100 * at, header="tape_cm", comments="", fmt="%.1f")
     return folder / "run.npz"
+
+
+def make_depth_cameras(folder: Path) -> None:
+    """A folder for each."""
+    folder.mkdir(parents=True)
+    make_realsense(folder / "realsense", 0.012)
+    make_realsense(folder / "floor", -0.02, floor=True)
+    make_realsense(folder / "right", 0.0)
+    make_ros_dump(folder / "ros_dump", 0.006)
+    make_tum(folder / "tum", 0.008)
+    make_stack(folder / "stack", 0.015)
+
+
+if __name__ == "__main__":
+    make_depth_cameras(Path(sys.argv[1]))

@@ -16,6 +16,7 @@ from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
+from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.pose_draft import draft_poses
@@ -262,3 +263,21 @@ def test_the_command_writes_a_mapping_that_waits_for_the_answer(
     del content["questions"]
     out.write_text(yaml.safe_dump(content))
     assert run(["bag", "import", str(out), "--out", str(tmp_path / "bags")]) == 0
+
+
+def test_hand_eye_files_of_eth_are_two_devices_and_name_their_frames(tmp_path: Path) -> None:
+    """`poses_B_H.csv` and `poses_W_E.csv`, no header, dated stamps, two rates: no body, though it falls."""
+    time = 1.5e9 + np.arange(0.0, 8.0, 0.02)
+    t = time - time[0]
+    place = np.stack([0.3 * np.sin(1.7 * t), 0.3 * np.cos(1.1 * t), 0.5 + 0.2 * np.sin(0.9 * t)], axis=1)
+    turn = Rotation.from_rotvec(np.stack([0.7 * np.sin(1.3 * t), 0.6 * np.sin(0.8 * t), np.sin(t)], axis=1))
+    eye = turn * Rotation.from_euler("z", 1.5)
+    world = Rotation.from_euler("xyz", [0.1, -0.2, 0.4])
+    seen = world.inv().apply(place + turn.apply([0.05, 0.01, 0.06]) - [0.5, 0.1, 0.0])
+    for name, step, p, q in (("poses_B_H", 1, place, turn), ("poses_W_E", 3, seen, world.inv() * eye)):
+        rows = np.column_stack([time, p, q.as_quat()])[::step]
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", fmt="%.9f")
+    draft = draft_any([tmp_path], None, None)
+    assert draft.kind == "poses" and not draft.questions
+    assert draft.poses["target_in_camera"]["inverse"] is True
+    assert draft.sources["flange"]["file"] == "poses_B_H.csv" and "camera_arm" in draft.poses

@@ -13,7 +13,7 @@ from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
 from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_poses
 from samrl_ros.log_import.draft.reading_draft import draft_readings
-from samrl_ros.log_import.draft.seen_tracks import is_named_body, is_of_a_machine
+from samrl_ros.log_import.draft.seen_tracks import are_at_once, is_named_body, is_of_a_machine
 
 
 def draft_any(
@@ -55,7 +55,9 @@ def _draft_tracks(tables: Sequence[LoggedTable]) -> Draft | None:
     if any(is_of_a_machine(each, tracks) for each in tracks):
         return None
     bodies = draft_bodies(tracks)
-    if bodies is not None and (_few_poses(tracks) or bodies.falls or any(map(is_named_body, tracks))):
+    at_once = are_at_once(tracks)
+    alone = not at_once and bodies is not None and (_few_poses(tracks) or bodies.falls)
+    if bodies is not None and (alone or any(map(is_named_body, tracks))):
         return bodies  # what an arm carries does not fall
     return draft_poses(tracks) or bodies
 

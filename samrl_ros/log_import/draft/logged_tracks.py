@@ -33,6 +33,9 @@ POSES = frozenset(
     f"geometry_msgs/msg/{name}"
     for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped", "PointStamped", "Pose")
 ) | {"nav_msgs/msg/Odometry"}
+# Files of ETH's hand_eye_calibration: `poses_B_H`, the hand in the base, `poses_W_E`, the eye in the world.
+HAND_EYE = re.compile(r"(?:^|_)([BW])_([HE])(?:_|$)")
+FRAMES = {"B": "base", "H": "hand", "W": "world", "E": "eye"}
 MOST_LABELS = 16  # things that rows of one file are of
 SHARED = 0.5  # of the time, that things beside each other are seen together
 
@@ -54,6 +57,8 @@ class LoggedTrack:
         named = named_frames(self.track.stem)
         if named is None and self.header[1]:
             named = (self.header[0] or self.part, self.header[1])
+        if named is None and (letters := HAND_EYE.search(self.path.stem)):
+            named = (FRAMES[letters[2]], FRAMES[letters[1]])
         return None if named is None else (_words(named[0]), _words(named[1]))
 
     @property

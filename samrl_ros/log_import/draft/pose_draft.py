@@ -178,6 +178,8 @@ def _describe(
     found: list[tuple[float, dict[str, Any], str]] = []
     for arm, first, second in product(arms, *readings):
         poses: dict[str, Any] = {"target_in_camera": dict(first[0]), arm: {"flange": dict(second[0])}}
+        if _is_inverse(seen):
+            poses["target_in_camera"]["inverse"] = True
         if at_rest:
             poses["at_rest"] = True
         said = "the arm carries the camera" if arm == "camera_arm" else "the camera stands still"
@@ -220,13 +222,20 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
     """What only names say: that no track is given the other way round."""
     if seen.frames and carried.frames:
         (child, parent), (flange, base) = seen.frames, carried.frames
-        if parent & CAMERAS and not child & CAMERAS and base & BASES and not flange & BASES:
+        told = _is_inverse(seen) or (parent & CAMERAS and not child & CAMERAS)
+        if told and base & BASES and not flange & BASES:
             return ""
     other = "stands still" if arm == "camera_arm" else "rides on the arm"
     return (
         "are these the target in the camera and the flange in its base? If either is given the other way"
         f" round (set `inverse: true`), the camera {other}"
     )
+
+
+def _is_inverse(seen: LoggedTrack) -> bool:
+    """Whether names say that these are the camera's poses in what it sees."""
+    child, parent = seen.frames or (frozenset(), frozenset())
+    return bool(child & CAMERAS and parent) and not parent & CAMERAS
 
 
 def _closing(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> float | None:

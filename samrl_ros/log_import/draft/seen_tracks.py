@@ -11,7 +11,7 @@ from samrl_core.diagnosis.residuals.bodies.phase_search import CONTACT, find_pha
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import meaning, words_in
 from samrl_ros.log_import.draft.free_fall import FreeFall, G, find_free_fall, find_unscaled_fall
-from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.logged_tracks import SHARED, LoggedTrack
 from samrl_ros.log_import.draft.pose_tracks import RATES
 from samrl_ros.log_import.draft.track_entries import FAR, INCH_M, SECONDS, FoundTime, find_frames, find_time
 from samrl_ros.log_import.pose_specs import LENGTHS
@@ -25,6 +25,7 @@ MOST_POSES = 3000  # of a track that are looked at
 LEAST_POSES = 8
 WIDEST_M = 8.0  # box that a track stays in, beyond which a unit is not proven by what looks like a fall
 SLIDES_S, SLIDES_M = 0.12, 0.01  # that a body keeps contact and goes, for it to be a slide
+DATED = 1000.0  # lengths of a log, since which a clock has run that was not set to zero for it
 FRAME_RATES = (30.0, 60.0, 120.0, 240.0)  # [Hz] that cameras have
 
 
@@ -64,6 +65,22 @@ def is_of_a_machine(each: LoggedTrack, tracks: Sequence[LoggedTrack]) -> bool:
         rate = set(words_in(name)) & RATES  # an IMU's, or of a trajectory's own
         angles += told.quantity == "position" and "frame" not in words_in(name) and not rate
     return angles > (len(each.track.axes) == 2)
+
+
+def are_at_once(tracks: Sequence[LoggedTrack]) -> bool:
+    """Whether poses of two files share one stretch of dates: two devices, and no two motions of one body."""
+    spans = []
+    for each in tracks:
+        if each.track.whole and (time := find_time(each, each.track.used)) is not None:
+            first, last = np.nanmin(time.values), np.nanmax(time.values)
+            spans.append((first, last, each.path))
+    spans = [span for span in spans if span[0] > DATED * (span[1] - span[0])]
+    return any(
+        min(a[1], b[1]) - max(a[0], b[0]) > SHARED * min(a[1] - a[0], b[1] - b[0])
+        for k, a in enumerate(spans)
+        for b in spans[:k]
+        if a[2] != b[2]
+    )
 
 
 def is_named_body(each: LoggedTrack) -> bool:

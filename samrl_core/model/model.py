@@ -154,7 +154,7 @@ class Model:
         if self._camera_moves.any():
             rows[:, 9:] += self.task.camera_shift(values)
             jacobians[:, 9:] += self._shift_jacobian(values)
-        stretched = self.task.chain_stretch(values) != 1.0
+        stretched = self.task.chain_stretch(values) != 1.0 or bool(self.task.body_scales(values))
         return TargetFrames(rows, jacobians, np.concatenate(points), which, stretched)
 
     def chain_reach(self, tool_arm_position: np.ndarray) -> Reach | None:

@@ -32,6 +32,12 @@ class ParameterSpec:
     kind: Literal["state", "constant", "camera"] = "state"
 
 
+def camera_specs(deviation: float) -> tuple[ParameterSpec, ...]:
+    """Parameters of `Task.camera_shift`, of so large a standard deviation per axis [m] before any image."""
+    far = 5.0 * deviation
+    return tuple(ParameterSpec(f"camera_{axis}", "m", 0.0, deviation, -far, far, "camera") for axis in "xyz")
+
+
 @dataclass(frozen=True, eq=False)
 class SubGoal:
     """A state of the tool tip to reach (eq. 22's G(T)_i), in the tool arm's base frame."""
@@ -108,6 +114,10 @@ class Task(ABC):
     @abstractmethod
     def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
         """Poses in world of the bodies that the parameters move."""
+
+    def body_scales(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """How many times as large as drawn (3,) such bodies are along their own axes [-]; {} for as drawn."""
+        return {}
 
     @abstractmethod
     def chain_angles(self, values: np.ndarray) -> np.ndarray:

@@ -64,6 +64,7 @@ class PoseFit:
     colors: np.ndarray  # (G, 3)
     evaluations: int  # renderings with gradient
     why_stopped: str  # converged | iteration_limit | diverged
+    covers: bool = True  # whether its mask and the image's lie on each other
 
 
 def acts_together(task: Task) -> bool:
@@ -192,9 +193,10 @@ def fit_pose(
         why = "converged" if small else "iteration_limit"
         if small:
             break
-    if overlap(renderer.image(values, colors).mask, real.image.mask) < s.least_overlap:
+    covers = overlap(renderer.image(values, colors).mask, real.image.mask) >= s.least_overlap
+    if not covers:
         why, covariance = "iteration_limit", belief  # it may stand still, but elsewhere: nothing is learnt
-    return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why)
+    return PoseFit(values, 0.5 * (covariance + covariance.T), colors, evaluations, why, covers)
 
 
 def descend(

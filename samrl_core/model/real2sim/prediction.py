@@ -79,7 +79,9 @@ def predictions(
     spread = np.minimum(np.sqrt(np.diag(estimate.covariance)), s.largest_spread * scale)
     spread = np.maximum(spread, 1e-6 * scale)
     count = len(scale)
-    starts = np.vstack([np.zeros((1, count)), np.diag(spread), -np.diag(spread)]) + estimate.values
+    # What the camera shows beside its place moves nothing.
+    varied = np.diag(spread)[[p.kind != "camera" for p in specs]]
+    starts = np.vstack([np.zeros((1, count)), varied, -varied]) + estimate.values
     state = dynamics.start(starts, tip_before)
     steps = max(1, math.ceil(distance / s.longest_step - 1e-9))
     action = torch.from_numpy(way / steps).expand(len(starts), 3)
@@ -89,7 +91,10 @@ def predictions(
     ends = np.array([dynamics.read(q)[0] for q in state.q.numpy()])
     stays = np.array([p.kind != "state" for p in specs])
     ends[:, stays] = starts[:, stays]
-    jacobian = (ends[1 : count + 1] - ends[count + 1 :]).T / (2 * spread)
+    jacobian = np.eye(count)
+    up, down = np.split(ends[1:], 2)
+    acting = np.flatnonzero(varied.any(axis=0))
+    jacobian[:, acting] = (up - down).T / (2 * spread[acting])
     change = ends[0] - estimate.values
     # What keeps its own error is untouched; what does not is held by contact, as well as the model knows it.
     held = np.clip(np.abs(1.0 - np.diag(jacobian)), 1e-6, 1.0)

@@ -62,6 +62,8 @@ class Real2SimSettings:
     worse: float = 1.3  # a fit whose points and colours both end this many times farther off has diverged
     surprise: float = PoseFitSettings.surprise
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
+    # Error of what stays that all images share, so that more do not reduce it: masks a pixel too wide.
+    common: float = 0.2  # [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
     least_thin_pixels: int = 12  # the same of a thread
     other_face: float = 0.7  # a look-alike whose eq. 6, with colours as they were, is this share is taken
@@ -121,6 +123,8 @@ class Real2Sim:
         self._lower = np.array([p.lower for p in specs])
         self._upper = np.array([p.upper for p in specs])
         self._moves = np.array([p.kind == "state" for p in specs])
+        stays = np.array([p.kind == "constant" for p in specs])
+        self._common = np.diag(np.where(stays, self._settings.common * self._scale, 0.0) ** 2)
         self._together = acts_together(model.task)
 
     def update(
@@ -258,7 +262,7 @@ class Real2Sim:
         compared: bool,
     ) -> Estimate:
         s = self._settings
-        belief = estimate.covariance + np.diag((s.motion * self._scale) ** 2)
+        belief = estimate.covariance + np.diag(np.where(self._moves, s.motion * self._scale, s.drift) ** 2)
         fit = fit_pose(
             renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )
@@ -266,9 +270,13 @@ class Real2Sim:
         pixels = renderer.group_pixels(fit.values, fit.colors)
         known = (estimate.colors, estimate.color_variance)
         colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
+        if not fit.covers and self._model.task.look_alikes(fit.values):
+            # A pancake that falls, believed elsewhere, paints one face with the other: then no colour tells
+            # them apart any more.
+            colors, color_variance = known
         after = misfit.losses(fit.values, colors)
         found, losses, why = (
-            (fit.values, fit.covariance, colors, color_variance),
+            (fit.values, fit.covariance + self._common, colors, color_variance),
             (before, after, loss_known),
             fit.why_stopped,
         )

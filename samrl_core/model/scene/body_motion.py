@@ -58,7 +58,10 @@ def central_differences(
 
 
 class BodyMotion:
-    """Poses and their Jacobians by central differences of `Task.body_poses`, which knows no tensors."""
+    """Poses and their Jacobians by central differences of `Task.body_poses`, which knows no tensors.
+
+    Where the parameters say that a body is larger than drawn, its rotation has columns as long as that.
+    """
 
     def __init__(self, task: Task) -> None:
         """Remembers the last values, since a minimiser and a planner ask for the same ones again."""
@@ -103,7 +106,8 @@ class BodyMotion:
 
     def _rows(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Rotation by rows and position, (12,) per body."""
-        return {
-            name: np.concatenate([pose.rotation.ravel(), pose.position])
-            for name, pose in self._task.body_poses(values).items()
-        }
+        scales, rows = self._task.body_scales(values), {}
+        for name, pose in self._task.body_poses(values).items():
+            turn = pose.rotation * scales[name] if name in scales else pose.rotation
+            rows[name] = np.concatenate([turn.ravel(), pose.position])
+        return rows

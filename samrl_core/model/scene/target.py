@@ -41,7 +41,7 @@ class TargetFrames:
     jacobians: np.ndarray  # (F, 12, P) of `rows` by the parameters
     anchors: np.ndarray  # (M, 3) points of each part, in its frame; other points belong to the nearest [m]
     anchor_frame: np.ndarray  # (M,) which frame
-    stretched: bool = False  # z axes of frames may have another length than 1
+    stretched: bool = False  # axes of frames may have another length than 1
 
     def frame_of(self, points: np.ndarray) -> np.ndarray:
         """Which frame each point (N, 3) [m] belongs to, that of the nearest anchor, (N,)."""
@@ -68,7 +68,7 @@ class TargetFrames:
         turn = self.rows[:, :9].reshape(-1, 3, 3)[frame]
         local = np.einsum("nji,nj->ni", turn, points - self.rows[frame, 9:])
         if self.stretched:
-            local[:, 2] /= np.square(turn[:, :, 2]).sum(axis=1)
+            local /= np.square(turn).sum(axis=1)
         jacobians = self.jacobians[frame]
         turning = jacobians[:, :9].reshape(len(points), 3, 3, -1)
         return np.einsum("nijp,nj->nip", turning, local) + jacobians[:, 9:]

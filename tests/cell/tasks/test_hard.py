@@ -109,6 +109,24 @@ def test_a_peg_that_slips_in_the_fingers_has_failed(depth: float, force: float, 
     assert inserted(plain, values, depth, force) is (depth > 0.02)
 
 
+def test_a_small_pancake_is_approached_at_its_own_rim() -> None:
+    """Of two sizes neither is assumed before an image; the plain task has one, and no such parameter."""
+    task, start = flipping(), np.array([0.385, 0.0, 0.02])
+    middle = [p.nominal for p in task.parameters()]
+    assert [p.name for p in task.parameters()][5:] == ["pancake_size", "camera_x", "camera_y", "camera_z"]
+    assert middle[5] == pytest.approx(0.9)
+    behind = {}
+    for size in (0.8, 1.0):
+        goal = task.sub_goals(np.array([*middle[:5], size, 0.0, 0.0, 0.0]), start)[0]
+        behind[size] = float(goal.tip_position[0])
+    assert behind[0.8] - behind[1.0] == pytest.approx(0.2 * task.pancake_radius)
+    turned = task.look_alikes(np.array([*middle[:5], 0.83, 0.001, 0.0, 0.0]))[0]
+    assert turned[5] == 0.83 and turned[6] == 0.001
+    assert len(TASKS["spatula_flipping"].parameters()) == 5
+    with pytest.raises(InputError, match=r"size \[-\], camera x, y, z"):
+        task.body_poses(np.zeros(5))
+
+
 def test_pancakes_of_both_sizes_come_and_lie_clear_of_the_lip() -> None:
     radii = np.array([one.pancake_radius for one in made(flipping()) if isinstance(one, SpatulaFlipping)])
     small = radii < 0.045

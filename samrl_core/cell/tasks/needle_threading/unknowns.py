@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.cell.tasks.task import ParameterSpec
+from samrl_core.cell.tasks.task import ParameterSpec, camera_specs
 
 PLACE, TURN, LENGTH, CAMERA = slice(0, 2), 2, 3, slice(4, 7)  # behind the angles
 COUNT = 7
@@ -41,11 +41,7 @@ class NeedleUnknowns:
             ParameterSpec(name, unit, middle, scale, middle - far, middle + far, "constant")
             for name, unit, middle, scale, far in rows
         )
-        far = 5.0 * self.camera
-        camera = (
-            ParameterSpec(f"camera_{axis}", "m", 0.0, self.camera, -far, far, "camera") for axis in "xyz"
-        )
-        return (*constant, *camera)
+        return (*constant, *camera_specs(self.camera))
 
     def nominal(self, eye_x: float, eye_y: float, length: float) -> np.ndarray:
         """(7,) of a needle that stands there [m], of a thread of that length over the drawn one."""

@@ -19,13 +19,14 @@ from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.spatula_flipping.pancake import lip_body, pancake_body
 from samrl_core.cell.tasks.spatula_flipping.tool import hand_with_spatula
 from samrl_core.cell.tasks.start import checked_tip, middle_view, require_origin, start_joints
-from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
+from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion, camera_specs
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Scene, Tool
 from samrl_core.common.errors import InputError
 
 PANCAKE = "pancake"
 LIP = "lip"
+_SIZES = 0.04  # steps of a pancake's size that a physics of its own is built for [-]
 _ACROSS = 0.15  # its centre is believed within +- this of the middle, in y [m]
 _TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
@@ -81,6 +82,8 @@ class SpatulaFlipping(Task):
     view_elevation: tuple[float, float] = (math.radians(20.0), math.radians(60.0))  # [rad]
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
     small_radius: float = 0.0  # of the other size that a pancake may have; 0: there is one size [m]
+    camera_deviation: float = 0.0025  # how far the camera shows all beside its place, where sizes differ [m]
+    size: float = 1.0  # `pancake_radius` over the drawn one; see `as_believed` [-]
     force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
 
     def __post_init__(self) -> None:
@@ -96,10 +99,10 @@ class SpatulaFlipping(Task):
                 f"pancake_rounding is {self.pancake_rounding} m, must lie between 0 and half the thickness, "
                 f"{0.5 * self.pancake_thickness} m"
             )
-        if not (0 <= self.small_radius < self.pancake_radius and self.force_limit > 0):
+        if not (0 <= self.small_radius < self.pancake_radius and self.force_limit > 0 and self.size > 0):
             raise InputError(
-                f"small_radius is {self.small_radius} m, force_limit {self.force_limit} N; must be below "
-                f"{self.pancake_radius} m, 0 for one size, and positive"
+                f"small_radius is {self.small_radius} m, force_limit {self.force_limit} N, size {self.size}; "
+                f"must be below {self.pancake_radius} m, 0 for one size, and positive"
             )
         room = self.lip_x - (self.center_x + self.half_range[0] + self.pancake_radius)
         if room < 0:
@@ -162,15 +165,54 @@ class SpatulaFlipping(Task):
         """Pose of the pancake but for the spin about its own axis, which does not show: its centre, and the
         rotation vector, which lies in the table's plane, from lying as at the start to its pose. Bounds hold
         over a whole episode, scales are those of a start and of a pancake that lies flat.
+
+        Then, if `finds_size`: its radius over the drawn one, between two sizes or near one of them, and the
+        camera's shift, without which its place would pass for as well known as the image shows it.
         """
         along, across = (half / math.sqrt(3.0) for half in self.half_range)
         x, y, z = self.center_x, self.center_y, 0.5 * self.pancake_thickness
-        return (
+        pose = (
             ParameterSpec("pancake_x", "m", x, along, x - 0.10, x + 0.30),
             ParameterSpec("pancake_y", "m", y, across, y - _ACROSS, y + _ACROSS),
             ParameterSpec("pancake_z", "m", z, 0.002, 0.0, 0.15),
             ParameterSpec("pancake_tilt_x", "rad", 0.0, 0.05, -math.pi, math.pi),
             ParameterSpec("pancake_tilt_y", "rad", 0.0, 0.05, -math.pi, math.pi),
+        )
+        if not self.finds_size:
+            return pose
+        small, large = self._sizes
+        middle, half = 0.5 * (large + small), 0.5 * (large - small)
+        far = 2.5 * half  # one that is a tenth larger or smaller than either is still within
+        size = ParameterSpec("pancake_size", "-", middle, half, middle - far, middle + far, "constant")
+        return (*pose, size, *camera_specs(self.camera_deviation))
+
+    @property
+    def finds_size(self) -> bool:
+        """Whether the pancake's size and the camera's error are parameters."""
+        return self.small_radius > 0.0
+
+    def body_scales(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """See `Task`: the pancake's radius; how thick it is does not show."""
+        if not self.finds_size:
+            return {}
+        across = self._radius(self._values(values)) / self.pancake_radius
+        return {PANCAKE: np.array([across, across, 1.0])}
+
+    def camera_shift(self, values: np.ndarray) -> np.ndarray:
+        """See `Task`."""
+        return self._values(values)[6:] if self.finds_size else np.zeros(3)
+
+    def as_believed(self, values: np.ndarray) -> SpatulaFlipping:
+        """A pancake of another size, to 4 %: 2 mm of its radius."""
+        if not self.finds_size:
+            return self
+        size = round(float(self._values(values)[5]) / _SIZES) * _SIZES
+        times = size / self.size
+        return replace(
+            self,
+            pancake_radius=self.pancake_radius * times,
+            small_radius=self.small_radius * times,
+            size=size,
         )
 
     def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
@@ -183,17 +225,22 @@ class SpatulaFlipping(Task):
         return {PANCAKE: Pose(v[:3], quat)}
 
     def values_of(self, pancake_in_world: Pose) -> np.ndarray:
-        """The parameters (5,) of a pose; its spin about the pancake's own axis is left out."""
+        """The parameters (P,) of a pose; its spin about the pancake's own axis is left out, its size is the
+        one in here.
+        """
         axis = pancake_in_world.rotation[:, 2]
         lever = np.array([-axis[1], axis[0]])  # z cross axis, in the plane
         sine = float(np.linalg.norm(lever))
         angle = math.atan2(sine, axis[2])
         direction = lever / sine if sine > 1e-12 else np.array([0.0, 1.0])
-        return np.concatenate([pancake_in_world.position, angle * direction])
+        found = [self.size, 0.0, 0.0, 0.0] if self.finds_size else []
+        return np.concatenate([pancake_in_world.position, angle * direction, found])
 
     def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
         """The pancake turned over where it is."""
-        return (self.values_of(self.body_poses(values)[PANCAKE] @ _TURNED_OVER),)
+        turned = self.values_of(self.body_poses(values)[PANCAKE] @ _TURNED_OVER)
+        turned[5:] = self._values(values)[5:]
+        return (turned,)
 
     def chain_angles(self, values: np.ndarray) -> np.ndarray:
         """None: the tool is rigid."""
@@ -231,8 +278,9 @@ class SpatulaFlipping(Task):
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
             return ()
-        x, y, _, _, _ = self._values(values)
-        behind_x = x - self.pancake_radius - self.gap
+        v = self._values(values)
+        x, y = v[:2]
+        behind_x = x - self._radius(v) - self.gap
         turns = self._turns(y)
         angle, radius = self._on_arc(tip)
         ahead = tip[0] - (self.lip_x - self.under)
@@ -262,18 +310,21 @@ class SpatulaFlipping(Task):
         return bool(math.cos(math.hypot(v[3], v[4])) < self.success_axis and v[2] < self.done_height)
 
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
-        """The pancake lies flat, uniform within its range."""
+        """The pancake lies flat, uniform within its range, as large as it is in here."""
         half = np.array(self.half_range)
         offset = rng.uniform(-half, half)
         nominal = np.array([p.nominal for p in self.parameters()])
         nominal[:2] += offset
+        nominal[5:6] = self.size
         return nominal
 
     @property
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:
         """See `Task`: where it lies varies, that it lies flat does not."""
         nominal = np.array([p.nominal for p in self.parameters()])
-        spread = np.array([*self.half_range, 0.0, 0.0, 0.0])
+        nominal[5:6] = self.size
+        spread = np.zeros(len(nominal))
+        spread[:2] = self.half_range
         return nominal - spread, nominal + spread
 
     def succeeded(self, ending: Ending) -> bool:
@@ -320,6 +371,16 @@ class SpatulaFlipping(Task):
 
     def _values(self, values: np.ndarray) -> np.ndarray:
         v = np.asarray(values, dtype=np.float64)
-        if v.shape != (5,) or not np.isfinite(v).all():
-            raise InputError(f"spatula flipping estimates x, y, z [m] and tilt_x, tilt_y [rad], got {values}")
+        if v.shape != (9 if self.finds_size else 5,) or not np.isfinite(v).all():
+            more = ", size [-], camera x, y, z [m]" if self.finds_size else ""
+            raise InputError(f"{self.name} estimates x, y, z [m], tilt_x, tilt_y [rad]{more}, got {values}")
         return v
+
+    @property
+    def _sizes(self) -> tuple[float, float]:
+        """The small and the large radius over the drawn one [-]."""
+        return self.small_radius / self.pancake_radius, 1.0
+
+    def _radius(self, values: np.ndarray) -> float:
+        """Of the pancake by checked values [m]."""
+        return self.pancake_radius / self.size * float(values[5]) if self.finds_size else self.pancake_radius

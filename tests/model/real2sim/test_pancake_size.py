@@ -1,0 +1,70 @@
+"""How large a pancake is, read off images of cells that differ from the model; truth for the test alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.instance.cell_instance import instance_named
+from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
+from samrl_core.cell.world.pybullet.world import PyBulletWorld
+from samrl_core.model.model import Model
+from samrl_core.model.real2sim.real2sim import Real2Sim, initial_estimate
+from samrl_core.studies.episodes.world_plant import WorldPlant
+
+CELL, TASK = cell_named(), task_named("spatula_flipping_hard")
+SIZE, CAMERA = 5, slice(6, 9)
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return Model(TASK, CELL)
+
+
+@pytest.mark.parametrize("instance", ["typical:0", "typical:30"])
+def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(
+    model: Model, instance: str
+) -> None:
+    """Radius to the 2 mm that physics are built in; its place stays as uncertain as the camera's error."""
+    drawn = instance_named(instance, CELL)
+    world = PyBulletWorld(TASK, CELL, instance=drawn)
+    plant, estimate, real2sim = WorldPlant(world, TASK, CELL), initial_estimate(model), Real2Sim(model)
+    plant.begin(3)
+    for _ in range(2):
+        estimate = real2sim.update(estimate, plant.observe())
+    world.close()
+    made = TASK.as_made(drawn.parts)
+    assert isinstance(made, SpatulaFlipping) and isinstance(TASK, SpatulaFlipping)
+    error = TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
+    stated = np.sqrt(np.diag(estimate.covariance))
+    assert abs(error) < 0.002 and abs(error) < 3.0 * TASK.pancake_radius * stated[SIZE] < 0.004
+    assert np.abs(estimate.values[3:5]).max() < np.radians(4.0)  # it lies, and is not fitted aslant
+    assert (stated[:2] > 0.0015).all() and (stated[CAMERA][:2] > 0.0015).all()
+    spread = estimate.covariance[:2, :2] + estimate.covariance[6:8, 6:8]
+    spread += estimate.covariance[:2, 6:8] + estimate.covariance[6:8, :2]
+    assert np.sqrt(np.diag(spread)).max() < 0.0015  # where the image shows it is known
+
+
+def test_a_fit_that_does_not_cover_its_image_paints_no_face(model: Model) -> None:
+    """Half a pancake is masked out: the fit cannot lie on it, and what the faces look like stays known."""
+    world = PyBulletWorld(TASK, CELL)
+    plant, real2sim = WorldPlant(world, TASK, CELL), Real2Sim(model)
+    plant.begin(3)
+    known = real2sim.update(initial_estimate(model), plant.observe())
+    image = plant.observe()
+    world.close()
+    mask, color = image.frame.mask.copy(), image.frame.color.copy()
+    label = model.target_label
+    rows, columns = np.nonzero(mask == label)
+    cut = (rows - rows.mean()) * (columns - columns.mean()) > 0  # two quarters that face each other
+    mask[rows[cut], columns[cut]] = 0
+    color[rows, columns] = (60, 20, 10)
+    seen = replace(image, frame=replace(image.frame, mask=mask, color=color))
+    after = real2sim.update(known, seen)
+    assert after.why_stopped in ("iteration_limit", "diverged")
+    np.testing.assert_array_equal(after.colors, known.colors)
+    np.testing.assert_array_equal(after.color_variance, known.color_variance)

@@ -62,7 +62,7 @@ class Real2SimSettings:
     worse: float = 1.3  # a fit whose points and colours both end this many times farther off has diverged
     surprise: float = PoseFitSettings.surprise
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
-    # Error of what stays that all images share, so that more do not reduce it: masks a pixel too wide.
+    # Error of a size that all images share, so that more do not reduce it: masks a pixel too wide.
     common: float = 0.2  # [parameter's scale]
     least_pixels: int = 40  # fewer pixels of the target than this are "no_target"
     least_thin_pixels: int = 12  # the same of a thread
@@ -123,7 +123,9 @@ class Real2Sim:
         self._lower = np.array([p.lower for p in specs])
         self._upper = np.array([p.upper for p in specs])
         self._moves = np.array([p.kind == "state" for p in specs])
-        stays = np.array([p.kind == "constant" for p in specs])
+        # Of a body's size alone: a wide mask makes it larger from every view.
+        self._sized = bool(model.task.body_scales(np.array([p.nominal for p in specs])))
+        stays = np.array([self._sized and p.kind == "constant" for p in specs])
         self._common = np.diag(np.where(stays, self._settings.common * self._scale, 0.0) ** 2)
         self._together = acts_together(model.task)
 
@@ -262,7 +264,8 @@ class Real2Sim:
         compared: bool,
     ) -> Estimate:
         s = self._settings
-        belief = estimate.covariance + np.diag(np.where(self._moves, s.motion * self._scale, s.drift) ** 2)
+        drifts = self._moves if self._sized else np.ones_like(self._moves)
+        belief = estimate.covariance + np.diag(np.where(drifts, s.motion * self._scale, s.drift) ** 2)
         fit = fit_pose(
             renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )

@@ -60,9 +60,8 @@ class RecordedMotion(SignalBand):
         super().__init__(rate, min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0))
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
-        held = self.controller is not None and self.controller.between_commands == HELD
         self.raw_position, self.raw_velocity, self.raw_effort = (
-            onto_grid(states.time, x, self.time, held)
+            onto_grid(states.time, x, self.time, self._holds_commands)
             for x in (states.position, states.velocity, states.effort)
         )
         position = self.raw_position
@@ -118,9 +117,14 @@ class RecordedMotion(SignalBand):
             zero if effort is None else effort,
         )
 
+    @property
+    def _holds_commands(self) -> bool:
+        """Whether the described controller keeps each command until the next one."""
+        return self.controller is not None and self.controller.between_commands == HELD
+
     def _tracked(self, time: np.ndarray, values: np.ndarray | None) -> np.ndarray | None:
         """A command's part (F, J) as the controller follows it between two stamps."""
-        if self.controller is None or self.controller.between_commands != HELD:
+        if not self._holds_commands:
             return onto_grid(time, values, self.time)
         # Beside a recorded torque the law is read at the instant of its sample.
         mean = self.recording.commanded_effort is None and self.raw_effort is None

@@ -224,8 +224,9 @@ def _intrinsics(path: Path, cameras: list[Any], width: int, height: int, draft: 
         if found:
             draft.note(where, f"intrinsics: a matrix in {path.name}")
             return found[0]
+    low, high = CENTRAL
     fits = [
-        c for c in cameras if 0.2 < c.intrinsics.cx / width < 0.8 and 0.2 < c.intrinsics.cy / height < 0.8
+        c for c in cameras if low < c.intrinsics.cx / width < high and low < c.intrinsics.cy / height < high
     ]
     if fits:
         differ = [

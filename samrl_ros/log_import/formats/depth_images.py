@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeGuard
 
 import cv2
 import numpy as np
@@ -124,8 +125,8 @@ def distance_in(name: str) -> float | None:
 def _folder(path: Path, where: str) -> Iterator[tuple[str, np.ndarray]]:
     for file in image_files(path):
         name = str(file.relative_to(path))
-        image = _array(file, where) if file.suffix.lower() == ".npy" else _picture(file, where)
-        if not isinstance(image, np.ndarray) or not _is_depth(image):
+        image = _image(file, where)
+        if not _is_depth(image):
             raise InputError(
                 f"{where}: {name} is a picture of 8 bits or in colour, no depth; depth has one channel of 16"
                 " bits or floats"
@@ -135,15 +136,21 @@ def _folder(path: Path, where: str) -> Iterator[tuple[str, np.ndarray]]:
 
 def is_depth_file(file: Path) -> bool:
     """Whether an image is depth and no picture. Raises `InputError` where it cannot be read."""
-    image = _array(file, "the log") if file.suffix.lower() == ".npy" else _picture(file, "the log")
-    return isinstance(image, np.ndarray) and _is_depth(image)
+    return _is_depth(_image(file, "the log"))
 
 
-def _is_depth(image: np.ndarray) -> bool:
-    return image.ndim == 2 and image.dtype.kind in "uif" and image.dtype.itemsize > 1
+def _is_depth(image: np.ndarray | dict[str, np.ndarray]) -> TypeGuard[np.ndarray]:
+    return (
+        isinstance(image, np.ndarray)
+        and image.ndim == 2
+        and image.dtype.kind in "uif"
+        and image.dtype.itemsize > 1
+    )
 
 
-def _picture(file: Path, where: str) -> np.ndarray:
+def _image(file: Path, where: str) -> np.ndarray | dict[str, np.ndarray]:
+    if file.suffix.lower() == ".npy":
+        return _array(file, where)
     image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise InputError(f"{where}: {file.name} cannot be read as an image; is it whole?")
@@ -169,7 +176,7 @@ def stack_of(path: Path, where: str) -> np.ndarray | None:
     fits = [
         a
         for a in arrays
-        if a.ndim == 3 and a.dtype.kind in "uif" and a.dtype != np.uint8 and min(a.shape[1:]) > 30
+        if a.ndim == 3 and a.dtype.kind in "uif" and a.dtype != np.uint8 and min(a.shape[1:]) > NARROWEST
     ]
     return fits[0] if len(fits) == 1 else None
 

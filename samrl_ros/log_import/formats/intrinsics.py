@@ -12,7 +12,8 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
-from samrl_core.common.text_files import parse_yaml, read_text
+from samrl_core.common.text_files import read_text
+from samrl_ros.log_import.formats.yaml_log import read_yaml_content
 
 SUFFIXES = (".json", ".yaml", ".yml", ".txt", ".xml", ".ini", ".conf")
 MATRICES = frozenset(
@@ -60,7 +61,7 @@ def _read(path: Path) -> StatedCamera | None:
     try:
         text = read_text(path, "intrinsics")
         content = (
-            None if path.suffix.lower() == ".txt" and ":" not in text else parse_yaml(_plain(text), str(path))
+            None if path.suffix.lower() == ".txt" and ":" not in text else read_yaml_content(text, str(path))
         )
     except InputError:
         return None
@@ -77,11 +78,6 @@ def _read(path: Path) -> StatedCamera | None:
     )
     intrinsics = Intrinsics(*numbers) if len(numbers) == 4 and min(numbers) > 1 else _of_matrix(numbers)
     return StatedCamera(path, intrinsics, None) if intrinsics else None
-
-
-def _plain(text: str) -> str:
-    """OpenCV's YAML without what other readers refuse."""
-    return re.sub(r"^%YAML.*$", "", text, flags=re.MULTILINE).replace("!!opencv-matrix", "")
 
 
 def _pairs(content: Any) -> Iterator[tuple[str, Any]]:

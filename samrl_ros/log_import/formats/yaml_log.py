@@ -27,17 +27,21 @@ for _tag in ("tag:yaml.org,2002:opencv-matrix", "!opencv-matrix"):
     _Loader.add_constructor(_tag, _opencv_matrix)
 
 
+def read_yaml_content(text: str, where: str) -> Any:
+    """What a text holds, OpenCV's too. Raises `InputError` where it is no YAML."""
+    lines = text.splitlines()
+    if lines and lines[0].startswith("%YAML:"):  # OpenCV's first line, which is no YAML
+        lines = lines[1:]
+    return parse_yaml("\n".join(lines), where, _Loader)
+
+
 def read_yaml_table(path: Path, part: str, where: str) -> Table:
     """Numbers and lists of numbers by key, as `table_of_nested` finds them.
 
     Raises:
         InputError: no YAML, no such part, or no samples in it.
     """
-    lines = read_text(path, where).splitlines()
-    if lines and lines[0].startswith("%YAML:"):  # OpenCV's first line, which is no YAML
-        lines = lines[1:]
-    content = parse_yaml("\n".join(lines), str(path), _Loader)
-    table = table_of_nested(content, path, part, where)
+    table = table_of_nested(read_yaml_content(read_text(path, where), str(path)), path, part, where)
     if not table.columns:
         raise InputError(f"{where}: {path.name} holds no samples; `part` names the keys down to them")
     return table

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import safetensors.torch
@@ -15,9 +16,18 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.common.errors import InputError
 from samrl_core.policy.networks.networks import ResidualActor, SensingQ, SimActor, TwinCritic
-from samrl_core.policy.networks.weights import WeightsInfo, load_weights, save_weights, sha256_of, shipped
+from samrl_core.policy.networks.weights import (
+    Kind,
+    WeightsInfo,
+    load_weights,
+    save_weights,
+    sha256_of,
+    shipped,
+)
 
 CELL = cell_named()
+TRAINING = Path(__file__).resolve().parents[3] / "msgs_docs" / "training"
+PUBLISHED = sorted(TRAINING.glob("*/*.safetensors"))  # some are links to the package's own
 INFO = WeightsInfo("sim_actor", "peg_insertion", CELL.intrinsics, 0.01, 4, {"error_mm": 0.5}, "abc")
 
 
@@ -174,3 +184,9 @@ def test_a_residual_of_an_earlier_version_is_read(tmp_path: Path) -> None:
     _rewritten(path, lambda i, t: (i, {name.replace("keep_prob", "seen"): one for name, one in t.items()}))
     found, _ = load_weights(path, "residual_actor", "peg_insertion", CELL)
     assert isinstance(found, ResidualActor) and float(found.keep_prob) == 0.25
+
+
+@pytest.mark.parametrize("file", PUBLISHED, ids=lambda file: str(file.relative_to(TRAINING)))
+def test_networks_behind_published_tables_are_there(file: Path) -> None:
+    kind = next(k for k in get_args(Kind) if file.stem.endswith(k))
+    load_weights(file, kind, file.stem.removesuffix(f"_{kind}"), CELL)

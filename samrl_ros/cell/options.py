@@ -290,8 +290,9 @@ def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dic
                 f"training; leave out --residual, or train and folder"
             )
     if options.correction is not None:
-        bridge = ours[BRIDGES[1] if options.hardware else BRIDGES[0]]
-        bridge["correction"] = ("--correction", str(options.correction.resolve()))
+        bridge = BRIDGES[1] if options.hardware else BRIDGES[0]
+        for node in (bridge, "model_updater", "view_planner", "policy"):
+            ours[node]["correction"] = ("--correction", str(options.correction.resolve()))
     for owned in ours.values():
         owned["cell"] = ("--cell", options.cell)
     if not options.update:  # a model as it starts knows nothing of when a task is done

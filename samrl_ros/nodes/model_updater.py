@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from samrl_core.cell.calibration.cell_correction import correction_of
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.cell.types.observation import Observation
@@ -33,6 +34,9 @@ class ModelUpdaterSettings:
     task: str = setting(DEFAULT_TASK, "task whose scene the model holds")
     cell: str = setting(DEFAULT_CELL, "cell whose arms and camera these are")
     enabled: bool = setting(True, "false leaves the model as it starts: for ablations")
+    correction: str = setting(
+        "", "cell.json of samrl diagnose --apply, as the bridge has it: how well its numbers are known"
+    )
     repeat_answers: bool = setting(
         True, "an update that is asked for again when it is done gets the same state; false: updates anew"
     )
@@ -59,6 +63,7 @@ class ModelUpdater(Behaviour):
             AgentSettings(update=settings.enabled),
             log=lambda text: outbox.log("error", text),
             verbs=("update_model",),
+            correction=correction_of(settings.correction),
         )
         self._frames = assembly.PatientAssembler(cell, settings.max_bad_frames, outbox.log)
         self._request: Any = None

@@ -8,6 +8,7 @@ from typing import Any
 
 from samrl_msgs.msg import ToolAction
 
+from samrl_core.cell.calibration.cell_correction import correction_of
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
@@ -47,6 +48,9 @@ class PolicySettings:
     touch: bool = setting(
         AgentSettings.touch,
         "a held peg is led by what it touches, from where the camera sees it; for policy 'optimised'",
+    )
+    correction: str = setting(
+        "", "cell.json of samrl diagnose --apply, as the bridge has it: how well its numbers are known"
     )
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of exploration", range=(0, 2**31 - 1))
@@ -119,7 +123,14 @@ class PolicyNode(Behaviour):
             plan=replace(AgentSettings.plan, max_sub_goals=settings.horizon),
         )
         model = Model(self._task, self._cell)
-        self._agent = Agent(model, asked, networks, lambda text: outbox.log("error", text), verbs=("act",))
+        self._agent = Agent(
+            model,
+            asked,
+            networks,
+            lambda text: outbox.log("error", text),
+            verbs=("act",),
+            correction=correction_of(settings.correction),
+        )
         names = tuple(spec.name for spec in self._task.parameters())
         self._inputs = StepInputs(
             "act", names, self._cell, settings.max_bad_frames, outbox.log, settings.images_kept

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import ViewTarget
 
+from samrl_core.cell.calibration.cell_correction import correction_of
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.model.model import Model
@@ -44,6 +45,9 @@ class ViewPlannerSettings:
         "the camera moves only while the hole is known worse than the held peg, and never in contact; set "
         "with policy's `touch`",
     )
+    correction: str = setting(
+        "", "cell.json of samrl diagnose --apply, as the bridge has it: how well its numbers are known"
+    )
     weights: str = setting("", "folder of the trained networks, empty for those of the package")
     seed: int = setting(0, "seed of the random strategy", range=(0, 2**31 - 1))
     max_bad_frames: int = setting(
@@ -74,7 +78,8 @@ class ViewPlannerNode(Behaviour):
         agent = AgentSettings(
             policy=policy, strategy=settings.strategy, tip_offset=touch, touch=touch, seed=settings.seed
         )
-        self._agent = Agent(Model(task, cell), agent, networks, verbs=("plan_view",))
+        correction = correction_of(settings.correction)
+        self._agent = Agent(Model(task, cell), agent, networks, verbs=("plan_view",), correction=correction)
         names = tuple(spec.name for spec in task.parameters())
         self._inputs = StepInputs(
             "view", names, cell, settings.max_bad_frames, outbox.log, settings.images_kept

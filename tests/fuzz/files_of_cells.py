@@ -16,6 +16,7 @@ import trimesh
 import yaml
 
 from samrl_core.cell.calibration.calibrate import calibrate, calibrated_cell, write_calibration
+from samrl_core.cell.calibration.cell_correction import read_correction as read_cell_correction
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.world.evaluation import read_truth
@@ -120,6 +121,16 @@ def _correction() -> bytes:
     return json.dumps(about).encode()
 
 
+def _cell_correction() -> bytes:
+    pose = {"position": [0.0, 0.01, 0.05], "quat_xyzw": [0.0, 0.0, 0.0, 1.0]}
+    of, matrix = ["camera_in_flange.x", "fx"], [[1e-6, 1e-6], [1e-6, 4e-6]]
+    about = {
+        "schema": 1, "kind": "cell_correction", "effects": ["hand_eye@sensor:camera"],
+        "camera_in_flange": pose, "numbers": {"fx": 0.02}, "covariance": {"of": of, "matrix": matrix},
+    }  # fmt: skip
+    return json.dumps(about).encode()
+
+
 def _write_correction_arrays(path: Path) -> None:
     arrays = {
         "sample.coulomb": np.ones((4, 1)),
@@ -207,6 +218,7 @@ FILES_OF_CELLS: tuple[Reader, ...] = (
         "correction", JSON_FILE, lambda: [_correction()], lambda path: read_correction(path.parent),
         prepare=_write_correction_arrays,
     ),
+    Reader("correction of a cell", "cell.json", lambda: [_cell_correction()], read_cell_correction),
     Reader("views of a scan", "views.json", lambda: [_views()], _read_views),
     Reader(
         "LeRobot dataset", "log/meta/info.json", lambda: [_lerobot()], _read_dataset, share=0.3,

@@ -91,7 +91,7 @@ def test_the_run_is_told_which_cell(tmp_path: Path) -> None:
     assert "instance: typical:test:4 depth=2" in prepare(options).read_text()
 
 
-def test_the_bridge_is_told_of_a_correction(tmp_path: Path) -> None:
+def test_bridge_and_loop_are_told_of_a_correction(tmp_path: Path) -> None:
     file = tmp_path / "cell.json"
     write_correction(file, CellCorrection(numbers={"depth_scale": 0.02}))
     options = CellOptions(
@@ -101,8 +101,11 @@ def test_the_bridge_is_told_of_a_correction(tmp_path: Path) -> None:
         policy="optimised",
         correction=file,
     )
-    told = yaml.safe_load(prepare(options).read_text())["/cell/sim_bridge"]["ros__parameters"]
+    nodes = yaml.safe_load(prepare(options).read_text())
+    told = nodes["/cell/sim_bridge"]["ros__parameters"]
     assert told["correction"] == str(file) and told["instance"] == "typical:4 depth_scale=1"
+    for name in ("model_updater", "view_planner", "policy"):
+        assert nodes[f"/cell/{name}"]["ros__parameters"]["correction"] == str(file)
     with pytest.raises(InputError, match=r"missing\.json"):
         prepare(replace(options, out=tmp_path / "other", correction=tmp_path / "missing.json"))
     assert not (tmp_path / "other").exists()

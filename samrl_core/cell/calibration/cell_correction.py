@@ -2,14 +2,14 @@
 
 Poses change the calibration that is announced. Depth and lens change the images themselves: depth is
 converted, and images are resampled to the described pinhole, so that model, networks and bags stay of one
-camera.
+camera. A covariance says how well the corrections are known; `seen_error` says what that means at a place.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +34,56 @@ NUMBERS = {  # largest size that is still a camera of the kind that was describe
     "k1": 1.0, "k2": 1.0, "p1": 0.05, "p2": 0.05,
 }  # fmt: skip
 LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
+TWIST = ("x", "y", "z", "rx", "ry", "rz")  # of a pose: position in its parent's axes, rotation in its own
+
+
+def twist_names(pose: str) -> tuple[str, ...]:
+    """Names of a pose's six coordinates in a covariance."""
+    return tuple(f"{pose}.{axis}" for axis in TWIST)
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionCovariance:
+    """How well the numbers of a correction are known; what is left out counts as exact.
+
+    Raises:
+        InputError: a matrix of another shape, not finite, not symmetric, or with a negative variance.
+    """
+
+    of: tuple[str, ...]  # of `twist_names` and `NUMBERS`
+    matrix: np.ndarray  # (K, K) [m], [rad] and the units of `CellCorrection.numbers`
+
+    def __post_init__(self) -> None:
+        matrix, count, names = np.array(self.matrix, dtype=np.float64), len(self.of), ", ".join(self.of)
+        if matrix.shape != (count, count) or len(set(self.of)) != count:
+            raise InputError(
+                f"covariance of {count} numbers ({names}) has shape {matrix.shape}, not {count}x{count}"
+            )
+        deviation = np.sqrt(np.abs(np.diag(matrix)))
+        unit = matrix / np.maximum(np.outer(deviation, deviation), 1e-300)  # units of the rows differ
+        if not np.isfinite(matrix).all() or not np.allclose(unit, unit.T, atol=1e-6):
+            raise InputError(f"covariance of {names} must be finite and symmetric")
+        if count and min(np.diag(matrix).min(), np.linalg.eigvalsh(unit).min() + 1e-6) < 0.0:
+            raise InputError(f"covariance of {names} has a negative variance; let --apply write it anew")
+        matrix.setflags(write=False)
+        object.__setattr__(self, "matrix", matrix)
+
+    @staticmethod
+    def of_blocks(blocks: Iterable[tuple[Sequence[str], np.ndarray]]) -> CorrectionCovariance:
+        """Of groups of numbers that were found one beside the other; a later group takes the place of what an
+        earlier one has of the same name.
+        """
+        found = [(tuple(names), np.asarray(matrix, dtype=np.float64)) for names, matrix in blocks]
+        of = tuple(dict.fromkeys(name for names, _ in found for name in names))
+        whole = np.zeros((len(of), len(of)))
+        for names, matrix in found:
+            rows = [of.index(name) for name in names]
+            whole[rows, :], whole[:, rows] = 0.0, 0.0
+            whole[np.ix_(rows, rows)] = matrix
+        return CorrectionCovariance(of, whole)
+
+
+EXACT = CorrectionCovariance((), np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +102,7 @@ class CellCorrection:
     tool_base_in_camera_base: Pose | None = None
     numbers: Mapping[str, float] = field(default_factory=dict[str, float])
     effects: tuple[str, ...] = ()  # `family@place` that they come from
+    covariance: CorrectionCovariance = EXACT
 
     def __post_init__(self) -> None:
         for name in self.numbers:
@@ -59,6 +110,10 @@ class CellCorrection:
                 raise InputError(f"a cell has no {name!r} to correct; it has {', '.join(NUMBERS)}")
         if beyond := find_beyond(self.numbers):
             raise InputError(beyond)
+        poses = [name for name in POSES if getattr(self, name) is not None]
+        corrected = {*self.numbers, *(one for pose in poses for one in twist_names(pose))}
+        if foreign := [name for name in self.covariance.of if name not in corrected]:
+            raise InputError(f"covariance of {foreign[0]!r}, which is not corrected; leave it out")
 
     @property
     def is_empty(self) -> bool:
@@ -169,7 +224,10 @@ def as_data(correction: CellCorrection) -> dict[str, Any]:
         pose = getattr(correction, name)
         if pose is not None:
             data[name] = {"position": pose.position.tolist(), "quat_xyzw": pose.quat_xyzw.tolist()}
-    return {**data, "numbers": dict(correction.numbers)}
+    data["numbers"] = dict(correction.numbers)
+    if (known := correction.covariance).of:
+        data["covariance"] = {"of": list(known.of), "matrix": known.matrix.tolist()}
+    return data
 
 
 def correction_from(data: Any, where: str) -> CellCorrection:
@@ -186,11 +244,14 @@ def correction_from(data: Any, where: str) -> CellCorrection:
     try:
         poses = {name: _pose(data[name]) for name in POSES if name in data}
         effects = tuple(str(name) for name in data.get("effects", ()))
-        return CellCorrection(**poses, numbers={n: float(v) for n, v in numbers.items()}, effects=effects)
+        covariance = _covariance(data["covariance"]) if "covariance" in data else EXACT
+        values = {name: float(value) for name, value in numbers.items()}
+        return CellCorrection(**poses, numbers=values, effects=effects, covariance=covariance)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{where}: a pose cannot be read ({error!r}); let --apply write it anew") from error
+        what = "a pose or the covariance"
+        raise InputError(f"{where}: {what} cannot be read ({error!r}); let --apply write it anew") from error
 
 
 def write_correction(path: Path, correction: CellCorrection) -> None:
@@ -214,3 +275,7 @@ def correction_of(file: str) -> CellCorrection:
 
 def _pose(entry: Any) -> Pose:
     return Pose(np.array(entry["position"], dtype=float), np.array(entry["quat_xyzw"], dtype=float))
+
+
+def _covariance(entry: Any) -> CorrectionCovariance:
+    return CorrectionCovariance(tuple(map(str, entry["of"])), np.array(entry["matrix"], dtype=float))

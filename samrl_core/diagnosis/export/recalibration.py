@@ -15,7 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.cell.calibration.cell_correction import CellCorrection, write_correction
+from samrl_core.cell.calibration.cell_correction import (
+    CellCorrection,
+    CorrectionCovariance,
+    twist_names,
+    write_correction,
+)
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.files import write_whole
 
@@ -57,6 +62,7 @@ class Recalibration:
     statements: tuple[Advice, ...]
     sources: tuple[tuple[str, str], ...]  # (file, sha256) of the recordings that were fitted
     numbers: Mapping[str, float] = field(default_factory=dict[str, float])  # of depth and lens, of NUMBERS
+    known: tuple[tuple[tuple[str, ...], np.ndarray], ...] = ()  # numbers found together, their covariance
     of_numbers: tuple[str, ...] = ()  # `family@place` that they come from
     refused: tuple[Advice, ...] = ()  # found, but nothing that a cell puts right, and why
 
@@ -66,7 +72,9 @@ class Recalibration:
         poses = {t.calibration[1]: t for t in self.transforms if t.calibration is not None}
         effects = (*(t.effect for t in poses.values()), *self.of_numbers)
         found = {name: t.found for name, t in poses.items()}
-        return CellCorrection(**found, numbers=self.numbers, effects=effects)
+        of_poses = ((twist_names(name), t.covariance) for name, t in poses.items())
+        covariance = CorrectionCovariance.of_blocks((*of_poses, *self.known))
+        return CellCorrection(**found, numbers=self.numbers, effects=effects, covariance=covariance)
 
 
 def write_recalibration(found: Recalibration, folder: Path) -> list[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -37,6 +37,7 @@ def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
     transforms: list[CorrectedTransform] = []
     statements: list[Advice] = []
     numbers: dict[str, float] = {}
+    known: list[tuple[tuple[str, ...], np.ndarray]] = []
     of_numbers: list[str] = []
     refused: list[Advice] = []
     for h, amplitudes, covariance in chosen.parts():
@@ -51,6 +52,8 @@ def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
                 refused.append(Advice(h.name, beyond))
                 continue
             numbers |= of_effect
+            turn = _differentiate(h, amplitudes, first, names)
+            known.append((tuple(of_effect), turn @ covariance @ turn.T))
             of_numbers.append(h.name)
     sources = tuple((t.recording.source, t.recording.sha256) for t in trials)
     return Recalibration(
@@ -59,9 +62,24 @@ def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
         tuple(statements),
         sources,
         numbers,
+        tuple(known),
         tuple(of_numbers),
         tuple(refused),
     )
+
+
+def _differentiate(
+    h: Hypothesis, amplitudes: np.ndarray, trial: ImageTrial, names: Mapping[str, str]
+) -> np.ndarray:
+    """How the numbers of a correction change with the amplitudes (N, A), by central differences."""
+
+    def at(values: np.ndarray) -> np.ndarray:
+        found = h.form.parameters(trial, h.shape, values)
+        return np.array([value for key, value in found.items() if key in names])
+
+    step = 1e-4 * np.maximum(np.abs(amplitudes), 1e-3)
+    ends = [(at(amplitudes + move), at(amplitudes - move)) for move in np.diag(step)]
+    return np.stack([above - below for above, below in ends], axis=1) / (2.0 * step)
 
 
 def _transform(

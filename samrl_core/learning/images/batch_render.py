@@ -17,6 +17,7 @@ from samrl_core.cell.tasks import task_named
 from samrl_core.common.devices import numbered_device
 from samrl_core.common.errors import InputError
 from samrl_core.learning.images.appearance import Appearances, model_appearances
+from samrl_core.learning.images.cell_errors import CellErrors
 from samrl_core.learning.images.image_noise import ImageNoiseSettings, noisy
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.model.model import CameraPose, Model
@@ -144,6 +145,7 @@ class BatchRenderer:
         appearances: Appearances | None = None,
         noise: ImageNoiseSettings | None = None,
         generator: torch.Generator | None = None,
+        errors: CellErrors | None = None,
     ) -> torch.Tensor:
         """Input of the networks, (B, 6, H, W) float32 on the renderer's device, without gradients.
 
@@ -154,6 +156,7 @@ class BatchRenderer:
             appearances: of B images; None takes the model's own.
             noise: of the camera; None leaves it out.
             generator: of the noise, on the renderer's device.
+            errors: by which the calibration of B cells is wrong; None leaves them out.
 
         Raises:
             InputError: as `render`, or noise without a generator.
@@ -177,6 +180,8 @@ class BatchRenderer:
                     eye = -(rotation.mT @ translation[..., None])[..., 0]
                     factor = None if chosen is None else chosen.noise
                     color, xyz, valid = noisy(color, xyz, r.depth, eye, generator, noise, factor)
+                if errors is not None:
+                    xyz = errors.rows(few).moved(xyz, (rotation, translation), self.model.cell)
                 parts.append(network_image(color, xyz, valid, tips[few], base))
         return torch.cat(parts)
 

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.common.errors import InputError
 from samrl_core.learning.data.fit import ACTION, IMAGE, RETURN
 from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
 from samrl_core.learning.images.batch_render import BatchRenderer
+from samrl_core.learning.images.cell_errors import CellErrors
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.states.states import StateSamples
 from samrl_core.policy.view.views import ViewSettings, sample_views
@@ -28,6 +30,7 @@ class SampleSettings:
     views: ViewSettings = ViewSettings()
     appearances: AppearanceSource = AppearanceSettings()
     noise: ImageNoiseSettings = ImageNoiseSettings()
+    correction: CellCorrection = NO_CORRECTION  # whose posterior the cells of images are drawn from
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +116,9 @@ class RenderedSamples:
             views = scenes.view[which]
         appearances = s.appearances.sample(self._renderer.model, rng, len(which))
         generator = torch.Generator(self._renderer.device).manual_seed(int(rng.integers(2**62)))
+        errors = CellErrors.draw_cells(s.correction, rng, len(which))
         images = self._renderer.images(
-            scenes.frames[which], scenes.tip_in_base[which], views, appearances, s.noise, generator
+            scenes.frames[which], scenes.tip_in_base[which], views, appearances, s.noise, generator, errors
         )
         targets = {name: torch.from_numpy(array[which]) for name, array in scenes.targets.items()}
         return {IMAGE: images.to(device), **{name: value.to(device) for name, value in targets.items()}}

@@ -139,7 +139,15 @@ class ActorEpisodes:
         s = self._settings
         distribution = self._randomising.distribution if noisy else None  # evaluation takes the task as it is
         return EpisodeGroup(
-            (s.seed, *stream), count, hold, noise, noisy, s.max_actions, distribution, cell=s.cell
+            (s.seed, *stream),
+            count,
+            hold,
+            noise,
+            noisy,
+            s.max_actions,
+            distribution,
+            cell=s.cell,
+            correction=self._randomising.correction,
         )
 
     def _run(

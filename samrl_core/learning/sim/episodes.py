@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.executor import free_cores, run_calls
@@ -92,6 +93,7 @@ class EpisodeGroup:
     distribution: ParameterDistribution | None = None
     points: np.ndarray | None = None  # (count, P) of the distribution's space; None samples them
     cell: str = DEFAULT_CELL  # whose arm moves and whose camera looks
+    correction: CellCorrection = NO_CORRECTION  # whose posterior noisy episodes' cells are drawn from
 
 
 def run_groups(
@@ -126,6 +128,7 @@ def _run(task: str, weights: Weights, group: EpisodeGroup, device: str) -> Actor
         action_noise=group.action_noise,
         appearances=appearances if group.noisy else None,
         noise=ImageNoiseSettings() if group.noisy else None,
+        correction=group.correction if group.noisy else NO_CORRECTION,
     )
     return roll_out(model, renderer, actor, starts, viewer, settings, rng, dynamics)
 

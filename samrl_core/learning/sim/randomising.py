@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
@@ -20,7 +21,7 @@ from samrl_core.learning.randomisation.discrepancy import Discrepancy
 from samrl_core.learning.randomisation.distributions import ParameterDistribution
 from samrl_core.learning.randomisation.found import Real2SimUpdated
 from samrl_core.learning.randomisation.of_task import APPEARANCE, AppearancesOf, alike
-from samrl_core.learning.randomisation.strategy import Question, QuestionResult
+from samrl_core.learning.randomisation.strategy import REAL2SIM, Question, QuestionResult
 from samrl_core.learning.sim.episodes import EpisodeGroup, run_cached_groups
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.learning.states.visited import VisitedStates
@@ -45,13 +46,23 @@ class Randomising:
         visited: VisitedStates | None,
         log: Log,
         given_actor: bool = False,
+        correction: CellCorrection = NO_CORRECTION,
     ) -> None:
         """Begins the strategy; `given_actor`: the training starts from a given actor.
 
+        `correction` is of a cell; images show it wrong by what its covariance leaves.
+
         Raises:
-            InputError: as `choose.begin`, or a strategy that learns from actors in a training of one.
+            InputError: as `choose.begin`, a strategy that learns from actors in a training of one, or a
+                correction for an actor that sees the model's images.
         """
         s = settings
+        if correction.covariance.of and s.randomisation == REAL2SIM:
+            raise InputError(
+                f"an actor of {REAL2SIM!r} sees the model's images, in which a calibration is never wrong; "
+                f"leave the correction out, or ask for randomisation 'uniform'"
+            )
+        self.correction = correction
         self._model, self._settings, self._folder, self._log = model, s, folder / _STAGE, log
         self._strategy = begin(s.randomisation, model, visited, s.adr, s.simopt, s.found)
         if self._strategy.measure == "success" and (s.rounds == 0 or given_actor):
@@ -147,6 +158,7 @@ class Randomising:
                 distribution=distribution,
                 points=question.points[few],
                 cell=s.cell,
+                correction=self.correction,
             )
             for k, few in enumerate(rows)
         ]

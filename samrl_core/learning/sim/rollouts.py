@@ -12,10 +12,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 import torch
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.tasks.task import ViewRegion
 from samrl_core.common.errors import InputError, ReachError
 from samrl_core.learning.images.appearance import Appearances, AppearanceSource
 from samrl_core.learning.images.batch_render import BatchRenderer
+from samrl_core.learning.images.cell_errors import CellErrors
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.states.explore import Starts
 from samrl_core.learning.states.frames import SceneFrames
@@ -63,6 +65,7 @@ class RolloutSettings:
     action_noise: float = 0.0  # per axis, standard deviation [action limits]
     appearances: AppearanceSource | None = None  # of an episode's colours and light; None: the model's own
     noise: ImageNoiseSettings | None = None  # of the camera; None: clean images, as the model's are in use
+    correction: CellCorrection = NO_CORRECTION  # whose posterior an episode's cell is drawn from
 
     def __post_init__(self) -> None:
         if self.max_actions < 0 or self.action_noise < 0.0:
@@ -148,6 +151,7 @@ class _Episodes:
         self._appearances = (
             None if settings.appearances is None else settings.appearances.sample(model, rng, count)
         )
+        self._errors = CellErrors.draw_cells(settings.correction, rng, count)
         self._states = joined(
             [self._dynamics.start(*pair) for pair in zip(starts.values, starts.tip_in_base, strict=True)]
         )
@@ -218,6 +222,7 @@ class _Episodes:
             appearances,
             self._settings.noise,
             self._generator,
+            self._errors.rows(self._alive),
         )
         with torch.no_grad():
             action = self._actor(images).to("cpu", torch.float64).numpy()

@@ -27,6 +27,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection, as_data
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.files import folder_lock, keep_to, write_whole
@@ -64,6 +65,7 @@ def train(
     log: Log = lambda stage, row: None,
     given: Path | None = None,
     visited: Sequence[Path] = (),
+    correction: CellCorrection = NO_CORRECTION,
 ) -> dict[str, Any]:
     """All stages that are left; the summary, which is in the folder too.
 
@@ -75,6 +77,7 @@ def train(
         given: weights of an actor; only its Q is then trained, and the actor is evaluated.
         visited: files of states that Real2Sim found in the cell: where some episodes begin (lines 16-17 of
             Algorithm 1), or what SimOpt compares the model with.
+        correction: of the cell that is trained for; images show it wrong by what its covariance leaves.
 
     Raises:
         InputError: the given actor or a file of visited states does not fit; the folder holds a training of
@@ -83,7 +86,7 @@ def train(
         SolveError: a loss or gradient is not finite; the state before it is in the folder.
     """
     with folder_lock(folder):
-        return _Training(task, folder, settings, log, given, visited).run()
+        return _Training(task, folder, settings, log, given, visited, correction).run()
 
 
 class _Training:
@@ -95,6 +98,7 @@ class _Training:
         log: Log,
         given: Path | None,
         visited: Sequence[Path],
+        correction: CellCorrection,
     ) -> None:
         self.task, self.folder, self.settings, self.log = task_named(task), folder, settings, log
         cell = cell_named(settings.cell)
@@ -107,7 +111,9 @@ class _Training:
             else None
         )
         self.model = Model(self.task, cell)
-        self.randomising = Randomising(self.model, settings, folder, visited_states, log, given is not None)
+        self.randomising = Randomising(
+            self.model, settings, folder, visited_states, log, given is not None, correction
+        )
         self._check_folder("" if given is None else sha256_of(given), [sha256_of(path) for path in visited])
         self.renderer = BatchRenderer(self.model, settings.device)
         self.episodes = ActorEpisodes(self.task.name, folder, settings, self.randomising, log)
@@ -158,12 +164,15 @@ class _Training:
         for part in ("actor", "q"):  # where it is computed, and how precisely, may change on the way
             config[part] |= {"device": "", "bfloat16": False}
         config |= {"schema": 1, "task": self.task.name, "given_actor": given, "visited": visited}
-        note, before = {"commit": _commit()}, {"cell": DEFAULT_CELL}
+        config["correction"] = as_data(self.randomising.correction)
+        note = {"commit": _commit()}
+        before = {"cell": DEFAULT_CELL, "correction": as_data(NO_CORRECTION)}
         kept = keep_to(self.folder / CONFIG, config, "training", note, before)
         self.commit = kept["commit"]
 
     def _samples(self, scenes: Scenes, stream: int) -> RenderedSamples:
-        settings = SampleSettings(appearances=self.randomising.appearances)
+        randomising = self.randomising
+        settings = SampleSettings(appearances=randomising.appearances, correction=randomising.correction)
         return RenderedSamples(scenes, self.renderer, 10 * self.settings.seed + stream, settings)
 
     def _training_samples(self, scenes: Scenes, stream: int, stage: str) -> RegressionSamples:

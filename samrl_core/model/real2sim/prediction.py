@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from samrl_core.cell.calibration.seen_error import SeenError
 from samrl_core.cell.tasks.start import checked_tip
 from samrl_core.cell.tasks.task import ParameterSpec
 from samrl_core.model.real2sim.real2sim import Estimate
@@ -40,6 +41,12 @@ class CameraErrors:
 
     per_metre: float = 0.004  # of the camera's way [m/m]
     per_radian: float = 0.003  # of its turn [m/rad]
+
+    def beside(self, seen: SeenError) -> CameraErrors:
+        """The same where a correction of the cell is not known exactly."""
+        return CameraErrors(
+            float(np.hypot(self.per_metre, seen.per_metre)), float(np.hypot(self.per_radian, seen.per_radian))
+        )
 
 
 def predictions(
@@ -111,6 +118,19 @@ def predictions(
             loose = np.diag((s.other_spread * scale) ** 2)
             found.append(replace(estimate, values=np.clip(other, lower, upper), covariance=loose))
     return tuple(found)
+
+
+def loosened_by(estimate: Estimate, specs: tuple[ParameterSpec, ...], seen: SeenError) -> Estimate:
+    """An estimate before any image, where the correction of the cell's camera is not known exactly.
+
+    Only parameters of `camera_specs` hold such an error; without them it goes into what they are wrong by.
+    """
+    camera = [k for k, p in enumerate(specs) if p.kind == "camera"]
+    if not camera:
+        return estimate
+    covariance = estimate.covariance.copy()
+    covariance[np.ix_(camera, camera)] += seen.position
+    return replace(estimate, covariance=covariance)
 
 
 def seen_from_elsewhere(

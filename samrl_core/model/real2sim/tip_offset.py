@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from samrl_core.cell.calibration.seen_error import SeenError
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.observation import Observation
@@ -51,6 +52,16 @@ class TipOffsetSettings:
             prior=(times * x, times * y, times * z),
             per_metre=times * self.per_metre,
             per_radian=times * self.per_radian,
+        )
+
+    def beside(self, seen: SeenError) -> TipOffsetSettings:
+        """The same where a correction of the cell is not known exactly; heights are the encoders' anyway."""
+        x, y = np.hypot(self.prior[:2], np.sqrt(np.diag(seen.place)))
+        return replace(
+            self,
+            prior=(float(x), float(y), self.prior[2]),
+            per_metre=float(np.hypot(self.per_metre, seen.per_metre)),
+            per_radian=float(np.hypot(self.per_radian, seen.per_radian)),
         )
 
 

@@ -9,11 +9,19 @@ from typing import Literal, get_args
 import numpy as np
 import torch
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
+from samrl_core.cell.calibration.seen_error import SeenError, seen_error
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.prediction import CameraErrors, likeliest, predictions, seen_from_elsewhere
+from samrl_core.model.real2sim.prediction import (
+    CameraErrors,
+    likeliest,
+    loosened_by,
+    predictions,
+    seen_from_elsewhere,
+)
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit, TipOffsetSettings
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
@@ -59,6 +67,7 @@ class Agent:
         networks: Networks | None = None,
         log: Log = no_log,
         verbs: tuple[Verb, ...] = VERBS,
+        correction: CellCorrection = NO_CORRECTION,
     ) -> None:
         """An agent for the given verbs; what the others need is neither asked for nor built.
 
@@ -68,6 +77,7 @@ class Agent:
             networks: where the settings need them, as from `trained_networks`.
             log: receives messages about what went wrong.
             verbs: that will be used.
+            correction: that the images come with; where it is not known exactly, they are believed less.
 
         Raises:
             InputError: networks are needed and not there, or the task's actions are too long for the tool.
@@ -85,7 +95,8 @@ class Agent:
                     f"most {self.settings.longest} m; shorten the task's steps or allow longer ones"
                 )
         self.residual: ResidualActor | None = None  # None is the zero residual of eq. 15
-        self.restart(self.settings)
+        self._camera_errors = CameraErrors()
+        self.restart(self.settings, correction=correction)
 
     def prepare(self) -> None:
         """Compile and solve now what the first use of each verb would wait for (seconds)."""
@@ -95,7 +106,12 @@ class Agent:
         if "plan_view" in self._verbs:
             (self._view_ascent if self.settings.strategy == "q" else self._view_planner).prepare()
 
-    def restart(self, settings: AgentSettings, residual: ResidualActor | None = None) -> None:
+    def restart(
+        self,
+        settings: AgentSettings,
+        residual: ResidualActor | None = None,
+        correction: CellCorrection = NO_CORRECTION,
+    ) -> None:
         """Become a new agent of the same policy, strategy and image; what was compiled is kept.
 
         Raises:
@@ -107,7 +123,8 @@ class Agent:
         self.settings, self.residual = settings, residual
         self._view_rng = np.random.default_rng(settings.seed)
         self.explore_from(0)
-        searched = TouchSettings().doubting(settings.doubt)
+        self._believe(self._seen_error(correction))
+        searched = TouchSettings().doubting(settings.doubt).beside(self._seen)
         self._touch = TouchInsertion(self.model.task, self.model.cell, searched) if settings.touch else None
         self._kept_offset: TipOffset | None = None
         self._forget()
@@ -191,7 +208,7 @@ class Agent:
     @cached_property
     def _tip_offset_fit(self) -> TipOffsetFit:
         cell = self.model.cell
-        believed = TipOffsetSettings().doubting(self.settings.doubt)
+        believed = TipOffsetSettings().doubting(self.settings.doubt).beside(self._seen)
         return TipOffsetFit(self.model.task.scene(cell).tool, cell, believed)
 
     @cached_property
@@ -201,10 +218,27 @@ class Agent:
 
     @cached_property
     def _view_planner(self) -> ViewPlanner:
-        return ViewPlanner(self.model, self.model.cell, self.model.task, self.settings.information)
+        known = replace(self.settings.information, camera=self._camera_errors)
+        return ViewPlanner(self.model, self.model.cell, self.model.task, known)
+
+    def _seen_error(self, correction: CellCorrection) -> SeenError:
+        """What the correction leaves at the first view, of what is aimed at and of the tip above it."""
+        task, cell = self.model.task, self.model.cell
+        tip = self.model.tip_in_base(task.start_joints(cell)["tool_arm"]).position
+        above = cell.tool_base_in_world.apply(tip)
+        return seen_error(correction, cell, task.start_camera(), task.view_region().target, above)
+
+    def _believe(self, seen: SeenError) -> None:
+        """Take over how well images are known; parts that are built already are told."""
+        before, self._camera_errors = self._camera_errors, CameraErrors().beside(seen)
+        self._seen = seen
+        vars(self).pop("_tip_offset_fit", None)
+        if "_view_planner" in vars(self) and self._camera_errors != before:
+            self._view_planner = self._view_planner.believing(self._camera_errors)
 
     def _forget(self) -> None:
-        self.estimate: Estimate = initial_estimate(self.model)
+        before = initial_estimate(self.model)
+        self.estimate: Estimate = loosened_by(before, self.model.task.parameters(), self._seen)
         self._tip_offset: TipOffset | None = None
         if self.settings.tip_offset:
             self._tip_offset = self._tip_offset_fit.begin(self._kept_offset)
@@ -248,7 +282,7 @@ class Agent:
         if self._camera is not None:
             way = float(np.linalg.norm(camera.position - self._camera.position))
             turn = camera.angle_to(self._camera)
-            self.estimate = seen_from_elsewhere(self.estimate, specs, way, turn, CameraErrors())
+            self.estimate = seen_from_elsewhere(self.estimate, specs, way, turn, self._camera_errors)
         self._camera = camera
         if before is None:
             return (self.estimate,)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from samrl_core.cell.calibration.seen_error import SeenError
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.task import Task
@@ -53,6 +54,12 @@ class TouchSettings:
         """The same for cells whose images are wrong by so many times as much."""
         memory = replace(self.memory, unknown=times * self.memory.unknown)
         return replace(self, memory=memory, reach=times * self.reach)
+
+    def beside(self, seen: SeenError) -> TouchSettings:
+        """The same where a correction of the cell is not known exactly and shows hole and tip apart."""
+        apart = float(np.sqrt(np.linalg.norm(seen.apart, 2)))
+        memory = replace(self.memory, unknown=float(np.hypot(self.memory.unknown, apart)))
+        return replace(self, memory=memory, reach=self.reach * memory.unknown / self.memory.unknown)
 
 
 def require_peg(task: Task) -> PegInsertion:

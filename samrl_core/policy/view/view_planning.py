@@ -6,6 +6,7 @@ add about the task's parameters, occlusion by the tool and its arm included.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -43,6 +44,7 @@ class ViewPlanningSettings:
     min_gain: float = 0.15  # least gain over the present view, the motion's penalty subtracted [nat]
     time_penalty: float = 0.03  # of camera motion [nat/s]
     enough: float = 0.0006  # standard deviation of a task's aim below which the camera stays [m]
+    camera: CameraErrors = CameraErrors()  # that a view elsewhere has
     speed_share: float = SPEED_SHARE  # of the joints' velocity limits, for the time of a motion
 
 
@@ -91,6 +93,17 @@ class ViewPlanner:
         self._small_model = Model(task, replace(cell, intrinsics=small), ModelSettings())
         self._reach = ViewReach(cell, task, s.reach)
         self._scale = np.array([p.scale for p in task.parameters()])
+
+    @property
+    def camera_errors(self) -> CameraErrors:
+        """That a view elsewhere is believed to have."""
+        return self._settings.camera
+
+    def believing(self, errors: CameraErrors) -> ViewPlanner:
+        """The same planner, its reachable views included, for a camera of other errors."""
+        other = copy(self)
+        other._settings = replace(self._settings, camera=errors)
+        return other
 
     def prepare(self) -> None:
         """Solve the reachable views now (seconds) instead of in the first plan."""
@@ -199,7 +212,7 @@ class ViewPlanner:
         """
         way = float(np.linalg.norm(camera_in_world.position - present.position))
         turn = camera_in_world.angle_to(present)
-        there = seen_from_elsewhere(estimate, self._task.parameters(), way, turn, CameraErrors())
+        there = seen_from_elsewhere(estimate, self._task.parameters(), way, turn, self.camera_errors)
         information = self._information(model, camera_in_world, there, tool, scale)
         total = np.linalg.inv(there.covariance) + information
         aim = self._aim_jacobian(estimate, tool)

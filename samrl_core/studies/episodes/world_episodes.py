@@ -135,7 +135,7 @@ def episode_cases(job: EpisodeJob, anew: bool = True) -> list[Case]:
     agent = _agent(job.task, job.cell, job.condition, job.weights, residual)
     task, cell = agent.model.task, agent.model.cell
     if anew:
-        agent.restart(replace(agent.settings, seed=job.seed), agent.residual)
+        agent.restart(replace(agent.settings, seed=job.seed), agent.residual, job.correction)
     if job.differs:
         world = differing_world(task, cell, job.offset)
     else:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, read_correction
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.regressions import EXPLAINED
 from samrl_core.learning.sim.train import SUMMARY, train
@@ -70,6 +71,10 @@ class TrainOptions:
     randomisation: Annotated[
         str, typer.Option(help="What differs between models: real2sim, uniform, adr or simopt.")
     ] = DEFAULTS.randomisation
+    correction: Annotated[
+        Path | None,
+        typer.Option(help="cell.json of `samrl diagnose --apply`: images are wrong by what it leaves open."),
+    ] = None
 
     def settings(self) -> TrainSettings:
         """Those of the training.
@@ -100,6 +105,7 @@ def train_task(options: TrainOptions) -> int:
         KeyboardInterrupt: interrupted.
     """
     console = Console()
+    correction = NO_CORRECTION if options.correction is None else read_correction(options.correction)
     settings, out = options.settings(), options.out or Path("out") / f"train-{options.task}"
 
     def print_progress(stage: str, row: dict[str, float]) -> None:
@@ -107,7 +113,9 @@ def train_task(options: TrainOptions) -> int:
         console.print(f"[bold]{stage}[/]  {text}", highlight=False, soft_wrap=True)
 
     try:
-        summary = train(options.task, out, settings, print_progress, options.given_actor, options.visited)
+        summary = train(
+            options.task, out, settings, print_progress, options.given_actor, options.visited, correction
+        )
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on from {out}", highlight=False)
         raise

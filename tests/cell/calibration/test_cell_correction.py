@@ -12,10 +12,12 @@ import pytest
 from samrl_core.cell.calibration.cell_correction import (
     NO_CORRECTION,
     CellCorrection,
+    CorrectionCovariance,
     correction_of,
     find_beyond,
     find_lens_places,
     read_correction,
+    twist_names,
     write_correction,
 )
 from samrl_core.cell.instance.cell_instance import InstanceName, draw_instance
@@ -49,6 +51,26 @@ def test_a_file_holds_what_was_written(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.camera_in_flange.matrix(), FOUND.matrix(), atol=1e-12)
     np.testing.assert_allclose(read.tool_base_in_camera_base.matrix(), FOUND.inverse().matrix(), atol=1e-12)
     assert read.numbers == numbers and read.effects == ("hand_eye@sensor:camera",) and not read.is_empty
+
+
+def test_a_file_holds_how_well_its_numbers_are_known(tmp_path: Path) -> None:
+    hand, depth = np.diag(np.arange(1.0, 7.0)), np.array([[4e-4, 1e-5], [1e-5, 9e-6]])
+    numbers = ("depth_scale", "depth_offset")
+    covariance = CorrectionCovariance.of_blocks([(twist_names("camera_in_flange"), hand), (numbers, depth)])
+    written = CellCorrection(FOUND, numbers=dict.fromkeys(numbers, 0.01), covariance=covariance)
+    write_correction(tmp_path / "cell.json", written)
+    read = read_correction(tmp_path / "cell.json").covariance
+    assert read.of == (*twist_names("camera_in_flange"), *numbers)
+    np.testing.assert_array_equal(read.matrix[:6, :6], hand)
+    np.testing.assert_array_equal(read.matrix[6:, 6:], depth)
+    assert not read.matrix[:6, 6:].any()
+
+
+def test_what_was_found_last_of_a_number_takes_the_place_of_the_rest() -> None:
+    first = (("fx", "fy"), np.array([[2.0, 1.0], [1.0, 2.0]]))
+    both = CorrectionCovariance.of_blocks([first, (("fy", "k1"), np.diag([5.0, 6.0]))])
+    assert both.of == ("fx", "fy", "k1")
+    np.testing.assert_array_equal(both.matrix, np.diag([2.0, 5.0, 6.0]))
 
 
 def test_poses_go_into_the_cell_and_the_tool_base_stays() -> None:
@@ -113,6 +135,11 @@ def test_what_the_true_lens_did_not_see_has_no_depth() -> None:
     assert np.isfinite(found.depth[:, :-13]).all()
 
 
+def _with_covariance(of: list[str], matrix: list[list[float]]) -> str:
+    about = {"kind": "cell_correction", "schema": 1, "numbers": {"fx": 0.02, "k1": 0.1}}
+    return json.dumps({**about, "covariance": {"of": of, "matrix": matrix}})
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [
@@ -124,6 +151,13 @@ def test_what_the_true_lens_did_not_see_has_no_depth() -> None:
         ('{"kind": "cell_correction", "schema": 1, "numbers": {"fx": 0.9}}', "0.3"),
         ('{"kind": "cell_correction", "schema": 1, "numbers": {"fx": NaN}}', "NaN|finite|nan"),
         ('{"kind": "cell_correction", "schema": 1, "camera_in_flange": 3}', "pose"),
+        (_with_covariance(["fx"], [[1e-4, 0.0]]), "shape"),
+        (_with_covariance(["fx", "k1"], [[1e-4, 1e-5], [0.0, 1e-4]]), "symmetric"),
+        (_with_covariance(["fx", "k1"], [[1e-4, 2e-4], [2e-4, 1e-4]]), "negative"),
+        (_with_covariance(["fx"], [[-1e-4]]), "negative"),
+        (_with_covariance(["fy"], [[1e-4]]), "'fy', which is not corrected"),
+        (_with_covariance(["camera_in_flange.x"], [[1e-6]]), "not corrected"),
+        ('{"kind": "cell_correction", "schema": 1, "covariance": 3}', "covariance cannot be read"),
         (
             '{"kind": "cell_correction", "schema": 1, "camera_in_flange":'
             ' {"position": [0, 0, 0], "quat_xyzw": [0, 0, 0, 0]}}',

@@ -55,6 +55,15 @@ def test_a_lens_beyond_any_is_left_out_whole_and_the_depth_beside_it_is_applied(
     assert "# Not in cell.json: lens_distortion" in (tmp_path / "apply" / "corrected.yaml").read_text()
 
 
+def test_what_is_applied_says_how_well_it_is_known(tmp_path: Path) -> None:
+    """Amplitudes here have unit covariance; those of a depth are its numbers, those of a lens too."""
+    found = named(lens_distortion=(0.53, -0.1), depth_scale=(0.03,))
+    write_recalibration(found, tmp_path)
+    known = read_correction(tmp_path / "cell.json").covariance
+    assert known.of == ("k1", "k2", "depth_scale")
+    np.testing.assert_allclose(known.matrix, np.eye(3), atol=1e-9)
+
+
 def test_where_nothing_is_left_no_correction_is_written(tmp_path: Path) -> None:
     found = named(lens_distortion=(1.4, -0.1))
     assert found.cell.is_empty

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from samrl_core.cell.calibration.calibrate import calibrated_cell
-from samrl_core.cell.calibration.cell_correction import read_correction
+from samrl_core.cell.calibration.cell_correction import read_correction, twist_names
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.diagnosis.diagnose import diagnose
@@ -67,6 +67,9 @@ def test_a_cell_reads_it(tmp_path: Path) -> None:
     by_correction = read_correction(files[0]).cell(cell_named())
     for cell in (by_calibration, by_correction):
         np.testing.assert_allclose(cell.camera_in_flange.matrix(), wanted.matrix(), atol=1e-12)
+    known = read_correction(files[0]).covariance
+    assert known.of == twist_names("camera_in_flange")
+    np.testing.assert_allclose(known.matrix, corrected.transforms[0].covariance)
     lines = yaml.safe_load(files[2].read_text())["poses"]["camera_in_flange"]
     np.testing.assert_allclose(lines["position"], wanted.position, atol=1e-6)
 

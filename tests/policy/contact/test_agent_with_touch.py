@@ -9,9 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from samrl_core.cell.calibration.cell_correction import (
+    EXACT,
+    CellCorrection,
+    CorrectionCovariance,
+    twist_names,
+)
+from samrl_core.cell.calibration.seen_error import EXACTLY_SEEN
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.model.model import Model
+from samrl_core.model.real2sim.prediction import CameraErrors, loosened_by
 from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.agent import Agent
@@ -77,3 +85,44 @@ def test_an_agent_that_only_looks_rests_its_camera_once_another_one_touches() ->
     assert not looks._view_would_help(known(looks, 0.002))
     looks.begin_episode()
     assert looks._view_would_help(known(looks, 0.002))
+
+
+def test_a_correction_that_is_not_known_exactly_makes_images_worth_less(agent: Agent) -> None:
+    """A base that is known to 4 mm and 20 mrad, half a metre away, and the same known exactly."""
+    bases = CELL.camera_base_in_world.inverse() @ CELL.tool_base_in_world
+    names = twist_names("tool_base_in_camera_base")
+    known = CorrectionCovariance(names, np.diag([0.004**2] * 3 + [0.02**2] * 3))
+    beliefs = {}
+    for name, covariance in (("roughly", known), ("exactly", EXACT)):
+        correction = CellCorrection(tool_base_in_camera_base=bases, covariance=covariance)
+        agent.restart(SETTINGS, correction=correction)
+        assert agent._tip_offset is not None and agent._touch is not None
+        beliefs[name] = (
+            np.sqrt(np.diag(agent._tip_offset.covariance)),
+            agent._touch.memory.variance,
+            agent._view_planner.camera_errors,
+        )
+    (tip, unknown, camera), (usual_tip, usual, usual_camera) = beliefs["roughly"], beliefs["exactly"]
+    assert (tip[:2] > 1.5 * usual_tip[:2]).all() and (tip[2:] == usual_tip[2:]).all()
+    assert unknown > 1.5 * usual
+    assert camera.per_metre > 2.0 * usual_camera.per_metre  # the base's height is seen along another ray
+    assert camera.per_radian == usual_camera.per_radian  # a base does not turn with the camera
+    agent.restart(SETTINGS)
+    assert usual_camera == agent._view_planner.camera_errors == CameraErrors()
+    assert agent._touch.memory.variance == usual
+
+
+def test_a_camera_that_is_estimated_begins_as_unknown_as_its_correction_leaves_it() -> None:
+    specs = task_named("spatula_flipping_hard").parameters()
+    seen = replace(EXACTLY_SEEN, position=np.diag([1e-6, 4e-6, 9e-6]))
+    own = np.diag([p.scale**2 for p in specs])
+    after = loosened_by(replace(known_nothing(), covariance=own), specs, seen)
+    camera = np.array([p.kind == "camera" for p in specs])
+    assert camera.sum() == 3
+    added = np.diag(after.covariance - own)
+    np.testing.assert_allclose(added[camera], [1e-6, 4e-6, 9e-6])
+    assert not added[~camera].any()
+
+
+def known_nothing() -> Estimate:
+    return initial_estimate(Model(TASK, CELL))

@@ -73,6 +73,16 @@ class SeenPart:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Equations of one Newton step over all values (P,)."""
+
+    matrix: np.ndarray  # (P, P) information
+    normal: np.ndarray  # (P, P) of the step itself
+    gradient: np.ndarray  # (P,)
+    limit: np.ndarray  # (P,) farthest that a step may go
+
+
 def seen_parts(
     model: Model, values: np.ndarray, observation: Observation, settings: PartSettings
 ) -> tuple[SeenPart, ...]:
@@ -221,30 +231,15 @@ class PartFit:
     ) -> tuple[np.ndarray, np.ndarray, str]:
         """Noise-weighted Newton steps over all parts: values (P,), covariance (P, P), why it stopped."""
         s, count, why = self._settings, len(values), "iteration_limit"
-        precision, covariance = np.zeros((count, count)), belief
+        precision, covariance = belief, belief
         for k in range(self._parts.polish):
-            matrix, normal, gradient = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
-            limit = self._scale.copy()
-            for one in used:
-                renderer = one.renderer(self._model, values)
-                at = renderer.taken
-                if renderer.thin:
-                    shown = renderer.image(values[at], colors).mask
-                    line = line_equations(renderer, values[at], one.cover, shown, self._parts.line)
-                    told, more, side = line.information, line.normal, line.gradient
-                else:
-                    view = pose_information(renderer, values[at], colors, self._parts.noise, s)
-                    told, (more, side) = view.matrix, normal_equations(view, one.real.image)
-                matrix[np.ix_(at, at)] += told
-                normal[np.ix_(at, at)] += more
-                gradient[at] += side
-                limit[at] = np.minimum(limit[at], renderer.pixel_steps(values[at], s.polish_limit))
+            step = self._equations(used, values, colors)
             if not k:
-                precision = np.linalg.inv(widened_belief(start, belief, values, matrix, s.surprise))
-            covariance = np.linalg.inv(precision + matrix)
-            change = np.linalg.solve(normal + precision, gradient + precision @ (start - values))
+                precision = np.linalg.inv(widened_belief(start, belief, values, step.matrix, s.surprise))
+            covariance = np.linalg.inv(precision + step.matrix)
+            change = np.linalg.solve(step.normal + precision, step.gradient + precision @ (start - values))
             squared = float(change @ np.linalg.solve(covariance, change)) / count  # of the whole step
-            change = change / max(1.0, float(np.abs(change / limit).max()))
+            change = change / max(1.0, float(np.abs(change / step.limit).max()))
             values = np.clip(values + change, self._lower, self._upper)
             if watch is not None:
                 watch(values)
@@ -252,6 +247,27 @@ class PartFit:
                 why = "converged"
                 break
         return values, 0.5 * (covariance + covariance.T), why
+
+    def _equations(self, used: Sequence[SeenPart], values: np.ndarray, colors: np.ndarray) -> _Step:
+        """What the parts tell of all values about these."""
+        count, s = len(values), self._settings
+        matrix, normal, gradient = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
+        limit = self._scale.copy()
+        for one in used:
+            renderer = one.renderer(self._model, values)
+            at = renderer.taken
+            if renderer.thin:
+                shown = renderer.image(values[at], colors).mask
+                line = line_equations(renderer, values[at], one.cover, shown, self._parts.line)
+                told, more, side = line.information, line.normal, line.gradient
+            else:
+                view = pose_information(renderer, values[at], colors, self._parts.noise, s)
+                told, (more, side) = view.matrix, normal_equations(view, one.real.image)
+            matrix[np.ix_(at, at)] += told
+            normal[np.ix_(at, at)] += more
+            gradient[at] += side
+            limit[at] = np.minimum(limit[at], renderer.pixel_steps(values[at], s.polish_limit))
+        return _Step(matrix, normal, gradient, limit)
 
     def _fits(
         self,

@@ -9,19 +9,23 @@ from typing import Any
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder, is_there
+from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_free_devices
 from samrl_ros.log_import.draft.clock_draft import STAMPED
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import POSES
+from samrl_ros.log_import.draft.logged_tracks import POSES, read_logged_tables
+from samrl_ros.log_import.draft.transform_chains import find_bag_chains
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.parquet import is_lerobot
-from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
+from samrl_ros.log_import.formats.rosbag import is_bag, is_mcap, list_topics
+from samrl_ros.log_import.formats.transform_tree import KINDS
 from samrl_ros.log_import.imported_files import INDEX
 from samrl_ros.log_import.pose_importer import poses_of
 from samrl_ros.log_import.reading_importer import readings_of
 from samrl_ros.log_import.tables import SUFFIXES
 from samrl_ros.recordings import body_file, pose_file, reading_file
+from samrl_ros.recordings.read import has_arms
 
 _IMPORTED = (pose_file.SUFFIX, body_file.SUFFIX, reading_file.SUFFIX)
 _READERS = {"poses": poses_of, "bodies": bodies_of, "readings": readings_of}
@@ -82,7 +86,8 @@ def refuse_questions(draft: Draft, paths: Sequence[Path]) -> None:
 def data_folder(draft: Draft, path: Path) -> Path:
     """Folder from which a draft's files count."""
     files = [source.get("file") for source in draft.sources.values()]
-    return path if is_folder(path) and not all(file == path.name for file in files) else path.parent
+    apart = is_folder(path) and not is_bag(path) and not all(file == path.name for file in files)
+    return path if apart else path.parent
 
 
 def _imported(paths: Sequence[Path]) -> tuple[str, list[Any], list[str]] | None:
@@ -104,8 +109,22 @@ def _may_hold_devices(path: Path) -> bool:
         return False
     if is_bag(path):
         kinds = {topic.type for topic in list_topics(path, "the log")}
-        return bool(kinds & (POSES | STAMPED)) and not any(kind.endswith("JointState") for kind in kinds)
+        if any(kind.endswith("JointState") for kind in kinds):
+            return bool(kinds & KINDS) and not _is_own(path) and _shows_target(path)
+        return bool(kinds & (POSES | STAMPED | KINDS))
     if is_folder(path):
         names = [file.name for file in path.iterdir()]
         return INDEX not in names and not any(name.endswith((*_IMPORTED, ".mcap")) for name in names)
     return path.suffix.lower() in SUFFIXES
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a bag has samrl's topics of arms."""
+    return is_mcap(path) and has_arms(open_bag(path))
+
+
+def _shows_target(path: Path) -> bool:
+    """Whether the frames of a bag are those of a camera that sees a target beside an arm: then its joints are
+    not what is asked about."""
+    tracks = [track for table in read_logged_tables([path]) for track in table.tracks()]
+    return find_bag_chains([path], tracks) is not None

@@ -30,6 +30,7 @@ from samrl_ros.log_import.pose_specs import (
     rotations_of,
     rotations_of_matrices,
 )
+from samrl_ros.log_import.resampling import are_between
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.recordings.pose_file import SUFFIX, write_pose_file
 
@@ -261,7 +262,23 @@ def _within(
         )
     if len(inside) < len(seen):
         notes.append(f"{len(seen) - len(inside)} seen poses lie outside of the arms' stamps and are left out")
-    return inside, timed
+    return (_outside_gaps(spec, inside, arms, notes) if timed else inside), timed
+
+
+def _outside_gaps(
+    spec: PoseRecordingSpec, seen: PoseTrack, arms: list[ArmPoses], notes: list[str]
+) -> PoseTrack:
+    """Seen poses that fall into no gap of an arm's stamps: a spline over one is no measurement."""
+    known = np.logical_and.reduce([are_between(seen.time, arm.stamps) for arm in arms])
+    if known.all():
+        return seen
+    if known.sum() < 2:
+        raise InputError(
+            f"{spec.path}: {known.sum()} of {len(seen)} seen poses fall into no gap of an arm; record"
+            " the arms all the time, or say `at_rest: true` if poses were taken at rest"
+        )
+    notes.append(f"{np.count_nonzero(~known)} seen poses fall into gaps of the arms' stamps and are left out")
+    return PoseTrack(seen.time[known], seen.position[known], seen.quat_xyzw[known])
 
 
 def _paired(spec: PoseRecordingSpec, seen: PoseTrack, arms: list[ArmPoses], notes: list[str]) -> PoseTrack:

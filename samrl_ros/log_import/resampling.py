@@ -10,6 +10,8 @@ from samrl_ros.log_import.specs import Filter, Resample
 
 _EVEN = 0.02  # relative jitter of the steps up to which a filter takes them as even
 _LEAST = 30  # samples a filter needs
+_GAP_STEPS = 5.0  # typical steps without a sample, beyond which nothing is known between two
+_GAP_S = 0.2  # likewise; what is slower than 5 Hz is no motion that can be interpolated
 
 
 def even(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -20,6 +22,16 @@ def even(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
         return time, values, False
     grid = time[0] + step * np.arange(int(np.floor((time[-1] - time[0]) / step + 1e-6)) + 1)
     return grid, _interpolate(grid, time, values), True
+
+
+def are_between(time: np.ndarray, stamps: np.ndarray) -> np.ndarray:
+    """Mask (N,) of times within increasing stamps (M,), and in none of their gaps."""
+    if len(stamps) < 2:
+        return np.isin(time, stamps)
+    longest = max(_GAP_STEPS * float(np.median(np.diff(stamps))), _GAP_S)
+    after = np.clip(np.searchsorted(stamps, time), 1, len(stamps) - 1)
+    inside = (time >= stamps[0]) & (time <= stamps[-1])
+    return inside & ((stamps[after] - stamps[after - 1] <= longest) | np.isin(time, stamps))
 
 
 def low_pass(time: np.ndarray, values: np.ndarray, smoothing: Filter, where: str) -> np.ndarray:

@@ -18,6 +18,7 @@ from samrl_ros.log_import.formats.parquet import is_lerobot, read_lerobot_table,
 from samrl_ros.log_import.formats.rosbag import is_bag, read_topic_table
 from samrl_ros.log_import.formats.text import read_text_table
 from samrl_ros.log_import.formats.torch_file import read_torch_table
+from samrl_ros.log_import.formats.transform_tree import frames_of, read_transform_table
 from samrl_ros.log_import.formats.yaml_log import read_yaml_table
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
@@ -62,8 +63,8 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
         path: a file, a bag's folder or a LeRobot dataset's.
         options: how a text file is written.
         where: key path, for messages.
-        part: topic of a bag, episode of a dataset, group of an HDF5 file, keys of a JSON or YAML file, what
-            the rows of a labelled text file are of; else empty.
+        part: topic of a bag or `CHILD in PARENT` of its frames, episode of a dataset, group of an HDF5 file,
+            keys of a JSON or YAML file, what the rows of a labelled text file are of; else empty.
 
     Raises:
         InputError: nothing there, a kind that is not known, a part that is missing or too much, or a file
@@ -72,6 +73,8 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
     if is_bag(path) and (is_file(path) or is_folder(path)):
         if not part:
             raise InputError(f"{where}: {path.name} is a bag; name the topic with `part`")
+        if (frames := frames_of(part)) is not None:
+            return read_transform_table(path, *frames, where)
         return read_topic_table(path, part, where)
     if is_lerobot(path):
         return read_lerobot_table(path, part, where)

@@ -14,6 +14,7 @@ from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, r
 from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_poses
 from samrl_ros.log_import.draft.reading_draft import draft_readings
 from samrl_ros.log_import.draft.seen_tracks import are_at_once, is_named_body, is_of_a_machine
+from samrl_ros.log_import.draft.transform_chains import find_bag_chains
 
 
 def draft_any(
@@ -43,11 +44,13 @@ def draft_free_devices(paths: Sequence[Path]) -> Draft | None:
     if (images := draft_depth_images(paths)) is not None:
         return images
     tables = read_logged_tables(paths)
-    return draft_readings(tables) or _draft_tracks(tables) or draft_stamped_topic(paths)
+    return draft_readings(tables) or _draft_tracks(paths, tables) or draft_stamped_topic(paths)
 
 
-def _draft_tracks(tables: Sequence[LoggedTable]) -> Draft | None:
+def _draft_tracks(paths: Sequence[Path], tables: Sequence[LoggedTable]) -> Draft | None:
     tracks = [track for table in tables for track in table.tracks()]
+    if (frames := find_bag_chains(paths, tracks)) is not None:
+        return draft_poses(tracks, frames)
     if not tracks:
         return None
     if are_roles_sure(tracks):

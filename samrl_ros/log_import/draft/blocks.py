@@ -14,6 +14,7 @@ from samrl_ros.log_import.draft.column_names import is_time, split_names
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
+from samrl_ros.log_import.formats.transform_tree import KINDS, describe_tree
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import read_table
@@ -26,10 +27,6 @@ ROS_TYPES = {
     "control_msgs/msg/MultiDOFStateStamped": "a controller's set point and feedback",
     "std_msgs/msg/Float64MultiArray": "commands of a forward controller",
 }
-TREES = (
-    ". Trees of frames (/tf) are not read: write each frame that you need as geometry_msgs/PoseStamped (tf2's"
-    " lookup_transform) or as a table with its stamp"
-)
 _LEAST = 50  # rows of a table that is looked at
 _STAMPS = ("log_time", "header.stamp", "header.seq")  # of a bag's messages; their table has a time
 
@@ -84,7 +81,7 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
         parts = [(t.name, t.type) for t in topics if t.type in ROS_TYPES and t.count >= _LEAST]
         if not parts:
             present = ", ".join(f"{t.name} ({t.type})" for t in topics) or "none"
-            trees = TREES if any(t.type == "tf2_msgs/msg/TFMessage" for t in topics) else ""
+            trees = describe_tree(path) if any(t.type in KINDS for t in topics) else ""
             raise InputError(
                 f"{path} has no topic of {', '.join(sorted(ROS_TYPES))} with {_LEAST} messages; topics are"
                 f" {present}{trees}"

@@ -31,6 +31,17 @@ UNIT_WORDS = {
     "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
     "us": "us", "ns": "ns", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
 }  # fmt: skip
+# Of poses: what a camera sees, what an arm carries, cameras' frames and the frames that arms stand in.
+SEEN = frozenset(
+    "tag tags marker markers target aruco apriltag april board charuco checkerboard chessboard object cam"
+    " camera detection detected vision optical pattern eye tracking".split()
+)
+CARRIED = frozenset(
+    "robot flange ee eef tcp tool tool0 gripper hand effector endeffector fk arm wrist base link7 link8"
+    " body".split()
+)
+CAMERAS = frozenset("cam camera optical rgb sensor eye".split())
+BASES = frozenset("base world link0 root origin".split())
 
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
 _COMMANDED, _MEASURED = set(COMMANDED.split()), set(MEASURED.split())

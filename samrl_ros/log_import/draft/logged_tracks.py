@@ -25,6 +25,7 @@ from samrl_ros.log_import.draft.pose_tracks import (
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
 from samrl_ros.log_import.formats.text import rows_of
+from samrl_ros.log_import.formats.transform_tree import frames_of
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import SUFFIXES, TEXT_SUFFIXES, read_table
@@ -50,6 +51,7 @@ class LoggedTrack:
     part: str = ""  # of a bag: the topic
     header: tuple[str, str] = ("", "")  # child and parent frame, of a bag
     csv: CsvOptions = CsvOptions()  # how the file is written
+    role: int = 0  # 1 of a target that is seen, -1 of a flange, where a tree of frames says it
 
     @property
     def frames(self) -> tuple[frozenset[str], frozenset[str]] | None:
@@ -60,6 +62,11 @@ class LoggedTrack:
         if named is None and (letters := HAND_EYE.search(self.path.stem)):
             named = (FRAMES[letters[2]], FRAMES[letters[1]])
         return None if named is None else (_words(named[0]), _words(named[1]))
+
+    @property
+    def of_frames(self) -> bool:
+        """Whether a tree of frames gives it, which says what is given in what."""
+        return frames_of(self.part) is not None
 
     @property
     def words(self) -> set[str]:

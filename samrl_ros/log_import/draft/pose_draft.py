@@ -17,6 +17,7 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
+from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.pose_runs import PoseRuns, find_pose_runs
@@ -31,20 +32,11 @@ from samrl_ros.log_import.draft.track_entries import (
     source_data,
     track_numbers,
 )
+from samrl_ros.log_import.draft.transform_chains import FoundChains
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
 from samrl_ros.log_import.sources import SourceData
 
-SEEN = frozenset(
-    "tag tags marker markers target aruco apriltag april board charuco checkerboard chessboard object cam"
-    " camera detection detected vision optical pattern eye tracking".split()
-)
-CARRIED = frozenset(
-    "robot flange ee eef tcp tool tool0 gripper hand effector endeffector fk arm wrist base link7 link8"
-    " body".split()
-)
-CAMERAS = frozenset("cam camera optical rgb sensor eye".split())
-BASES = frozenset("base world link0 root origin".split())
 CLEARLY = 4.0  # times better than the next description: that is proof
 NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that stand still close any chain
 LONGEST_REST_S = 600.0  # from one pair of poses at rest to the next
@@ -53,19 +45,28 @@ MOST_VIEWS = 300  # by which descriptions are compared
 MOST_CM = 250.0  # that a camera sees or an arm reaches
 
 
-def draft_poses(tracks: Sequence[LoggedTrack]) -> Draft | None:
+def draft_poses(
+    tracks: Sequence[LoggedTrack], frames: tuple[FoundChains, PoseRuns | None] | None = None
+) -> Draft | None:
     """A draft of a log that holds a target's poses and a flange's; None of any other log.
+
+    Args:
+        tracks: poses of the log.
+        frames: what a bag's tree of frames says instead, if it says something.
 
     Raises:
         InputError: the two cannot be compared.
     """
+    chains, runs = frames or (None, None)
     placed = [each for each in tracks if each.track.whole]
+    if chains is not None:
+        placed = [chains.seen, chains.carried]
     if len(placed) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
-    runs = find_pose_runs(placed, _side)
+    runs = find_pose_runs(placed, _side) if chains is None else runs
     used = placed if runs is None else [runs.seen[0], runs.carried[0]]
-    seen, carried = _roles(used, draft)
+    seen, carried = _roles(used, draft) if chains is None else _told_roles(chains, draft)
     draft.unused += [each.name for each in used if each is not seen and each is not carried]
     keys = {"target": seen} | ({"flange": carried} if carried.place != seen.place else {})
     times = {key: _add_source(key, each, (seen, carried), draft) for key, each in keys.items()}
@@ -78,7 +79,7 @@ def draft_poses(tracks: Sequence[LoggedTrack]) -> Draft | None:
     if len(cache) > 1:  # where views stand for themselves, some tell as much as all
         cache["target"] = every_nth(cache["target"], MOST_VIEWS)
     _ask_of_units({"target_in_camera": seen, "flange": carried}, draft)
-    _describe(seen, carried, entries, at_rest, cache, draft)
+    _describe(seen, carried, entries, at_rest, cache, draft, chains)
     if runs is not None:
         _add_runs(runs, draft)
         return draft
@@ -109,6 +110,8 @@ def are_roles_sure(tracks: Sequence[LoggedTrack]) -> bool:
 
 def _side(each: LoggedTrack) -> int:
     """1 of what a camera sees, -1 of what an arm carries, 0 where no name says it."""
+    if each.role:
+        return each.role
     words = each.words | set().union(*each.frames or ())
     return bool(words & SEEN) - bool(words & CARRIED and not words & SEEN)
 
@@ -121,6 +124,14 @@ def _roles(placed: list[LoggedTrack], draft: Draft) -> tuple[LoggedTrack, Logged
     question = "" if sure else f"is it the target as the camera sees it, and {carried.name} the flange's?"
     draft.note("poses.target_in_camera", f"{seen.name}: {'by its name' if sure else 'a guess'}", question)
     return seen, carried
+
+
+def _told_roles(chains: FoundChains, draft: Draft) -> tuple[LoggedTrack, LoggedTrack]:
+    """Likewise where a bag's tree of frames tells them."""
+    said = f"{chains.seen.name}, and the flange {chains.carried.name}: by the bag's frames"
+    draft.note("poses.target_in_camera", said, chains.question)
+    draft.unused += chains.unused
+    return chains.seen, chains.carried
 
 
 def _add_source(
@@ -170,6 +181,7 @@ def _describe(
     at_rest: bool,
     cache: dict[str, SourceData],
     draft: Draft,
+    chains: FoundChains | None,
 ) -> None:
     """Who carries the camera and what the log leaves open, by which description closes the chain."""
     arms = ("camera_arm", "tool_arm")
@@ -193,28 +205,47 @@ def _describe(
             " write the mapping by hand"
         )
     found.sort(key=lambda one: one[0])
-    left, poses, said = found[0]
-    arm = next(key for key in ("camera_arm", "tool_arm") if key in poses)
+    arm = chains.arm if chains is not None else ""
+    told = [one for one in found if arm in one[1]] if arm else []
+    against = told and told[0][0] > CLEARLY * found[0][0] + NOTHING_M
+    left, poses, said = told[0] if told else found[0]
+    arm = next(key for key in arms if key in poses)
     reason = f"{said}: the chain then closes to {1e3 * left:.1f} mm"
-    if len(found) > 1:
+    if told:
+        reason = f"the frames say that {reason}"
+    elif len(found) > 1:
         reason += f", to {1e3 * found[1][0]:.0f} mm if {found[1][2]}"
     draft.poses = poses
     if left > CLOSES_M:
         question = "no description closes the chain; are these one target and one flange, in these units?"
-    elif len(found) > 1 and found[1][0] < CLEARLY * left + NOTHING_M:
+    elif against:
+        question = f"it closes to {1e3 * found[0][0]:.1f} mm if {found[0][2]}; which of them is it?"
+    elif not told and len(found) > 1 and found[1][0] < CLEARLY * left + NOTHING_M:
         question = f"is it so, and not that {found[1][2]}?"
     else:
         question = _asked_of_frames(seen, carried, arm)
     draft.note(f"poses.{arm}", reason, question)
-    stated = (
-        "camera_in_flange and target_in_base"
-        if arm == "camera_arm"
-        else "camera_in_base and target_in_flange"
-    )
+    _state(arm, chains, draft)
+
+
+def _state(arm: str, chains: FoundChains | None, draft: Draft) -> None:
+    """Transforms that a bag's frames give, and what nothing states."""
+    wanted = {
+        "camera_arm": ["camera_in_flange", "target_in_base"],
+        "tool_arm": ["camera_in_base", "target_in_flange"],
+    }[arm]
+    if chains is not None:
+        draft.poses |= chains.stated
+        for key, why in chains.reasons.items():
+            draft.note(f"poses.{key}" if key in wanted else key, why)
+    missing = [key for key in wanted if key not in draft.poses]
+    if len(missing) == 1:
+        draft.note("poses", f"nothing states {missing[0]}: it is solved for, and its error is nobody's")
+        return
     draft.note(
         "poses",
-        f"nothing states {stated}: both are solved for, and only clocks and lasting errors are then told;"
-        " write down what your calibration says to have that judged",
+        f"nothing states {' and '.join(missing)}: both are solved for, and only clocks and lasting errors are"
+        " then told; write down what your calibration says to have that judged",
     )
 
 
@@ -222,8 +253,8 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
     """What only names say: that no track is given the other way round."""
     if seen.frames and carried.frames:
         (child, parent), (flange, base) = seen.frames, carried.frames
-        told = _is_inverse(seen) or (parent & CAMERAS and not child & CAMERAS)
-        if told and base & BASES and not flange & BASES:
+        told = seen.of_frames or _is_inverse(seen) or (parent & CAMERAS and not child & CAMERAS)
+        if told and (carried.of_frames or (base & BASES and not flange & BASES)):
             return ""
     other = "stands still" if arm == "camera_arm" else "rides on the arm"
     return (
@@ -235,7 +266,7 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
 def _is_inverse(seen: LoggedTrack) -> bool:
     """Whether names say that these are the camera's poses in what it sees."""
     child, parent = seen.frames or (frozenset(), frozenset())
-    return bool(child & CAMERAS and parent) and not parent & CAMERAS
+    return bool(child & CAMERAS and parent) and not parent & CAMERAS and not seen.of_frames
 
 
 def _closing(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> float | None:

@@ -51,14 +51,14 @@ def list_topics(path: Path, where: str) -> tuple[LoggedTopic, ...]:
 def read_text_topic(path: Path, topic: str, where: str) -> str | None:
     """The last text of a std_msgs/String topic; None where there is none."""
     last = None
-    for _, message in _messages(path, topic, where):
+    for _, message in read_messages(path, topic, where):
         last = getattr(message, "data", None)
     return last if isinstance(last, str) else None
 
 
 def read_frames(path: Path, topic: str, where: str) -> tuple[str, str]:
     """(child, parent) that the first message of a topic names; empty where it names none."""
-    for _, message in _messages(path, topic, where):
+    for _, message in read_messages(path, topic, where):
         parent = getattr(getattr(message, "header", None), "frame_id", "")
         return str(getattr(message, "child_frame_id", "")), str(parent)
     return "", ""
@@ -75,7 +75,7 @@ def read_topic_table(path: Path, topic: str, where: str) -> Table:
     """
     logged: list[int] = []
     rows: list[dict[str, Any]] = []
-    for log_time_ns, message in _messages(path, topic, where):
+    for log_time_ns, message in read_messages(path, topic, where):
         logged.append(log_time_ns)
         rows.append(flatten(message))
     if not rows:
@@ -109,8 +109,8 @@ def is_mcap(path: Path) -> bool:
     return path.suffix.lower() == ".mcap" or (is_folder(path) and any(path.glob("*.mcap")))
 
 
-def _messages(path: Path, topic: str, where: str) -> Iterator[tuple[int, Any]]:
-    """Log time [ns] and decoded message, in log order."""
+def read_messages(path: Path, topic: str, where: str) -> Iterator[tuple[int, Any]]:
+    """Log time [ns] and decoded message, in log order. Raises `InputError` if one does not fit its type."""
     if is_mcap(path):
         for raw, message in open_bag(path).decoded([topic]):
             yield raw.log_time_ns, message

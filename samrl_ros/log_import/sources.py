@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import read_table
 from samrl_ros.log_import.units import factor
 
+_ONE_OF_ARRAY = re.compile(r"(.+)\[(\d+)\]")
 TIME = "time"  # [s] of the source's rows in formulas, unless a column has that name
 
 
@@ -158,12 +160,23 @@ def _time(spec: TimeSpec | None, table: Table, count: int, where: str) -> np.nda
         return np.arange(count) / spec.rate_hz + spec.offset_s
     name, where = str(spec.column), f"{where}.column"
     scale = 1.0 / spec.rate_hz if spec.rate_hz is not None else factor("time", spec.unit, where)
-    values = table.times(name, where) if spec.iso else table.numbers(name, where) * scale
+    values = table.times(name, where) if spec.iso else _numbers_of(table, name, where) * scale
     if spec.nanoseconds is not None:
         values = values + 1e-9 * table.numbers(spec.nanoseconds, f"{where}.nanoseconds")
     if values.ndim != 1:
         raise InputError(f"{where}: {name!r} has shape {values.shape}, must be one number per sample")
     return values + spec.offset_s
+
+
+def _numbers_of(table: Table, name: str, where: str) -> np.ndarray:
+    """A column, or one of an array's such as `pose[0]`."""
+    part = _ONE_OF_ARRAY.fullmatch(name)
+    if name in table.columns or part is None:
+        return table.numbers(name, where)
+    values = table.numbers(part[1], where)
+    if values.ndim != 2 or int(part[2]) >= values.shape[1]:
+        raise InputError(f"{where}: {part[1]!r} has shape {values.shape}, so no number {part[2]} per sample")
+    return values[:, int(part[2])]
 
 
 def _rows(spec: LoggedSpec, count: int) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import torch
@@ -287,5 +288,56 @@ def test_a_bag_of_frames_alone_says_what_to_record(tmp_path: Path) -> None:
         topic = bag.add_connection("/tf", kind.__msgtype__, typestore=store)
         for k in range(60):
             bag.write(topic, k * 10**7, store.serialize_cdr(kind(transforms=[]), kind.__msgtype__))
-    with pytest.raises(InputError, match=r"Trees of frames \(/tf\) are not read: write each frame"):
+    with pytest.raises(InputError, match=r"Its trees of frames are empty"):
         drafted(tmp_path / "bag")
+
+
+@pytest.mark.parametrize(
+    ("frame", "names", "up"),
+    [
+        (Y_UP, ("pos_x", "pos_y", "pos_z"), (0.0, -9.81, 0.0)),
+        (Rotation.from_euler("x", np.pi), ("ned_x", "ned_y", "ned_z"), (0.0, 0.0, 9.81)),
+    ],
+)
+def test_the_axis_across_the_plane_of_a_slide_is_proposed_and_asked_for(
+    frame: Rotation, names: tuple[str, str, str], up: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """Unity's and Motive's y, aviation's minus z: a fall would prove it, a slide does not."""
+    for made in several(slide, World(friction=0.3), 3, 1):
+        p = frame.apply(made.track.position)
+        columns = {name: p[:, k] for k, name in enumerate(names)}
+        write_columns(tmp_path / f"{made.name}.csv", t=made.track.time, **columns)
+    draft = drafted(tmp_path)
+    assert draft.bodies["gravity"] == pytest.approx(up)
+    assert draft.bodies["support"]["normal"] == pytest.approx([-g / 9.81 for g in up])
+    assert any("up? Else write gravity" in q for q in draft.questions)
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".json"])
+def test_a_body_that_is_pushed_is_read_and_asked_when_it_is_free(suffix: str, tmp_path: Path) -> None:
+    """Arrays of time, x, y and angle, as MIT's pushing data have them."""
+    time = 1.46e9 + np.arange(200) / 250.0
+    s = time - time[0]
+    body = np.stack([time, 0.3 + 0.05 * s, 0.01 * s, 0.3 * s], axis=1)
+    arrays = {"tip_pose": body + [0, -0.05, 0, 0], "object_pose": body, "ft_wrench": 0.1 * body}
+    path = tmp_path / f"push{suffix}"
+    if suffix == ".json":
+        path.write_text(json.dumps({name: values.tolist() for name, values in arrays.items()}))
+    else:
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
+    draft = drafted(path)
+    assert draft.bodies["track"]["position"] == ["object_pose[1]", "object_pose[2]"]
+    assert draft.bodies["track"]["angle"] == "object_pose[3]"
+    assert any("ft_wrench" in g.reason and "when is it free?" in g.question for g in draft.of("recordings"))
+    (got,) = imported(draft, tmp_path)
+    np.testing.assert_allclose(got.track.position[:, :2], body[:, 1:3], atol=1e-9)
+    np.testing.assert_allclose(got.track.time, s, atol=1e-6)
+
+
+def test_a_round_body_is_asked_whether_it_rolls(tmp_path: Path) -> None:
+    for made in several(slide, World(friction=0.3), 3, 1):
+        x, y = made.track.position[:, 0], made.track.position[:, 1]
+        write_columns(tmp_path / f"{made.name}.csv", t=made.track.time, ball_x=x, ball_y=y)
+    assert any("ball by its name: does it roll?" in q for q in drafted(tmp_path).questions)

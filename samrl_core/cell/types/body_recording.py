@@ -23,7 +23,7 @@ class BodyTolerances(StatedTolerances):
 
     length_scale: float = 0.005  # of the track's unit of length, or of gravity, as a fraction
     frame_rate: float = 0.0005  # of the stamps, as a fraction
-    tilt: float = 0.005  # of gravity's direction in the track's frame, and of the support, per axis [rad]
+    tilt: float = 0.005  # of gravity in the track's frame, and of the support against it, per axis [rad]
     friction: float = 0.05  # of the stated coefficient, as a fraction
     restitution: float = 0.02  # of the stated coefficient
     rebound: float = 0.02  # by which one impact differs from the next, as a fraction of its speed

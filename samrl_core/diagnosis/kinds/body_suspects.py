@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from samrl_core.diagnosis.effects.body_forms import OfMotion
-from samrl_core.diagnosis.effects.form import Form, Place
+from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.kinds.suspects import Suspect, explained, strongest
+from samrl_core.diagnosis.residuals.bodies import columns
 from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
+ROLLS = 3.0  # [nat] by which a body that rolls must explain more: one is rarer than a wrong coefficient
+ROLLING = {"ball": 2 / 5, "cylinder": 1 / 2, "hollow ball": 2 / 3}  # inertia over mass and squared radius
+ROLLING_SPREAD = 0.01  # of the share of its weight's pull that turns it
+RESISTANCE = 0.005  # of rolling: coefficients of hard bodies are below 0.01
 PATTERN = 80.0  # [nat] beyond noise and tolerances, of which something is there whatever it is
 SLOW = 6.0  # samples that count as one there: whatever lasts as long as a motion is none of the noise
 SPREAD = 0.1  # of a suspect's size before any data, in the units of its column
@@ -20,8 +29,8 @@ class BodySuspect(Suspect[BodyTrial]):
 
     def forms(self, trial: BodyTrial, place: Place) -> tuple[Form[BodyTrial], ...]:
         out = []
-        for name, columns in trial.suspects.items():
-            freedom = max(len(rows) for rows in columns.values())
+        for name, found in trial.suspects.items():
+            freedom = max(len(rows) for rows in found.values())
             out.append(
                 OfMotion(
                     name=name, place=place, amplitudes=tuple("abc"[:freedom]),
@@ -31,11 +40,46 @@ class BodySuspect(Suspect[BodyTrial]):
         return tuple(out)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rolling(OfMotion):
+    """A body that turns as it goes down: a share k / (1 + k) of the pull is missing, and its friction."""
+
+    shapes: tuple[Shape, ...] = tuple({"k": k} for k in ROLLING.values())
+
+    def prior(self, trial: BodyTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        share = shape["k"] / (1.0 + shape["k"])
+        return np.array([share, -trial.constants.friction]), np.array([ROLLING_SPREAD, RESISTANCE])
+
+
+class RollingSuspect(Suspect[BodyTrial]):
+    """What nobody stated to roll, on an incline."""
+
+    acts_on = "contact"
+
+    def forms(self, trial: BodyTrial, place: Place) -> tuple[Form[BodyTrial], ...]:
+        if not columns.may_roll(trial):
+            return ()
+        return (
+            Rolling(
+                name="a body that rolls", place=place, amplitudes=("k", "mu"), of=columns.unstated_rolling,
+                spreads=(1.0, 1.0),
+            ),
+        )  # fmt: skip
+
+
 def suspicions(evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
     """Suspects that explain the recordings better than what was chosen, or than nothing, in words."""
     trial = evidence.likelihood.trials[0]
     assert isinstance(trial, BodyTrial)
     found = explained(evidence, BodySuspect(), trial)
+    rolls = explained(evidence, RollingSuspect(), trial)
+    best = max((gain for gain, _ in rolls), default=-np.inf)
+    if chosen is not None and best > chosen.log_evidence + ROLLS:
+        return [
+            f"a body that rolls explains {best:.0f} of log evidence, what can be named"
+            f" {chosen.log_evidence:.0f}: state its shape, and `rolls: true` if it rolls, `box` if it cannot"
+        ]
+    found += rolls
     if chosen is None:
         excess = evidence.likelihood.deficit(evidence.likelihood.y, SLOW)
         if excess > PATTERN:

@@ -14,11 +14,11 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.column_names import meaning
+from samrl_ros.log_import.draft.column_names import meaning, words_in
 from samrl_ros.log_import.draft.free_fall import SURE_LEAN, FreeFall, G, find_unscaled_fall
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
-from samrl_ros.log_import.draft.pose_tracks import Component
+from samrl_ros.log_import.draft.pose_tracks import Component, numbers_of_parts
 from samrl_ros.log_import.draft.seen_tracks import (
     BODIES,
     SeenTrack,
@@ -40,6 +40,14 @@ from samrl_ros.log_import.pose_specs import LENGTHS
 
 MOST_RUNS = 20  # of a folder that are searched for contact
 PLACEHOLDER_HZ = 100.0
+FLAT = 0.2  # of the next narrower width of a track, up to which it stays in a plane
+DOWNWARDS = frozenset("ned down depth".split())  # in names of tracks whose z points down
+PUSHES = frozenset("tip tips pusher ft wrench wrenches force forces finger gripper".split())
+ROUND = frozenset("ball sphere marble cylinder roller wheel can bottle".split())
+ROLLS = (
+    "{} by its name: does it roll? Then write `body: {{sphere: radius}}` or `{{cylinder: [radius, height]}}`"
+    " and `rolls: true` beside `normal`; a puck slides"
+)
 
 
 def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
@@ -64,6 +72,12 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     reason = "the only track" if len(first) == 1 else "the track that moves"
     draft.note("bodies.track", f"{chosen.each.name}: {reason}", question)
+    if pushing := sorted(name for name in chosen.each.table.columns if set(words_in(name)) & PUSHES):
+        draft.note(
+            "recordings", f"{', '.join(pushing)} stand beside it: something pushes the body",
+            "when is it free? Give each recording the `time_range` in which it touches the support alone:"
+            " what is pushed tells no friction",
+        )  # fmt: skip
     draft.unused += [each.name for each in tracks if each.path == files[0] and each is not chosen.each]
     track = _describe_track(chosen, fall, runs, draft)
     named = chosen.each.table.maker or set(chosen.each.track.stem) & BODIES
@@ -201,6 +215,12 @@ def _describe_turns(each: LoggedTrack, entry: dict[str, Any], draft: Draft) -> N
 
 def _add_angle(each: LoggedTrack, source: dict[str, Any], entry: dict[str, Any], draft: Draft) -> None:
     """An angle beside a track in two axes."""
+    if (part := each.track.angle) is not None:
+        (entry["angle"],) = add_columns([part], source)
+        turned = float(np.nanmax(np.abs(numbers_of_parts(each.table, [part]))))
+        entry["angle_unit"] = "deg" if turned > 4 * np.pi else "rad"
+        draft.note("bodies.track.angle", "the number behind x and y", f"is it in {entry['angle_unit']}?")
+        return
     for name in each.table.columns:
         told, values = meaning(name), numbers_of(each.table, name)
         if told.quantity != "position" or name in each.track.used or values is None or values.ndim != 1:
@@ -237,16 +257,34 @@ def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None
         draft.bodies["gravity"], draft.falls = gravity, True
         return
     if "z" in axes:
-        draft.bodies["gravity"] = [0.0, 0.0, -G]
+        letter, up, why = _guess_up(chosen)
+        draft.bodies["gravity"] = [-G * up * (letter == axis) + 0.0 for axis in "xyz"]
+        sign = "+" if up > 0 else "-"
         draft.note(
-            key, "nothing falls in this track, so nothing tells which way is up",
-            "is +z up? Else write gravity in the track's axes [m/s^2]; on an incline it has two components",
+            key, f"nothing falls in this track, so nothing tells which way is up{why}",
+            f"is {sign}{letter} up? Else write gravity in the track's axes [m/s^2], and the support's normal"
+            " against it; on an incline gravity has two components",
         )  # fmt: skip
         return
     draft.note(
         key, f"the track has {' and '.join(axes)} alone, and nothing falls along them",
         "is it a level plane seen from above? Else state `incline` (degrees, +x downhill), or `gravity`",
     )  # fmt: skip
+
+
+def _guess_up(chosen: SeenTrack) -> tuple[str, int, str]:
+    """The axis that is likely up in a track where nothing falls, its sign, and why."""
+    each = chosen.each
+    widths = np.nanpercentile(each.position, 98, axis=0) - np.nanpercentile(each.position, 2, axis=0)
+    order = np.argsort(widths)
+    words = {word for name in (*each.track.used, each.path.stem, each.part) for word in words_in(name)}
+    down = -1 if words & DOWNWARDS else 1
+    if len(widths) == 3 and widths[order[0]] < FLAT * widths[order[1]]:
+        letter = each.track.axes[order[0]]
+        return letter, down if letter == "z" else 1, f"; it stays in a plane across {letter}"
+    if each.table.maker == "Motive" and not down < 0:
+        return "y", 1, "; Motive's y is up unless it was exported otherwise"
+    return "z", down, ""
 
 
 def _describe_contact(runs: Sequence[SeenTrack], fall: FreeFall | None, draft: Draft) -> None:
@@ -258,9 +296,11 @@ def _describe_contact(runs: Sequence[SeenTrack], fall: FreeFall | None, draft: D
         return
     if fall is None:
         draft.bodies["support"] = {"normal": [float(x) + 0.0 for x in up]}
+        words = {*runs[0].each.words, *words_in(runs[0].each.path.stem)}
+        question = ROLLS.format(", ".join(sorted(words & ROUND))) if words & ROUND else ""
         draft.note(
             key, "what does not fall slides; no coefficient is stated, so it is solved for and not judged:"
-            " write `friction` beside `normal` to have yours judged",
+            " write `friction` beside `normal` to have yours judged", question,
         )  # fmt: skip
         return
     along = np.array([up["xyz".index(a)] for a in runs[0].each.track.axes])

@@ -52,6 +52,8 @@ class FoundTrack:
     named: bool = True  # by its columns; else by what the numbers look like
     vague: bool = False  # a rotation vector that may as well be roll, pitch and yaw
     zeros: int = 0  # poses that are zero where nothing was seen
+    time: Component | None = None  # of an array that holds it too
+    angle: Component | None = None  # of a pose in a plane, beside its position
 
     @property
     def rotation(self) -> str:
@@ -102,7 +104,7 @@ def find_positions(table: Table) -> list[FoundTrack]:
         if len(words) > 1 and words[-1] in _UNITS:
             unit, words = unit or _UNITS[words[-1]], words[:-1]
         if values.ndim == 2:
-            _add_array(found, name, words, values.shape[1], unit)
+            _add_array(found, name, words, values, unit)
         elif (one := _component(words)) is not None:
             stem, kind, letter = one
             single[stem, kind][letter] = name
@@ -182,17 +184,18 @@ def _add_helical_quaternions(single: dict[tuple[tuple[str, ...], str], dict[str,
 
 
 def _add_array(
-    found: dict[tuple[str, ...], FoundTrack], name: str, words: list[str], width: int, unit: str
+    found: dict[tuple[str, ...], FoundTrack], name: str, words: list[str], values: np.ndarray, unit: str
 ) -> None:
     """An array (N, width) that is a part of a pose by its name and width."""
-    first = words[0] if words else ""
+    first, width = words[0] if words else "", values.shape[1]
     kind, known = {
         2: ("position", _POSITION),
         3: (
             "rotation_vector" if set(words) & _VECTOR or first == "rvec" else "position",
             _VECTOR | _POSITION,
         ),
-        4: ("quaternion", _QUATERNION),
+        # Four numbers that are called a pose: time, x, y and an angle, as in MIT's pushing data.
+        4: ("planar" if _is_planar(words) else "quaternion", _QUATERNION),
         6: ("pose", _MATRIX if "pose" in words else set()),
         7: ("pose", _MATRIX),
         9: ("rotation_matrix", _MATRIX),
@@ -202,6 +205,13 @@ def _add_array(
     if not kind or not known or (kind in ("position", "pose") and set(words) & RATES):
         return
     if width < 4 and not set(words) & (_POSITION | _VECTOR):  # two or three numbers are joints as well
+        return
+    if kind == "planar":
+        if (np.diff(values[np.isfinite(values[:, 0]), 0]) > 0).all():
+            parts = [Component(name, k) for k in range(4)]
+            found[tuple(words)] = FoundTrack(
+                tuple(words), {"position": parts[1:3]}, "xy", unit=unit, time=parts[0], angle=parts[3]
+            )
         return
     stem = tuple(words[1:] if first in known else words[:-1] if words and words[-1] in known else words)
     track = found.setdefault(stem, FoundTrack(stem))
@@ -215,6 +225,11 @@ def _add_array(
         track.unit, track.axes = unit, "xyz"[:width]
     elif kind == "quaternion":
         track.order = order
+
+
+def _is_planar(words: list[str]) -> bool:
+    """Whether four numbers are called a pose, and no rotation of one."""
+    return bool(set(words) & {"pose", "poses"}) and not set(words) & _QUATERNION
 
 
 def _is_pose_number(words: list[str]) -> bool:

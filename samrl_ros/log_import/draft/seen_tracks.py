@@ -130,7 +130,11 @@ def choose_track(seen: Sequence[SeenTrack]) -> tuple[SeenTrack, str]:
     moving = [one for one in seen if one.way > STILL * farthest] or list(seen)
     falling = [one for one in moving if one.fall is not None]
     fits = falling or moving
-    best = max(fits, key=lambda one: (0.0 if one.fall is None else one.fall.seconds, one.way))
+
+    def rank(one: SeenTrack) -> tuple[float, bool, float]:
+        return 0.0 if one.fall is None else one.fall.seconds, bool(one.each.words & BODIES), one.way
+
+    best = max(fits, key=rank)
     others = ", ".join(one.each.name for one in fits if one is not best)
     return best, f"is it {best.each.name}, and not {others}?" if others else ""
 

@@ -51,6 +51,11 @@ def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
     table = each.table
     if table.time is not None:
         return FoundTime({}, table.time, ("s",), "the log's own")
+    if (own := each.track.time) is not None:
+        values = numbers_of_parts(table, [own])[:, 0]
+        steps = np.diff(values[np.isfinite(values)])
+        entry = {"column": f"{own.column}[{own.index}]"}
+        return FoundTime(entry, values, tuple(evidence.time_unit(steps)) or ("s",), "")
     names = time_columns(table, list(used))
     if not each.track.named:
         names = [name for name in table.columns if name not in used and _increases(table, name)][:1]

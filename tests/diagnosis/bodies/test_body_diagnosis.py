@@ -54,6 +54,39 @@ def test_a_table_that_leans_is_told_from_friction_by_slides_in_several_direction
     assert abs(only(d)["ay"][0] + np.arctan2(0.45, 9.8)) < 0.006 and abs(only(d)["ax"][0]) < 0.006
 
 
+LEAN = (-0.020, -0.015, 1.0)  # normal of a table that leans by four and three times the tolerance
+
+
+def test_a_lean_of_a_few_tolerances_is_seen_and_the_tolerances_at_their_ends_are_none() -> None:
+    """Slides show the support against gravity alone; a frame that leans with its table shows nothing."""
+    d = told(several(slide, World(normal=LEAN), 8, 1))
+    assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"
+    low = World(normal=(-0.005, 0.005, 1.0), gravity=(-0.005 * G, 0.005 * G, -G))
+    assert told(several(slide, low, 8, 1)).verdict == "no_gap"
+    whole = World(normal=LEAN, gravity=(0.020 * G, 0.015 * G, -G))
+    assert told(several(slide, whole, 8, 1)).verdict == "no_gap"
+
+
+@pytest.mark.parametrize(("way", "inertia"), [((1.0, -1.0), 2 / 5), ((1.0, 1.0), 1 / 2)])
+def test_what_rolls_down_an_incline_is_no_friction_and_no_tilt(
+    way: tuple[float, float], inertia: float
+) -> None:
+    """Nobody stated a shape: part of the pull turns it, up and down, or down alone."""
+    slope, rng, time = np.deg2rad(15.0), np.random.default_rng(3), np.arange(0.0, 0.9, 1 / 120)
+    gravity = (G * np.sin(slope), 0.0, -G * np.cos(slope))
+    runs = []
+    for k in range(6):
+        speed = -1.5 if way[k % 2] < 0 else rng.uniform(0.1, 0.4)
+        path = speed * time + 0.5 * gravity[0] / (1.0 + inertia) * time**2
+        position = np.column_stack([path, rng.uniform(-0.3, 0.3) * time, 0 * time])
+        position[:, :2] += 4e-4 * rng.standard_normal((len(time), 2))
+        track, plane = BodyTrack(time, position, "xy"), Support(friction=0.1)
+        runs.append(BodyRecording(f"{k}", "made", f"{k:064x}", track, BodyModel("thing"), plane, gravity))
+    d, _ = diagnose(runs[:4], runs[4:])
+    assert d.verdict == "none_of_mine", (d.verdict, [e.name for e in d.effects])
+    assert any("a body that rolls" in reason for reason in d.reasons), d.reasons
+
+
 def test_in_one_direction_friction_and_a_lean_are_one_and_the_next_slides_split_them() -> None:
     d = told(several(slide, World(friction=0.2), COUNT, 1, way=0.4))
     assert d.verdict == "ambiguous"

@@ -8,6 +8,7 @@ from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial
 from samrl_core.diagnosis.residuals.bodies.segment import Segment
 from samrl_core.diagnosis.residuals.equations import Columns
 
+LEAST_INCLINE = 0.05  # tangent of the angle from which on a slope makes things roll
 ONE_WAY = 0.95  # of the way that is gone straight on
 
 
@@ -29,19 +30,29 @@ def gravity_tilt(trial: BodyTrial) -> Columns:
 
 def support_tilt(trial: BodyTrial) -> Columns:
     """Per radian by which the support's normal is turned about two axes across it."""
-    first, second = _across(np.asarray(_support_normal(trial)))
+    return _support_turned(trial, _across(np.asarray(_support_normal(trial))))
 
+
+def _support_turned(trial: BodyTrial, axes: tuple[np.ndarray, np.ndarray]) -> Columns:
     def field(s: Segment) -> np.ndarray:
         if not s.slides:
             return np.zeros((2, *s.velocity.shape))
         out = []
-        for axis in (first, second):
+        for axis in axes:
             turned = np.cross(axis, s.normal)
             pushed = -(turned * (s.normal @ s.gravity) + s.normal * (turned @ s.gravity))
             out.append(s.share * (pushed + trial.constants.friction * (turned @ s.gravity) * s.direction))
         return np.stack(out)
 
     return trial.accelerated(field)
+
+
+def frame_tilt(trial: BodyTrial) -> Columns:
+    """Per radian by which the track's frame leans, and gravity with the support in it, about two axes."""
+    gravity = gravity_tilt(trial)
+    return (
+        gravity if trial.recording.support is None else _sum(gravity, _support_turned(trial, across(trial)))
+    )
 
 
 def friction(trial: BodyTrial) -> Columns:
@@ -79,6 +90,24 @@ def rolling(trial: BodyTrial) -> Columns:
     )
 
 
+def unstated_rolling(trial: BodyTrial) -> Columns:
+    """Per share of the pull along the support that turns the body instead, and per unit of friction."""
+    pull = trial.accelerated(
+        lambda s: -np.broadcast_to(float(s.slides) * s.tangential(s.gravity), s.velocity.shape)[None]
+    )
+    braked = friction(trial)
+    return {key: np.concatenate([rows, braked[key]]) for key, rows in pull.items()}
+
+
+def may_roll(trial: BodyTrial) -> bool:
+    """Whether it is on an incline, of a shape that rolls or none, and nobody stated that it rolls."""
+    support = trial.recording.support
+    if support is None or support.rolls or trial.recording.body.shape == "box":
+        return False
+    pulls = [float(np.linalg.norm(s.tangential(s.gravity))) / s.load for s in trial.segments if s.slides]
+    return max(pulls, default=0.0) > LEAST_INCLINE
+
+
 def across_the_way(trial: BodyTrial) -> np.ndarray:
     """The one of `across` (2,) about which gravity would lean along the mean motion."""
     axes = across(trial)
@@ -107,6 +136,10 @@ def along(columns: Columns, weights: np.ndarray) -> Columns:
 def across(trial: BodyTrial) -> tuple[np.ndarray, np.ndarray]:
     """Two unit axes across gravity: the track's x (or y, if it is x) laid across it, and left of that."""
     return _across(-np.asarray(trial.recording.gravity, dtype=float))
+
+
+def _sum(one: Columns, other: Columns) -> Columns:
+    return {key: rows + other[key] for key, rows in one.items()}
 
 
 def _across(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -35,9 +35,11 @@ def _opened(trial: BodyTrial, widened: float) -> list[tuple[Columns, float, bool
         out.extend(({key: v[[k]] for key, v in columns.items()}, std, unknown) for k in range(rows))
 
     add(of.scale(trial), by * float(np.hypot(stated.length_scale, 2.0 * stated.frame_rate)))
-    add(of.gravity_tilt(trial), by * stated.tilt)
+    add(of.frame_tilt(trial), by * stated.tilt)
     add(trial.suspects.get(DRAG, {}), by * stated.air)
     if trial.recording.support is not None:
+        # Against gravity, not in the track's frame: how a frame leans shows in no slide, and counted there it
+        # would be one tolerance twice.
         add(of.support_tilt(trial), by * stated.tilt)
         unknown = "friction" in constants.free
         size = UNKNOWN["friction"] if unknown else by * stated.friction * max(constants.friction, 0.02)

@@ -29,7 +29,7 @@ from samrl_ros.log_import.formats.transform_tree import (
     TransformTree,
     read_transform_table,
     read_transform_tree,
-    shortened,
+    shorten,
 )
 
 TARGETS = SEEN - CAMERAS
@@ -260,7 +260,7 @@ def _asked(
         others = ", ".join(f"{e.child}{BETWEEN}{e.parent}" for e in edges[1:])
         return f"is it {seen.part}, and not {others}?"
     if rivals:
-        return f"is it the arm of {carried.part}, and not that of {shortened(sorted(rivals))}?"
+        return f"is it the arm of {carried.part}, and not that of {shorten(sorted(rivals))}?"
     return ""
 
 

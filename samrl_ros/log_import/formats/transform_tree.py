@@ -104,7 +104,7 @@ class TransformTree:
         there = {frame for edge in self.edges for frame in edge}
         for frame in (child, parent):
             if frame not in there:
-                raise InputError(f"{self.name} has no frame {frame!r}; frames are {shortened(sorted(there))}")
+                raise InputError(f"{self.name} has no frame {frame!r}; frames are {shorten(sorted(there))}")
         if parent in (up := self.climb(child, parent)):
             return up, [parent]
         if child in (down := self.climb(parent, child)):
@@ -144,7 +144,7 @@ def describe_tree(path: Path) -> str:
             f". Of its {len(tree.edges)} frames none moves: record /tf beside /tf_static (`ros2 bag record"
             " /tf /tf_static`)"
         )
-    moving = shortened([f"{edge.child}{BETWEEN}{edge.parent}" for edge in tree.moving])
+    moving = shorten([f"{edge.child}{BETWEEN}{edge.parent}" for edge in tree.moving])
     return (
         f". Of its frames move {moving}: none is named as a target that a camera sees (tag, marker, board,"
         f" target) beside an arm; name them in a mapping, with `part: CHILD{BETWEEN}PARENT` of a source"
@@ -275,7 +275,7 @@ def _is_pose(numbers: tuple[float, ...]) -> bool:
     return whole and abs(float(np.linalg.norm(numbers[3:])) - 1.0) < _UNIT_LENGTH
 
 
-def shortened(names: list[str]) -> str:
+def shorten(names: list[str]) -> str:
     """The first ones of a long list."""
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return (", ".join(names[:_NAMED]) or "none") + more

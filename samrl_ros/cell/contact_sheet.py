@@ -14,11 +14,11 @@ from matplotlib import pyplot as plt
 from samrl_core.common.errors import InputError
 from samrl_core.common.figure_file import save_figure
 from samrl_ros.bags.reader import open_bag
+from samrl_ros.cell.report.run_record import STATE, losses_of
 from samrl_ros.contract.topics import camera_topic, cell_topic
 from samrl_ros.conversions.from_message import image, stamp_ns
 
 COLOR, MODEL = camera_topic("color/image_raw"), cell_topic("model_updater/image")
-STATE = cell_topic("model_updater/state")
 
 
 def draw_contact_sheet(bag_path: Path, picture: Path, episode: int = 0, columns: int = 12) -> int:
@@ -61,7 +61,7 @@ def draw_contact_sheet(bag_path: Path, picture: Path, episode: int = 0, columns:
             axis.set_yticks([])
         state = states[stamp]
         axes[0, column].set_title(f"action {state.step}\nt = {(stamp - stamps[0]) * 1e-9:.1f} s", fontsize=8)
-        axes[2, column].set_xlabel(f"loss {state.loss_before:.3g}\n\u2192 {state.loss_after:.3g}", fontsize=8)
+        axes[2, column].set_xlabel(losses_of(state).replace(" \u2192", "\n\u2192"), fontsize=8)
     for row, name in enumerate(("real image", "model image", "difference")):
         axes[row, 0].set_ylabel(name, fontsize=9)
     figure.suptitle(f"episode {episode}: what the camera saw, and the model after each update", fontsize=10)

@@ -15,7 +15,7 @@ import pytest
 from samrl_core.common.errors import InputError
 from samrl_ros.cell.report.figures import extremes
 from samrl_ros.cell.report.page import write_run_page
-from samrl_ros.cell.report.run_record import read_run
+from samrl_ros.cell.report.run_record import losses_of, read_run
 from samrl_ros.cell.report.view_sphere import view_figure
 from tests.ros.bag_files import record
 from tests.ros.small_run import ERROR_RAD, new, small_run
@@ -226,3 +226,18 @@ def test_scored_views_are_dots_on_the_sphere(three_actions: Any, tmp_path: Path)
     (dots,) = [trace for trace in traces if trace.name == "scored"]
     assert len(dots.x) == len(scored)
     assert max(np.hypot(dots.x, dots.y)) < 1.3
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "why", "words"),
+    [
+        (0.31, 0.125, "converged", "loss 0.31 \u2192 0.125"),
+        (np.nan, np.nan, "no_target", "target not seen"),
+        (np.nan, np.nan, "disabled", "nothing compared"),
+    ],
+)
+def test_an_update_without_an_image_of_its_target_has_no_loss(
+    before: float, after: float, why: str, words: str
+) -> None:
+    state = new("/cell/model_updater/state", loss_before=before, loss_after=after, why_stopped=why)
+    assert losses_of(state) == words

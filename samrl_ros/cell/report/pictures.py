@@ -18,7 +18,7 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import RawMessage, open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
-from samrl_ros.cell.report.run_record import PHASE, READY, STATE
+from samrl_ros.cell.report.run_record import PHASE, READY, STATE, losses_of
 from samrl_ros.contract.topics import camera_topic, cell_topic
 from samrl_ros.conversions.from_message import image
 
@@ -40,8 +40,7 @@ class Card:
     episode: int
     step: int
     time: float  # [s] since the episode's first update
-    before: float
-    after: float
+    losses: str  # as `losses_of` says them
     real: bytes
     model: bytes
     difference: bytes
@@ -103,8 +102,7 @@ class Cards:
             return
         time = (stamp - min(self._states)) * 1e-9
         jpegs = [_jpeg(p) for p in (real, model, difference_image(real, model))]
-        losses = (float(state.loss_before), float(state.loss_after))
-        self._found[episode].append(Card(episode, int(state.step), time, *losses, *jpegs))
+        self._found[episode].append(Card(episode, int(state.step), time, losses_of(state), *jpegs))
 
     def _thin(self) -> None:
         """Keep some of the updates of each episode, and no pictures of those that are not shown."""

@@ -34,6 +34,14 @@ NUMBER = re.compile(r"\d+(\.\d+)?")
 LEVELS = {0: "ok", 1: "warning", 2: "error", 3: "stale", 30: "warning", 40: "error", 50: "fatal"}
 
 
+def losses_of(state: Any) -> str:
+    """What a caption says of an update's loss (eq. 6); where nothing was compared, there is none."""
+    before, after = float(state.loss_before), float(state.loss_after)
+    if math.isnan(before) and math.isnan(after):
+        return "target not seen" if state.why_stopped == "no_target" else "nothing compared"
+    return f"loss {before:.3g} \u2192 {after:.3g}"
+
+
 @dataclass(frozen=True)
 class Phase:
     """A stage of the loop."""

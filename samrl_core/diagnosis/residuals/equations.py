@@ -34,6 +34,11 @@ REST_SHARE = 0.01  # of the effort limit: how far friction at rest may be from a
 TIMING_RATE_HZ = 20.0  # below it moves are not followed, only what stays when they are over
 SETTLED = 1e-6  # [rad] travel of a command that rests
 SETTLING_S = 1.0  # ASSUMPTION: until a small servo has settled
+LATEST_S = 0.5  # longest delay of a servo that only logs where it is; a tenth of a shorter recording
+LATEST_IN_LAW_S = 0.1  # the same of a command before a described law
+MOVES = (
+    0.05  # of a command's typical speed: slower than that when the recording begins, it stood still before
+)
 NOMINAL_SIGN = 0.005  # [rad/s] width of the sign in stated friction, as in closed-loop simulation
 WALKS = 60  # functions of a random walk: up to 2.5 Hz in a recording of 12 s
 MAX_LAG = 2  # [samples] by which states may lead or trail the commanded effort they caused
@@ -150,7 +155,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.hypot(level, np.hypot(_between_commands(motion), _fast_walk(motion)))
         # What an integral held when the recording began is unknown, and no part of a formula.
         own = residual["controller"] - np.where(integrates(arm), residual["controller"].mean(axis=0), 0.0)
-        sigma["controller"] = _edges_wider(_spread(level, own), motion)
+        sigma["controller"] = _past_wider(_edges_wider(_spread(level, own), motion), motion, scale)
     if u is not None and tau is not None:
         residual["drive"] = u - rotor - tau
         rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
@@ -171,7 +176,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         color["dynamics"] = _color(motion, moved, level)
         sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
         if motion.computed:
-            sigma["dynamics"] = _edges_wider(sigma["dynamics"], motion)
+            sigma["dynamics"] = _past_wider(_edges_wider(sigma["dynamics"], motion), motion, scale)
     return Equations(motion, residual, sigma, law, lag, model, color)
 
 
@@ -292,19 +297,46 @@ def _resolution(position: np.ndarray) -> np.ndarray:
 
 
 def settled(motion: RecordedMotion) -> np.ndarray:
-    """(N, J) one, but zero near moves of the command that sampling is too slow to follow.
+    """(N, J) one, but zero where a tracking error says nothing.
 
-    Until the joint has settled, the error of such a recording says nothing.
+    That is near moves of the command that sampling is too slow to follow, until the joint has settled, and
+    else as long as what was commanded before the recording may still be on its way.
     """
     assert motion.command is not None and motion.command.position is not None
     command = motion.command.position
     if motion.rate >= TIMING_RATE_HZ:
-        return np.ones_like(motion.reduce(command))
+        return 1.0 - follows_the_past(motion, latest_delay(motion))
     reach = int(np.ceil(SETTLING_S * motion.rate))
     # Nobody knows what was commanded before the recording began.
     padded = np.concatenate([np.repeat(command[:1] + 1.0, reach, axis=0), command, command[-1:]])
     windows = np.lib.stride_tricks.sliding_window_view(padded, reach + 2, axis=0)
     return motion.reduce((np.ptp(windows, axis=-1) < SETTLED).astype(float))
+
+
+def latest_delay(motion: RecordedMotion) -> float:
+    """Longest delay [s] that is searched in tracking errors."""
+    return min(LATEST_S, 0.1 * float(motion.time[-1] - motion.time[0]))
+
+
+def follows_the_past(motion: RecordedMotion, latest: float) -> np.ndarray:
+    """(N, J) one where a command that is late by up to `latest` [s] is one from before the recording.
+
+    Nobody knows that one where it moves when the recording begins. Held at its first value it makes any delay
+    worse the longer it is, the true one too. A command that begins at rest stood there before.
+    """
+    assert motion.command is not None and motion.command.position is not None
+    command = motion.command.position
+    first = motion.t - motion.time[0] < latest
+    if len(command) < 3:
+        return np.zeros((len(first), motion.joints))
+    begins = np.abs(-1.5 * command[0] + 2.0 * command[1] - 0.5 * command[2])  # rad in a sample
+    moves = begins > MOVES * np.sqrt(np.mean(np.diff(command, axis=0) ** 2, axis=0))
+    return (first[:, None] & moves).astype(float)
+
+
+def _past_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:
+    """Noise (N, J) so large that a law's torque says nothing while it may follow an unknown command."""
+    return np.hypot(sigma, scale * follows_the_past(motion, LATEST_IN_LAW_S))
 
 
 def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:

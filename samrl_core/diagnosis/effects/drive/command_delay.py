@@ -16,14 +16,14 @@ from samrl_core.diagnosis.effects.drive.late_response import (
 from samrl_core.diagnosis.effects.drive.packet_age import WANDERING, Age, ages, usual_age
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
-from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.equations import LATEST_IN_LAW_S, Columns, latest_delay
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CLEAR = 10.0  # [nat] that a delay which changes must win, above the compared band, against a constant one
 ALWAYS = 0.8  # share of samples that must be late: fresh packets with some late ones are jitter
 GRID = (0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06)  # [s]
-LIMITS = (5e-4, 0.1)  # [s]
-TRACKED_GRID = (0.01, 0.02, 0.04, 0.08, 0.16)  # [s] of servos that only log where they are
+LIMITS = (5e-4, LATEST_IN_LAW_S)  # [s]
+TRACKED_GRID = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # [s] of servos that only log where they are
 
 
 class CommandDelay(LateResponse):
@@ -45,7 +45,8 @@ class CommandDelay(LateResponse):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         """Where single samples show a delay of two or more, it may also wander."""
         if "tracking" in trial.channels:
-            grid, limits = tuple({"T": t} for t in TRACKED_GRID), {"T": (1e-3, 50.0)}
+            latest = latest_delay(trial.motion)
+            grid, limits = tuple({"T": t} for t in TRACKED_GRID if t < latest), {"T": (1e-3, latest)}
             return (ConstantDelay(name="tracking", place=place, side="tracking", shapes=grid, refine=limits),)
         sides = late_sides(trial)
         constant = []

@@ -94,7 +94,7 @@ class MaxwellSlip(BuildingUp):
     """Springs that yield one after another."""
 
     def build_up(self, motion: RecordedMotion, joint: int, distance: float) -> np.ndarray:
-        q = motion.q[:, joint]
+        q = np.interp(motion.t, motion.time, travel(motion.sure_velocity[:, joint], motion.rate))
         # The mean of the yields is the distance by which Dahl's bristle turns over, too.
         parts = [(q - play(q, share * distance)) / (share * distance) for share in YIELDS]
         return np.interp(motion.time, motion.t, np.mean(parts, axis=0))

@@ -21,6 +21,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.agent.policies import DEFAULT_POLICY, RUN_POLICIES, STRATEGIES, STRATEGY_OF, TOUCH
+from samrl_core.policy.contact.surface_touch import felt_surface
 from samrl_core.policy.contact.touch_insertion import require_peg
 from samrl_ros.cell.parameter_file import load_parameters
 from samrl_ros.contract.settings import IMAGES_KEPT, JUDGES, OUTLASTS_STOPS, REAL_TIME_FACTOR
@@ -50,7 +51,8 @@ class CellOptions:
         str,
         typer.Option(
             help="Nominal actions: learned (the trained actor), optimised (through the model), or touch "
-            "(optimised, and a peg led by what it touches); without it, the task's usual one."
+            "(optimised, a peg led by what it touches, a spatula that feels for the plate); without it, the "
+            "task's usual one."
         ),
     ] = ""
     strategy: Annotated[
@@ -151,7 +153,7 @@ def prepare(options: CellOptions) -> Path:
         raise InputError(f"--episodes is {options.episodes}, must be at least 1")
     if options.policy not in RUN_POLICIES:
         raise InputError(f"--policy is {options.policy!r}, must be one of {', '.join(RUN_POLICIES)}")
-    if options.policy == TOUCH:
+    if options.policy == TOUCH and felt_surface(task_named(options.task)) is None:
         require_peg(task_named(options.task))
     if options.strategy not in STRATEGIES:
         raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")

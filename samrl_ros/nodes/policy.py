@@ -47,7 +47,8 @@ class PolicySettings:
     )
     touch: bool = setting(
         AgentSettings.touch,
-        "a held peg is led by what it touches, from where the camera sees it; for policy 'optimised'",
+        "a held peg is led by what it touches, from where the camera sees it, and a spatula feels first how "
+        "high a plate of unknown height is; for policy 'optimised'",
     )
     correction: str = setting(
         "", "cell.json of samrl diagnose --apply, as the bridge has it: how well its numbers are known"

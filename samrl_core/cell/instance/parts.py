@@ -11,6 +11,7 @@ from samrl_core.cell.instance.difference import difference
 _ISO = "ISO 2768-m: +-0.1 mm up to 6 mm, +-0.2 mm up to 30 mm; a printed part +-0.5 % and 0.2 mm at least"
 _FIXTURE = "ASSUMPTION: a fixture set up with a ruler; careless: put down and taped"
 _FOOD = "ASSUMPTION: a pancake or a thread is not a standard part"
+_PLATE = "ASSUMPTION: plates of 5 to 15 mm laid on one bench, drawn with 10 mm; careless: whatever lies there"
 _FRICTION = "ASSUMPTION: tables of dry friction spread by a third for the same pair"
 
 
@@ -59,4 +60,12 @@ class Parts:
     )
     place_turn: float = difference(
         "of the same about their own vertical axis", "rad", "normal", 0.005, 0.015, _FIXTURE
+    )
+    surface: float = difference(
+        "of what the work lies on, in height, where a task does not know it",
+        "m",
+        "uniform",
+        0.005,
+        0.010,
+        _PLATE,
     )

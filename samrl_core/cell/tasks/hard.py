@@ -20,6 +20,9 @@ HARD = "_hard"  # ends the names of the variants
 # Fingers hold by friction: at 70 N (Franka Hand, continuous force) and a coefficient of 0.3 on both sides
 # what they hold slips at 2 x 0.3 x 70 N.
 SLIP_FORCE = 42.0  # [N]
+# A coated pan wants a turner of nylon. A blade of 30 x 2 mm, held 90 mm from its edge, bends for good at
+# s w t^2 / (6 l), which is 10 N where PA 6 yields that is used in a kitchen, moist: at 45 MPa.
+BENDING_FORCE = 10.0  # [N]
 
 
 def hard() -> tuple[Task, ...]:
@@ -46,13 +49,18 @@ def _peg() -> Task:
 
 
 def _flipping() -> Task:
-    """Anywhere within 5 cm, 80 or 100 mm across, and a blade too narrow to turn over what it misses."""
+    """Anywhere within 5 cm, 80 or 100 mm across, a blade too narrow to turn over what it misses, on a plate
+    whose height nobody has told: an edge that is 1 mm too low bends, and one that is 3 mm too high pushes a
+    pancake against the lip until it bends, too.
+    """
     task = SpatulaFlipping(
         center_x=0.495,
         half_range=(0.025, 0.025),
         small_radius=0.040,
         blade_width=0.030,
-        force_limit=SLIP_FORCE,
+        surface_deviation=0.0029,
+        usual_policy="touch",
+        force_limit=BENDING_FORCE,
         max_actions=58,
     )
     return replace(task, name=task.name + HARD, variant_of=task.name)

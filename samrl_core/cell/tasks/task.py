@@ -32,10 +32,17 @@ class ParameterSpec:
     kind: Literal["state", "constant", "camera"] = "state"
 
 
-def camera_specs(deviation: float) -> tuple[ParameterSpec, ...]:
-    """Parameters of `Task.camera_shift`, of so large a standard deviation per axis [m] before any image."""
-    far = 5.0 * deviation
-    return tuple(ParameterSpec(f"camera_{axis}", "m", 0.0, deviation, -far, far, "camera") for axis in "xyz")
+def camera_specs(deviation: float, surface: float = 0.0) -> tuple[ParameterSpec, ...]:
+    """Parameters of `Task.camera_shift`, of so large a standard deviation per axis [m] before any image.
+
+    Where all that is seen lies on a `surface` of so unknown a height, its standard deviation [m], the shift
+    upwards has that too.
+    """
+    deviations = {"x": deviation, "y": deviation, "z": float(np.hypot(deviation, surface))}
+    return tuple(
+        ParameterSpec(f"camera_{axis}", "m", 0.0, size, -5.0 * size, 5.0 * size, "camera")
+        for axis, size in deviations.items()
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +102,11 @@ class Task(ABC):
     @abstractmethod
     def action_limit(self) -> float:
         """Longest action [m]: no sub-goal has a larger `max_step`."""
+
+    @property
+    def surface_height(self) -> float:
+        """How high the table's top is that the bodies lie on, in world [m]; another one only as made."""
+        return 0.0
 
     @abstractmethod
     def scene(self, cell: CellSpec) -> Scene:

@@ -116,9 +116,15 @@ class TrueOutcome:
     success: bool
     final_error: float  # [m]
     reward: float  # of the paper, for the learners that it compares with [m]
+    peak_force: float  # largest normal force on the tool in this episode [N]
 
 
 def evaluate_now(world: SimulatedWorld, task: Task) -> TrueOutcome:
     """Metrics of the episode if it ended now: rewards of the learners that are compared."""
     ending = ending_now(world.truth())
-    return TrueOutcome(task.succeeded(ending), task.final_error(ending), task.shaped_reward(ending))
+    return TrueOutcome(
+        task.succeeded(ending),
+        task.final_error(ending),
+        task.shaped_reward(ending),
+        ending.peak_contact_force,
+    )

@@ -13,13 +13,14 @@ TABLE_COLOR = (0.55, 0.50, 0.45)
 TABLE_FRICTION = 0.3  # ASSUMPTION [-]
 
 
-def build_table(client: int, solid: bool, seen: bool = True) -> int:
+def build_table(client: int, solid: bool, seen: bool = True, height: float = 0.0) -> int:
     """Number of a new body that does not move.
 
     Args:
         client: physics client.
         solid: things rest on it; else it is there to be seen.
         seen: its top is drawn by the camera; else somebody paints it behind the picture.
+        height: of its top over the drawn one [m].
     """
     half = [0.5 * size for size in TABLE_SIZE]
     collision = -1  # PyBullet's number for none
@@ -30,5 +31,5 @@ def build_table(client: int, solid: bool, seen: bool = True) -> int:
     visual = pybullet.createVisualShape(
         pybullet.GEOM_BOX, halfExtents=shown, rgbaColor=[*TABLE_COLOR, 1.0], physicsClientId=client
     )
-    position = TABLE_IN_WORLD.position.tolist()
+    position = (TABLE_IN_WORLD.position + [0.0, 0.0, height]).tolist()
     return pybullet.createMultiBody(0.0, collision, visual, position, physicsClientId=client)

@@ -27,6 +27,7 @@ from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit, TipOff
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
 from samrl_core.policy.contact.insertion import FREE_MOVES
+from samrl_core.policy.contact.surface_touch import FEEL, SurfaceTouch, felt_surface
 from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.networks import ResidualActor
@@ -125,7 +126,10 @@ class Agent:
         self.explore_from(0)
         self._believe(self._seen_error(correction))
         searched = TouchSettings().doubting(settings.doubt).beside(self._seen)
-        self._touch = TouchInsertion(self.model.task, self.model.cell, searched) if settings.touch else None
+        task, cell = self.model.task, self.model.cell
+        lain_on = felt_surface(task)
+        self._surface = None if lain_on is None else SurfaceTouch(lain_on, cell)
+        self._touch = TouchInsertion(task, cell, searched) if settings.touch and not self._surface else None
         self._kept_offset: TipOffset | None = None
         self._forget()
 
@@ -134,6 +138,8 @@ class Agent:
 
         With touch, what it told of the cell stays: the tip's offset, and how far images are wrong.
         """
+        if self._surface is not None:
+            self._surface.begin_episode()
         if self._touch is not None:
             self._touch.begin_episode()
             self._kept_offset = self._tip_offset
@@ -156,6 +162,7 @@ class Agent:
         Eq. 8 predicts each way that the last action may have gone, eq. 7 corrects each of them.
         """
         self._see_tip(observation)
+        self._feel(observation, self.estimate.values)
         if self.settings.update:
             found = self._predictions(observation)
             several = len(found) > 1
@@ -171,7 +178,8 @@ class Agent:
             tip = self.model.tip_in_base(observation.tool_arm.position).position
             self._touch.see(self.estimate, observation)
             return self._touch.tip(tip, self.estimate, self._tip_offset)
-        return self._tip_by_image(observation)
+        self._feel(observation, self.estimate.values)
+        return self._over_surface(self._tip_by_image(observation))
 
     def plan_view(self, estimate: Estimate, observation: Observation) -> ViewChoice:
         """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation."""
@@ -194,7 +202,12 @@ class Agent:
             assert self._tip_offset is not None  # `AgentSettings` sees to it
             move = self._touch.move(estimate, self._tip_offset, observation)
             return ActionChoice(move.name, clip_norm(move.displacement, self.settings.longest), np.zeros(3))
+        self._feel(observation, estimate.values)
         tip = self.tip(observation)
+        if self._surface is not None and self.settings.touch:
+            down = self._surface.move(estimate.values, tip)
+            if down is not None:
+                return ActionChoice(FEEL, clip_norm(down, self.settings.longest), np.zeros(3))
         if self.settings.policy == "learned":
             name, nominal = self._learned_action(estimate, tip, observation)
         else:
@@ -240,7 +253,7 @@ class Agent:
         before = initial_estimate(self.model)
         self.estimate: Estimate = loosened_by(before, self.model.task.parameters(), self._seen)
         self._tip_offset: TipOffset | None = None
-        if self.settings.tip_offset:
+        if self.settings.tip_offset and self._surface is None:  # a spatula's edge is felt, not seen
             self._tip_offset = self._tip_offset_fit.begin(self._kept_offset)
         self._tip_seen_ns = -1  # stamp of the image that the tip's offset was corrected by last [ns]
         self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
@@ -271,6 +284,15 @@ class Agent:
         tip = np.sqrt(np.linalg.eigvalsh(self._tip_offset.covariance[:2, :2]).max())
         return not self._in_contact and (hole > tip or not self._tip_offset.images)
 
+    def _feel(self, observation: Observation, values: np.ndarray) -> None:
+        """Take in what the joints say of the surface, once, beside the work at `values` (P,)."""
+        if self._surface is not None:
+            self._surface.see(observation, values)
+
+    def _over_surface(self, tip: np.ndarray) -> np.ndarray:
+        """A tip (3,) by the encoders, as high over the drawn surface as over the one that was touched."""
+        return tip if self._surface is None else tip - [0.0, 0.0, self._surface.height]
+
     def _tip_by_image(self, observation: Observation) -> np.ndarray:
         tip = self.model.tip_in_base(observation.tool_arm.position).position
         return tip if self._tip_offset is None else tip + self._tip_offset.offset
@@ -288,7 +310,8 @@ class Agent:
             return (self.estimate,)
         try:
             dynamics = self.model.dynamics_at(self.estimate.values)
-            return predictions(dynamics, specs, self.estimate, before, tip)
+            ways = self._over_surface(before), self._over_surface(tip)  # the same before and after a touch
+            return predictions(dynamics, specs, self.estimate, *ways)
         except SolveError as error:
             self._log(f"the last estimate stands in for a prediction: {error}")
             return (self.estimate,)

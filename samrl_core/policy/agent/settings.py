@@ -38,7 +38,7 @@ class AgentSettings:
     update: bool = True  # Real2Sim; off for ablations
     tip_offset: bool = False  # where the camera sees the held part corrects the encoders' tip, for plans
     # A peg is led by what it touches, without the planned action or a residual, and a cell's errors are
-    # remembered from episode to episode.
+    # remembered from episode to episode; a spatula feels for its plate, if that is of unknown height.
     touch: bool = False
     doubt: float = 1.0  # times the usual errors of calibration and images that a touched peg is searched with
     actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated

@@ -42,12 +42,23 @@ def locate_parts(task: Task, observation: Observation, tip: np.ndarray) -> tuple
         values[:2] = _circle(top, values[:2])
         return task, values
     if isinstance(task, SpatulaFlipping):
-        top = _at_height(points[mask == task.pancake_label], task.pancake_thickness)
+        seen = points[mask == task.pancake_label]
+        top = _at_height(seen, task.pancake_thickness + plate_height(task, observation))
         values[:2] = _circle(top, values[:2])
         return task, values
     if isinstance(task, NeedleThreading):
         return _threading(task, points, mask, tip)
     raise InputError(f"no script knows task {task.name}; there are scripts for peg, pancake and thread")
+
+
+def plate_height(task: SpatulaFlipping, observation: Observation) -> float:
+    """Of what the pancake lies on, over the drawn one [m], where it is unknown: middle depth of its face."""
+    points = observation.camera.unproject(observation.frame.depth.astype(np.float64))
+    heights = points[observation.frame.mask == task.pancake_label][:, 2]
+    heights = heights[np.isfinite(heights)]
+    if task.surface_deviation == 0.0 or len(heights) < _FEWEST:
+        return 0.0
+    return float(np.median(heights)) - task.pancake_thickness
 
 
 def _threading(

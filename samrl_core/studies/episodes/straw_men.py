@@ -2,12 +2,12 @@
 
 What succeeds so needs no model that every image corrects, and a table without these rows says little.
 
-- script: one image, and a circle or a loose end fitted to what its masks show (`locate`).
+- script: one image, a circle or a loose end fitted to what its masks show, and a plate's height (`locate`).
 - one_update: one update of the model (eqs. 4 to 7), then blind.
 - no_image: what is drawn, and no image at all.
 
-With touch, the last centimetre of the script is the loop's own search for the hole: what is left of the
-loop's lead is what its images are worth.
+With touch, the script has the loop's own search for the hole, or its own way down to the plate: what is left
+of the loop's lead is what its images are worth.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Protocol
 
 import numpy as np
 
+from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.tasks.task import SubGoal, Task
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import InputError
@@ -27,8 +28,9 @@ from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.episode import Watch
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.contact.insertion import BOTTOM
+from samrl_core.policy.contact.surface_touch import SurfaceTouch
 from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings
-from samrl_core.studies.episodes.locate import locate_parts
+from samrl_core.studies.episodes.locate import locate_parts, plate_height
 
 STRAW_MEN = ("script", "one_update", "no_image")
 REST = LoopSettings.done_confirmations  # images for which everything rests at the end, as in the loop
@@ -74,12 +76,15 @@ def run_straw_man(kind: str, agent: Agent, plant: BlindPlant, most: int, watch: 
     if kind not in STRAW_MEN:
         raise InputError(f"no straw man is called {kind!r}; there are: {', '.join(STRAW_MEN)}")
     agent.begin_episode()
-    task, values = _belief(kind, agent, plant, watch)
-    if agent.settings.touch:
-        return _touch(agent, values, plant, most, watch)
+    task, values, surface = _belief(kind, agent, plant, watch)
     left = most
-    for goal in task.sub_goals(values, plant.tip()):
-        left -= _approach(goal, plant, left, watch)
+    if agent.settings.touch and isinstance(task, SpatulaFlipping):
+        surface, left = _feel_surface(task, agent, values, plant, most, watch)
+    elif agent.settings.touch:
+        return _touch(agent, values, plant, most, watch)
+    up = np.array([0.0, 0.0, surface])
+    for goal in task.sub_goals(values, plant.tip() - up):
+        left -= _approach(replace(goal, tip_position=goal.tip_position + up), plant, left, watch)
         if left == 0:
             break
     for _ in range(REST):
@@ -88,17 +93,18 @@ def run_straw_man(kind: str, agent: Agent, plant: BlindPlant, most: int, watch: 
     return left > 0
 
 
-def _belief(kind: str, agent: Agent, plant: BlindPlant, watch: Watch) -> tuple[Task, np.ndarray]:
-    """The task and its parameters (P,) that the whole episode goes by."""
+def _belief(kind: str, agent: Agent, plant: BlindPlant, watch: Watch) -> tuple[Task, np.ndarray, float]:
+    """The task and its parameters (P,) that the whole episode goes by, and how high its plate is [m]."""
     task = agent.model.task
     if kind == "no_image":
-        return task, np.array([p.nominal for p in task.parameters()])
+        return task, np.array([p.nominal for p in task.parameters()]), 0.0
     with watch("observe"):
         observation = plant.observe()
     with watch("update"):
         if kind == "script":
-            return locate_parts(task, observation, plant.tip())
-        return task, agent.update_model(observation).values
+            plate = plate_height(task, observation) if isinstance(task, SpatulaFlipping) else 0.0
+            return *locate_parts(task, observation, plant.tip()), plate
+        return task, agent.update_model(observation).values, 0.0
 
 
 def _touch(agent: Agent, values: np.ndarray, plant: BlindPlant, most: int, watch: Watch) -> bool:
@@ -115,6 +121,23 @@ def _touch(agent: Agent, values: np.ndarray, plant: BlindPlant, most: int, watch
         with watch("move"):
             plant.displace_tool(move.displacement)
     return False
+
+
+def _feel_surface(
+    task: SpatulaFlipping, agent: Agent, values: np.ndarray, plant: BlindPlant, most: int, watch: Watch
+) -> tuple[float, int]:
+    """Height of the surface over the drawn one [m], and how many actions are left."""
+    surface, left = SurfaceTouch(task, agent.model.cell), most
+    while left:
+        with watch("observe"):
+            surface.see(plant.observe(), values)  # of which the joints are read alone
+        down = surface.move(values, plant.tip())
+        if down is None:
+            break
+        with watch("move"):
+            plant.displace_tool(down)
+        left -= 1
+    return surface.height, left
 
 
 def _approach(goal: SubGoal, plant: BlindPlant, most: int, watch: Watch) -> int:

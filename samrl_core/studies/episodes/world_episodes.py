@@ -173,6 +173,7 @@ def episode_cases(job: EpisodeJob, anew: bool = True) -> list[Case]:
             "believed": ended == "done",
             "why": "" if outcome.success else trouble or ended,
             "final_error": outcome.final_error,
+            "peak_force": outcome.peak_force,
             "actions": watch.entered["move"],
             "camera_moves": watch.entered["look"],
             "simulated_s": simulated_s,

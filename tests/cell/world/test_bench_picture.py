@@ -92,6 +92,23 @@ def test_the_tables_plane_is_where_the_table_is() -> None:
         assert not beside.mask.any(), "what is painted has no label"
 
 
+def test_a_table_as_high_as_made_is_seen_there_and_carries_what_lies_on_it() -> None:
+    """Depth from above, and a pancake at rest: the hard one is 3.7 mm higher, the plain one as drawn."""
+    instance = instance_named("typical:1", CELL)
+    height = instance.parts.surface
+    assert height > 0.003
+    for task, top in (("spatula_flipping_hard", height), ("spatula_flipping", 0.0)):
+        with world_of(instance, task) as world:
+            k: Intrinsics = world._real_camera._lens.ideal  # type: ignore[union-attr]
+            depth = painted(world, [0.5, 0.0, 0.5], [0.5, 1e-3, 0.0]).depth[k.height // 2, k.width // 2]
+            for _ in range(200):
+                world.advance()
+            lies = world.truth().body_position["pancake"][2]
+        thickness = 0.012 * (1.0 + instance.parts.size[1])
+        assert depth == pytest.approx(0.5 - top, abs=1e-3)
+        assert lies == pytest.approx(top + 0.5 * thickness, abs=3e-4)
+
+
 def test_bodies_throw_shadows_away_from_the_light() -> None:
     """The peg's block darkens the table on the side that the light does not come from."""
     with world_of(instance_named("typical:1", CELL)) as world:

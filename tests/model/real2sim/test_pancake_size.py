@@ -16,7 +16,9 @@ from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import Real2Sim, initial_estimate
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
-CELL, TASK = cell_named(), task_named("spatula_flipping_hard")
+CELL, ON_A_PLATE = cell_named(), task_named("spatula_flipping_hard")
+assert isinstance(ON_A_PLATE, SpatulaFlipping)
+TASK = replace(ON_A_PLATE, surface_deviation=0.0)  # the plate is as drawn
 SIZE, CAMERA = 5, slice(6, 9)
 
 
@@ -38,7 +40,6 @@ def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(
         estimate = real2sim.update(estimate, plant.observe())
     world.close()
     made = TASK.as_made(drawn.parts)
-    assert isinstance(made, SpatulaFlipping) and isinstance(TASK, SpatulaFlipping)
     error = TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
     stated = np.sqrt(np.diag(estimate.covariance))
     assert abs(error) < 0.002 and abs(error) < 3.0 * TASK.pancake_radius * stated[SIZE] < 0.004
@@ -47,6 +48,22 @@ def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(
     spread = estimate.covariance[:2, :2] + estimate.covariance[6:8, 6:8]
     spread += estimate.covariance[:2, 6:8] + estimate.covariance[6:8, :2]
     assert np.sqrt(np.diag(spread)).max() < 0.0015  # where the image shows it is known
+
+
+def test_on_a_plate_of_unknown_height_the_radius_is_told_within_what_is_stated() -> None:
+    """What lies higher looks larger: 5 mm of 370 mm are 0.7 mm of the radius."""
+    drawn = instance_named("typical:30", CELL)
+    model, world = Model(ON_A_PLATE, CELL), PyBulletWorld(ON_A_PLATE, CELL, instance=drawn)
+    plant, estimate, real2sim = WorldPlant(world, ON_A_PLATE, CELL), initial_estimate(model), Real2Sim(model)
+    plant.begin(3)
+    for _ in range(2):
+        estimate = real2sim.update(estimate, plant.observe())
+    world.close()
+    made = TASK.as_made(drawn.parts)
+    error = TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
+    stated = TASK.pancake_radius * float(np.sqrt(estimate.covariance[SIZE, SIZE]))
+    assert abs(drawn.parts.surface) > 0.001
+    assert abs(error) < 0.003 and abs(error) < 3.0 * stated < 0.004
 
 
 def test_a_fit_that_does_not_cover_its_image_paints_no_face(model: Model) -> None:

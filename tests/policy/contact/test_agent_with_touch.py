@@ -18,12 +18,14 @@ from samrl_core.cell.calibration.cell_correction import (
 from samrl_core.cell.calibration.seen_error import EXACTLY_SEEN
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
+from samrl_core.cell.types.observation import ArmReading
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.prediction import CameraErrors, loosened_by
 from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.settings import AgentSettings
+from samrl_core.policy.contact.surface_touch import FEEL
 
 CELL, TASK = cell_named(), task_named("peg_insertion_hard")
 SETTINGS = AgentSettings(policy="optimised", strategy="best", tip_offset=True, touch=True)
@@ -126,3 +128,20 @@ def test_a_camera_that_is_estimated_begins_as_unknown_as_its_correction_leaves_i
 
 def known_nothing() -> Estimate:
     return initial_estimate(Model(TASK, CELL))
+
+
+def test_a_spatula_feels_first_and_its_tip_is_as_high_as_over_the_felt_plate() -> None:
+    """Steps towards the plate while that is unknown; another episode knows nothing of it."""
+    task = task_named("spatula_flipping_hard")
+    agent = Agent(Model(task, CELL), SETTINGS, verbs=("act",))
+    arm = ArmReading(1, task.start_joints(CELL)["tool_arm"], np.zeros(7), np.zeros(7))
+    observation: Any = SimpleNamespace(tool_arm=arm, stamp_ns=1)
+    tip = agent.model.tip_in_base(arm.position).position
+    choice = agent.act(initial_estimate(agent.model), observation)
+    assert choice.sub_goal == FEEL and choice.displacement[2] < 0.0
+    np.testing.assert_allclose(agent.tip(observation), tip)
+    assert agent._surface is not None
+    agent._surface._touched = 0.003 + agent._surface._task.edge_height
+    np.testing.assert_allclose(agent.tip(observation), tip - [0.0, 0.0, 0.003], atol=1e-12)
+    agent.begin_episode()
+    np.testing.assert_allclose(agent.tip(observation), tip)

@@ -16,6 +16,7 @@ from samrl_core.cell.instance.parts import Parts
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.hand import TOOL_LABEL
 from samrl_core.cell.tasks.screen import Screen, bodies_of
+from samrl_core.cell.tasks.spatula_flipping.arc import Arc
 from samrl_core.cell.tasks.spatula_flipping.pancake import lip_body, pancake_body
 from samrl_core.cell.tasks.spatula_flipping.tool import hand_with_spatula
 from samrl_core.cell.tasks.start import checked_tip, middle_view, require_origin, start_joints
@@ -42,6 +43,7 @@ class SpatulaFlipping(Task):
 
     name: str = "spatula_flipping"
     variant_of: str = ""
+    usual_policy: str = ""
     max_actions: int = 200
     pancake_radius: float = 0.050  # [m]
     pancake_thickness: float = 0.012  # [m]
@@ -84,6 +86,8 @@ class SpatulaFlipping(Task):
     small_radius: float = 0.0  # of the other size that a pancake may have; 0: there is one size [m]
     camera_deviation: float = 0.0025  # how far the camera shows all beside its place, where sizes differ [m]
     size: float = 1.0  # `pancake_radius` over the drawn one; see `as_believed` [-]
+    surface: float = 0.0  # height of the table's top [m]
+    surface_deviation: float = 0.0  # of what it may be in a cell, 0: it is as drawn [m]
     force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
 
     def __post_init__(self) -> None:
@@ -121,6 +125,11 @@ class SpatulaFlipping(Task):
         """See `Task`."""
         return max(self.free_step, self.push_step)
 
+    @property
+    def surface_height(self) -> float:
+        """See `Task`."""
+        return self.surface
+
     def scene(self, cell: CellSpec) -> Scene:
         """Pancake in the middle of its range, lip, and hand with spatula.
 
@@ -140,13 +149,15 @@ class SpatulaFlipping(Task):
             self.pancake_friction,
         )
         depth, _, height = self.lip_size
-        place = np.array([self.lip_x + 0.5 * depth, self.center_y, 0.5 * height])
+        place = np.array([self.lip_x + 0.5 * depth, self.center_y, self.surface + 0.5 * height])
         lip_in_world = Pose(place, np.array([0.0, 0.0, 0.0, 1.0]))
         lip = lip_body(LIP, self.lip_size, lip_in_world, self.lip_label, self.lip_friction)
         return Scene((pancake, lip, *bodies_of(self.screens)), self._tool())
 
     def as_made(self, parts: Parts) -> SpatulaFlipping:
-        """Another pancake, of either size where there are two, and other friction of all."""
+        """Another pancake, of either size where there are two, other friction of all, and a table of another
+        height where that is unknown.
+        """
         across, thick = parts.size
         small = self.small_radius > 0.0 and parts.either < 0.0
         radius = self.small_radius if small else self.pancake_radius
@@ -159,6 +170,7 @@ class SpatulaFlipping(Task):
             pancake_friction=self.pancake_friction * math.exp(parts.friction[0]),
             blade_friction=self.blade_friction * math.exp(parts.friction[1]),
             lip_friction=self.lip_friction * math.exp(parts.friction[2]),
+            surface=self.surface + (parts.surface if self.surface_deviation > 0.0 else 0.0),
         )
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
@@ -167,14 +179,15 @@ class SpatulaFlipping(Task):
         over a whole episode, scales are those of a start and of a pancake that lies flat.
 
         Then, if `finds_size`: its radius over the drawn one, between two sizes or near one of them, and the
-        camera's shift, without which its place would pass for as well known as the image shows it.
+        camera's shift, without which its place would pass for as well known as the image shows it. A table
+        that is higher than drawn is to the camera what a shift upwards is.
         """
         along, across = (half / math.sqrt(3.0) for half in self.half_range)
-        x, y, z = self.center_x, self.center_y, 0.5 * self.pancake_thickness
+        x, y, z = self.center_x, self.center_y, self.surface + 0.5 * self.pancake_thickness
         pose = (
             ParameterSpec("pancake_x", "m", x, along, x - 0.10, x + 0.30),
             ParameterSpec("pancake_y", "m", y, across, y - _ACROSS, y + _ACROSS),
-            ParameterSpec("pancake_z", "m", z, 0.002, 0.0, 0.15),
+            ParameterSpec("pancake_z", "m", z, 0.002, self.surface, self.surface + 0.15),
             ParameterSpec("pancake_tilt_x", "rad", 0.0, 0.05, -math.pi, math.pi),
             ParameterSpec("pancake_tilt_y", "rad", 0.0, 0.05, -math.pi, math.pi),
         )
@@ -184,7 +197,7 @@ class SpatulaFlipping(Task):
         middle, half = 0.5 * (large + small), 0.5 * (large - small)
         far = 2.5 * half  # one that is a tenth larger or smaller than either is still within
         size = ParameterSpec("pancake_size", "-", middle, half, middle - far, middle + far, "constant")
-        return (*pose, size, *camera_specs(self.camera_deviation))
+        return (*pose, size, *camera_specs(self.camera_deviation, self.surface_deviation))
 
     @property
     def finds_size(self) -> bool:
@@ -279,35 +292,31 @@ class SpatulaFlipping(Task):
         if self.is_done(values, tip):
             return ()
         v = self._values(values)
-        x, y = v[:2]
-        behind_x = x - self._radius(v) - self.gap
-        turns = self._turns(y)
-        angle, radius = self._on_arc(tip)
+        y = float(v[1])
+        behind_x, low, clear_z = self.behind_x(v), self._low, self.surface + self.clear_height
+        if left := self._arc.left(y, tip):
+            return left
         ahead = tip[0] - (self.lip_x - self.under)
-        if abs(radius - self.arc_radius) < 0.012 and ahead > -0.004 and angle < self.arc_end:
-            # The first goal ahead is at least half a step away, or noise would hold the tip where it is.
-            left = tuple(goal for phi, goal in turns if phi > angle + 0.5 * self.arc_step)
-            if left:
-                return left
-        under = SubGoal("under", np.array([self.lip_x - self.under, y, self.low]), 0.003, self.push_step)
-        behind = SubGoal("behind", np.array([behind_x, y, self.low]), 0.002, self.free_step)
-        rest = tuple(goal for _, goal in turns)
+        under = SubGoal("under", np.array([self.lip_x - self.under, y, low]), 0.003, self.push_step)
+        behind = SubGoal("behind", np.array([behind_x, y, low]), 0.002, self.free_step)
+        rest = tuple(goal for _, goal in self._arc.goals(y))
         beside = abs(tip[1] - y)
-        if tip[2] < self.low + 0.004 and beside < 0.004 and tip[0] > behind_x - 0.004 and ahead < 0.0:
+        if tip[2] < low + 0.004 and beside < 0.004 and tip[0] > behind_x - 0.004 and ahead < 0.0:
             return (under, *rest)
         if tip[0] < behind_x + 0.004:
             return (behind, under, *rest)
-        over = SubGoal("over", np.array([behind_x, y, self.clear_height]), 0.004, self.free_step)
-        if tip[2] > self.clear_height - 0.004:
+        over = SubGoal("over", np.array([behind_x, y, clear_z]), 0.004, self.free_step)
+        if tip[2] > clear_z - 0.004:
             return (over, behind, under, *rest)
-        clear = SubGoal("clear", np.array([tip[0], tip[1], self.clear_height]), 0.004, self.free_step)
+        clear = SubGoal("clear", np.array([tip[0], tip[1], clear_z]), 0.004, self.free_step)
         return (clear, over, behind, under, *rest)
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """The pancake's axis points down, and its centre is no higher than that of a lying one."""
         checked_tip(tip_position)
         v = self._values(values)
-        return bool(math.cos(math.hypot(v[3], v[4])) < self.success_axis and v[2] < self.done_height)
+        low = v[2] < self.surface + self.done_height
+        return bool(math.cos(math.hypot(v[3], v[4])) < self.success_axis and low)
 
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """The pancake lies flat, uniform within its range, as large as it is in here."""
@@ -353,21 +362,10 @@ class SpatulaFlipping(Task):
             self.tool_label,
         )
 
-    def _turns(self, y: float) -> list[tuple[float, SubGoal]]:
-        """Angles and sub-goals along the arc [rad]."""
-        count = math.ceil(self.arc_end / self.arc_step - 1e-9)
-        goals = []
-        for k in range(1, count + 1):
-            angle = self.arc_end * k / count
-            offset = self.arc_radius * np.array([-math.cos(angle), math.sin(angle)])
-            place = np.array([self.lip_x + offset[0], y, self.low + offset[1]])
-            goals.append((angle, SubGoal(f"turn_{k}", place, 0.002, self.push_step)))
-        return goals
-
-    def _on_arc(self, tip: np.ndarray) -> tuple[float, float]:
-        """Angle [rad] and radius [m] of the edge about the foot of the lip."""
-        along, up = self.lip_x - tip[0], tip[2] - self.low
-        return math.atan2(up, along), math.hypot(along, up)
+    @property
+    def _arc(self) -> Arc:
+        foot, turn = (self.lip_x, self._low), (self.arc_radius, self.arc_end, self.arc_step)
+        return Arc(foot, self.under, *turn, self.push_step)
 
     def _values(self, values: np.ndarray) -> np.ndarray:
         v = np.asarray(values, dtype=np.float64)
@@ -375,6 +373,21 @@ class SpatulaFlipping(Task):
             more = ", size [-], camera x, y, z [m]" if self.finds_size else ""
             raise InputError(f"{self.name} estimates x, y, z [m], tilt_x, tilt_y [rad]{more}, got {values}")
         return v
+
+    def behind_x(self, values: np.ndarray) -> float:
+        """Where the edge comes down behind the pancake, in the tool arm's base frame [m]."""
+        v = self._values(values)
+        return float(v[0]) - self._radius(v) - self.gap
+
+    @property
+    def edge_height(self) -> float:
+        """Of the edge's middle over a surface that its lower corner touches [m]."""
+        return 0.5 * self.blade_thickness * math.cos(self.blade_tilt)
+
+    @property
+    def _low(self) -> float:
+        """Height of the edge on its way under, in world [m]."""
+        return self.surface + self.low
 
     @property
     def _sizes(self) -> tuple[float, float]:

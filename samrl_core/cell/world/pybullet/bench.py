@@ -44,6 +44,7 @@ class Bench:
         fixed: those of them that stand still from one `begin` to the next.
         towards_light: in world.
         darkness: of the shadows, 0 none to 1 black.
+        height: of the table's top over the drawn one [m].
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class Bench:
         fixed: Sequence[Caster],
         towards_light: tuple[float, float, float],
         darkness: float,
+        height: float = 0.0,
     ) -> None:
         k = intrinsics
         u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
@@ -67,6 +69,7 @@ class Bench:
         light = np.array(towards_light)
         self._slope = light[:2] / light[2]
         self._brightness = np.float32(0.55 + 0.45 * light[2] / np.linalg.norm(light))
+        self._height = height
         self._darkness = np.float32(min(darkness, 1.0))
         self._casters, self._fixed = _Outlines(client, casters), _Outlines(client, fixed)
         self._fixed_shade = np.zeros((0, 0), dtype=np.uint8)
@@ -79,7 +82,7 @@ class Bench:
         """The picture with table, in its shadows (see `shadows`), and floor where nothing else is nearer."""
         eye = camera_in_world.position.astype(np.float32)
         down = camera_in_world.rotation.astype(np.float32) @ self._rays  # (3, N) in world, 1 m of depth long
-        depth, column, row = self._hit(eye, down, 0.0)
+        depth, column, row = self._hit(eye, down, self._height)
         rows, columns = self._table.shape[:2]
         on_table = (down[2] < -_FLATTEST) & (column > 0) & (column < columns) & (row > 0) & (row < rows)
         off = np.flatnonzero(~on_table)
@@ -117,7 +120,7 @@ class Bench:
 
     def _fill(self, shade: np.ndarray, outlines: _Outlines) -> None:
         corners = outlines.in_world()
-        fall = corners[..., :2] - np.maximum(corners[..., 2:], 0.0) * self._slope
+        fall = corners[..., :2] - np.maximum(corners[..., 2:] - self._height, 0.0) * self._slope
         fall = np.rint((fall - self._corner) / (_COARSE * PIXEL))[..., ::-1].astype(np.int32)
         for outline in fall:
             cv2.fillConvexPoly(shade, cv2.convexHull(outline), 255)

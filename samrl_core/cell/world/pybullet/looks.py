@@ -46,8 +46,11 @@ def arm_meshes(
     return found
 
 
-def build_clutter(client: int, instance: CellInstance) -> list[Caster]:
-    """Put the instance's things on the table, for cameras alone; returns them as casters of shadows."""
+def build_clutter(client: int, instance: CellInstance, height: float = 0.0) -> list[Caster]:
+    """Put the instance's things on the table, for cameras alone; returns them as casters of shadows.
+
+    `height` is that of the table's top over the drawn one [m].
+    """
     rng = look_stream(instance).spawn(1)[0]
     casters: list[Caster] = []
     for thing in lay_clutter(rng, round(0.6 * instance.look.clutter)):
@@ -59,8 +62,9 @@ def build_clutter(client: int, instance: CellInstance) -> list[Caster]:
         )
         visual = pybullet.createVisualShape(**shape, rgbaColor=[*thing.color, 1.0], physicsClientId=client)
         pose = part.part_in_body
+        place = (pose.position + [0.0, 0.0, height]).tolist()
         body = pybullet.createMultiBody(
-            0.0, -1, visual, pose.position.tolist(), pose.quat_xyzw.tolist(), physicsClientId=client
+            0.0, -1, visual, place, pose.quat_xyzw.tolist(), physicsClientId=client
         )
         casters.append((body, -1, replace(part, part_in_body=Pose.identity())))
     return casters

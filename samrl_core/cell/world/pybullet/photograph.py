@@ -124,18 +124,19 @@ class _Studio:
         arm = arms["tool_arm"]
         hanging = PyBulletChain(client, arm.body, arm.link_index, tool.chain, period, np.array(world.gravity))
         hanging.place(state.chain_angles, arm.flange_in_world() @ tool.tip_in_flange)
-        _table_frame(client)
+        height = made.task.surface_height
+        _table_frame(client, height)
         look = instance.look
         table = paint_table(self._rng, min(look.texture, 1.5), look.bench_colour, round(0.5 * look.clutter))
         casters, fixed = casters_of(cell, arms, made.scene, bodies.index)
-        fixed += build_clutter(client, instance)
-        width, height = (settings.finer * n for n in settings.size)
+        fixed += build_clutter(client, instance, height)
+        columns, rows = (settings.finer * n for n in settings.size)
         focal = settings.finer * settings.focal
-        intrinsics = Intrinsics(width, height, focal, focal, 0.5 * width, 0.5 * height)
+        intrinsics = Intrinsics(columns, rows, focal, focal, 0.5 * columns, 0.5 * rows)
         light = true_light(world.light_direction, instance)
         self._camera = TinyCamera(client, intrinsics, {}, light, shadow=False)
         floor = paint_floor(self._rng)
-        self._bench = Bench(client, intrinsics, table, floor, casters, fixed, light, look.shadow)
+        self._bench = Bench(client, intrinsics, table, floor, casters, fixed, light, look.shadow, height)
         self._pose = look_at(np.array(settings.eye), np.array(settings.target))
         warmth = np.array([1.0 + look.light_warmth, 1.0, 1.0 - look.light_warmth])
         self._gain = np.clip((1.0 + look.light_strength) * warmth, 0.2, 3.0)
@@ -209,15 +210,15 @@ def _block(
     pybullet.createMultiBody(0.0, -1, visual, place.tolist(), physicsClientId=client)
 
 
-def _table_frame(client: int) -> None:
-    """A board below the painted top, rails and legs."""
+def _table_frame(client: int, height: float) -> None:
+    """A board below the top, which is painted at a height over the drawn one [m], rails and legs."""
     x, y, thick = TABLE_SIZE
-    middle = TABLE_IN_WORLD.position
+    middle = TABLE_IN_WORLD.position + [0.0, 0.0, height]
     below = 0.002  # where the top is painted
     _block(
         client, (0.5 * x, 0.5 * y, 0.5 * (thick - below)), middle - [0, 0, 0.5 * below], (0.62, 0.55, 0.45)
     )
-    leg = 0.5 * (-FLOOR_Z - thick)
+    leg = 0.5 * (height - FLOOR_Z - thick)
     for side in (-1.0, 1.0):
         for end in (-1.0, 1.0):
             place = middle + [side * (0.5 * x - 0.04), end * (0.5 * y - 0.04), -0.5 * thick - leg]

@@ -31,6 +31,7 @@ class RealCamera:
         light_direction: nominal, towards the light, in world.
         casters: shapes that cast shadows, see `Bench`.
         fixed: further ones, which stand still during an episode.
+        table_height: of its top over the drawn one [m].
     """
 
     def __init__(
@@ -42,6 +43,7 @@ class RealCamera:
         light_direction: tuple[float, float, float],
         casters: Sequence[Caster],
         fixed: Sequence[Caster],
+        table_height: float = 0.0,
     ) -> None:
         self._lens = Lens(instance.optics, intrinsics)
         light = true_light(light_direction, instance)
@@ -49,7 +51,9 @@ class RealCamera:
         rng, look = look_stream(instance), instance.look
         table = paint_table(rng, min(look.texture, 1.5), look.bench_colour, round(0.5 * look.clutter))
         floor = paint_floor(rng)
-        self._bench = Bench(client, self._lens.ideal, table, floor, casters, fixed, light, look.shadow)
+        self._bench = Bench(
+            client, self._lens.ideal, table, floor, casters, fixed, light, look.shadow, table_height
+        )
         self._errors = ImageErrors(instance, intrinsics)
         self._nominal = intrinsics
 

@@ -103,7 +103,7 @@ class PyBulletWorld(SimulatedWorld):
             self._configure()
             self._arms, self._models = self._build_arms()
             nominal = self._instance.is_nominal
-            table = build_table(self._client, solid=True, seen=nominal)
+            table = build_table(self._client, True, nominal, self._made.task.surface_height)
             soften(self._client, table, TABLE_FRICTION, self._settings)
             self._bodies = PyBulletBodies(
                 self._client, self._scene.bodies, Path(self._folder.name), self._settings
@@ -282,8 +282,11 @@ class PyBulletWorld(SimulatedWorld):
         base = self._true_cell.camera_base_in_world
         self._true_camera_arm = ArmModel(cell.camera_arm, base, None)
         casters, fixed = casters_of(cell, self._arms, self._scene, self._bodies.index)
-        fixed += build_clutter(self._client, self._instance)
-        real = RealCamera(self._client, self._instance, cell.intrinsics, labels, light, casters, fixed)
+        height = self._made.task.surface_height
+        fixed += build_clutter(self._client, self._instance, height)
+        real = RealCamera(
+            self._client, self._instance, cell.intrinsics, labels, light, casters, fixed, height
+        )
         return ideal, real
 
     def _tip_in_world(self) -> Pose:

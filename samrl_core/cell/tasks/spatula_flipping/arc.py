@@ -1,0 +1,47 @@
+"""The edge's way about the foot of the lip, from under the pancake until it has fallen over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from samrl_core.cell.tasks.task import SubGoal
+
+_NEAR = 0.012  # from the arc, within which the edge is on it [m]
+_BEFORE = 0.004  # so far before the place where it begins too [m]
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A part of a circle in the plane y = const, from angle 0, on the table behind the lip, upwards."""
+
+    foot: tuple[float, float]  # of the lip, x and z in world [m]
+    begins: float  # so far before the lip [m]
+    radius: float  # [m]
+    end: float  # angle at which it ends [rad]
+    step: float  # angle between two sub-goals at most [rad]
+    push_step: float  # largest displacement per action [m]
+
+    def goals(self, y: float) -> list[tuple[float, SubGoal]]:
+        """Angles [rad] and sub-goals `turn_1`, `turn_2`, ... at a `y` [m]."""
+        count = math.ceil(self.end / self.step - 1e-9)
+        found = []
+        for k in range(1, count + 1):
+            angle = self.end * k / count
+            offset = self.radius * np.array([-math.cos(angle), math.sin(angle)])
+            place = np.array([self.foot[0] + offset[0], y, self.foot[1] + offset[1]])
+            found.append((angle, SubGoal(f"turn_{k}", place, 0.002, self.push_step)))
+        return found
+
+    def left(self, y: float, tip: np.ndarray) -> tuple[SubGoal, ...]:
+        """Those ahead of a tip (3,) [m]; none where it is not on the arc, or at its end.
+
+        The first is at least half a step away, or noise would hold the tip where it is.
+        """
+        along, up = self.foot[0] - float(tip[0]), float(tip[2]) - self.foot[1]
+        angle, radius = math.atan2(up, along), math.hypot(along, up)
+        if abs(radius - self.radius) > _NEAR or along > self.begins + _BEFORE or angle > self.end:
+            return ()
+        return tuple(goal for phi, goal in self.goals(y) if phi > angle + 0.5 * self.step)

@@ -115,7 +115,9 @@ def predictions(
     for other in (estimate.values, *ends[1:]):
         far = all(np.abs((other - one.values) / scale).max() > s.jump for one in found)
         if far and len(found) < s.most:
-            loose = np.diag((s.other_spread * scale) ** 2)
+            # Where it fell to says nothing new of its size or of the camera: both stay as well known.
+            loose = np.where(np.outer(stays, stays), estimate.covariance, 0.0)
+            loose += np.diag(np.where(stays, 0.0, s.other_spread * scale) ** 2)
             found.append(replace(estimate, values=np.clip(other, lower, upper), covariance=loose))
     return tuple(found)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
@@ -97,6 +98,23 @@ def test_what_stands_on_edge_may_fall_or_not() -> None:
     updates = [replace(before, loss_known=loss) for loss in losses]
     assert likeliest(updates) is updates[2]
     assert likeliest(updates[1:2]) is updates[1]
+
+
+def test_a_fall_tells_nothing_new_of_size_and_camera() -> None:
+    """An end apart from the likeliest one leaves the place of what stands on edge open, and not these."""
+    task = task_named("spatula_flipping_hard")
+    assert isinstance(task, SpatulaFlipping)
+    scale = np.array([p.scale for p in task.parameters()])
+    values = np.array([0.574, 0.0, 0.046, 0.0, 1.53, 1.0, 0.001, -0.001, 0.002])
+    before = estimate(task, values, 0.1)
+    start = np.array([0.566, 0.0, 0.0545])
+    dynamics = dynamics_of(task.as_believed(values), CELL)
+    found = predictions(dynamics, task.parameters(), before, start, start + np.array([0.006, 0.0, 0.0]))
+    assert len(found) > 1
+    for one in found:
+        np.testing.assert_allclose(one.values[5:], values[5:])
+        np.testing.assert_allclose(np.sqrt(np.diag(one.covariance))[5:], 0.1 * scale[5:], rtol=0.01)
+    assert (np.sqrt(np.diag(found[-1].covariance))[:5] > scale[:5]).all()
 
 
 def test_where_nothing_moves_nothing_changes() -> None:

@@ -125,7 +125,7 @@ def _late(i: CellInstance, s: float, rng: np.random.Generator) -> Changed:
 
 
 def _exposure(i: CellInstance, s: float, rng: np.random.Generator) -> Changed:
-    return _with(i, "optics", exposure=-0.6 * min(s, 1.5)), "lighting@sensor:camera", (-0.6 * min(s, 1.5),)
+    return _with(i, "optics", exposure=-0.6 * min(s, 1.5)), "lighting@cell", (-0.6 * min(s, 1.5),)
 
 
 def _depth_noise(i: CellInstance, s: float, rng: np.random.Generator) -> Changed:

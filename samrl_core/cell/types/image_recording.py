@@ -46,8 +46,9 @@ class ImageTolerances(StatedTolerances):
     object_tilt: float = 0.012  # of the object, per axis [rad]
     outline: float = 1.0  # by which a segmenter's outlines lie outside of the true ones [px]
     outline_bend: float = 0.001  # of outlines, smooth over the image, per mode, as a fraction of the width
-    brightness: float = 0.3  # of light and exposure, as a fraction
-    paint: float = 0.2  # of a surface's brightness, 1 is white
+    brightness: float = 0.17  # of light and exposure together, as a fraction
+    paint: float = 0.06  # of the object's brightness against its CAD colour, 1 is white
+    table_paint: float = 0.2  # the same of the table: nobody states its colour, and it has grain and stains
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from samrl_core.cell.types.image_recording import ImageRecording
+from samrl_core.cell.instance.cell_instance import InstanceName, draw_instance
+from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.types.image_recording import ImageRecording, ImageTolerances
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.selection.selection import needed_evidence
 
@@ -33,3 +35,27 @@ def test_masks_that_are_too_large_are_said_to_be(recordings: list[ImageRecording
     found, _ = diagnose([grown], [])
     assert found.verdict == "none_of_mine", [e.name for e in found.effects]
     assert any("masks are larger or smaller" in reason for reason in found.reasons)
+
+
+def test_light_and_paint_are_tolerated_as_far_as_typical_cells_differ() -> None:
+    """Half widths are root three standard deviations; what is stated wider hides an exposure."""
+    cells = [draw_instance(InstanceName("typical", seed), cell_named()) for seed in range(400)]
+    light = np.array([(1.0 + c.look.light_strength) * (1.0 + c.optics.exposure) - 1.0 for c in cells])
+    paint = np.array([c.look.target_colour for c in cells])
+    stated = ImageTolerances()
+    assert stated.brightness == pytest.approx(np.sqrt(3.0) * light.std(), rel=0.15)
+    assert stated.paint == pytest.approx(np.sqrt(3.0) * paint.std(), rel=0.15)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("gain", "verdict"), [(0.4, "effect"), (0.87, "no_gap")])
+def test_an_exposure_darkens_object_and_table_alike(
+    recordings: list[ImageRecording], gain: float, verdict: str
+) -> None:
+    """Each alone may be painted darker; both by as much is the light, beyond what an installation has."""
+    dark = [replace(r, color=np.round(gain * r.color).astype(np.uint8)) for r in recordings]
+    found, _ = diagnose(dark[:1], dark[1:])
+    assert found.verdict == verdict, found.reasons
+    if verdict == "effect":
+        assert found.effects[0].name == "lighting@cell"
+        assert found.effects[0].parameters["g"].value == pytest.approx(gain - 1.0, abs=0.15)

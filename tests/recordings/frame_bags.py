@@ -91,8 +91,10 @@ def arm_frames(
     return FrameLog(moving=sorted(log, key=lambda row: row[0]), static=fixed if static else [])
 
 
-def write_frames(path: Path, log: FrameLog, kind: str = "mcap", joints: bool = False) -> Path:
-    """A bag of one kind; `joints` adds a few joint states beside them."""
+def write_frames(
+    path: Path, log: FrameLog, kind: str = "mcap", joints: bool = False, poses: str = ""
+) -> Path:
+    """A bag of one kind; `joints` adds joint states, `poses` is a topic in place of the target."""
     ros1 = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     if ros1:
@@ -135,6 +137,15 @@ def write_frames(path: Path, log: FrameLog, kind: str = "mcap", joints: bool = F
             made = [transform(first, *each) for each in log.static]
             write("/tf_static", tf, first, types[tf](made))
         for stamp, transforms in log.moving:
+            if poses and transforms[0][0] == NAMES["target"]:
+                seen = transform(stamp, *transforms[0])
+                at, turn = seen.transform.translation, seen.transform.rotation
+                pose = types["geometry_msgs/msg/Pose"](
+                    types["geometry_msgs/msg/Point"](at.x, at.y, at.z), turn
+                )
+                message = types["geometry_msgs/msg/PoseStamped"](seen.header, pose)
+                write(poses, "geometry_msgs/msg/PoseStamped", stamp, message)
+                continue
             write("/tf", tf, stamp, types[tf]([transform(stamp, *each) for each in transforms]))
             if joints:
                 state = types["sensor_msgs/msg/JointState"](

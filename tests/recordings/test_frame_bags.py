@@ -14,6 +14,7 @@ from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
+from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.writing import as_yaml
@@ -119,6 +120,24 @@ def test_frames_without_names_are_asked_about(tmp_path: Path) -> None:
     draft = drafted(write_frames(tmp_path / "run", arm_frames(names=names)))
     assert draft.sources["target"]["part"] == "cube_7 in zed_left"
     assert any("as the camera sees it" in q for q in draft.questions), draft.questions
+
+
+def test_a_target_that_no_camera_sees_is_asked_about_and_hides_no_joints(tmp_path: Path) -> None:
+    """Where an arm was sent is a target, too; beside joints it is none of poses."""
+    log = arm_frames(in_hand=False, names={"camera": "base_plate", "target": "goal_target"})
+    draft = drafted(write_frames(tmp_path / "run", log))
+    assert any("is goal_target in base_plate the target" in q for q in draft.questions), draft.questions
+    assert read_devices([write_frames(tmp_path / "joints", log, joints=True)], []) is None
+
+
+def test_a_topic_of_poses_is_seen_beside_the_frames_of_an_arm(tmp_path: Path) -> None:
+    """A detector that publishes PoseStamped, and an arm's /tf: the header names the camera's frame."""
+    draft = drafted(write_frames(tmp_path / "run", arm_frames(), poses="/aruco_single/pose"))
+    assert not draft.questions and draft.sources["target"]["part"] == "/aruco_single/pose"
+    assert draft.sources["flange"]["part"] == FLANGE and "camera_in_flange" in draft.poses
+    got = imported(draft, tmp_path)
+    assert got.camera_in_flange is not None
+    assert np.allclose(got.camera_in_flange.position, CAMERA[:3, 3], atol=1e-8)
 
 
 def _turned(log: FrameLog) -> FrameLog:

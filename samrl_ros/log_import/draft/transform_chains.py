@@ -33,6 +33,10 @@ from samrl_ros.log_import.formats.transform_tree import (
 )
 
 TARGETS = SEEN - CAMERAS
+# Words of frames that are a camera's: what it is, what it measures, and whose it is.
+LENSES = CAMERAS | frozenset(
+    "color colour depth infra ir rgbd stereo webcam realsense zed kinect oak astra femto basler".split()
+)
 # Frames that are called a flange, the likeliest first: REP 199's, then those of descriptions and grippers.
 FLANGES = ("tool0", "flange", "ee_link", "ee", "eef", "tcp", "link8", "hand", "gripper", "tool", "link7")
 BASES = ("base_link", "base", "link0")
@@ -107,9 +111,11 @@ def find_chains(path: Path, topics: Sequence[LoggedTrack]) -> FoundChains | None
     """
     tree = read_transform_tree(path, "the log")
     own = [each for each in topics if each.path == path and each.track.whole]
-    named = [edge for edge in tree.moving if _sees(edge)]
+    called = [edge for edge in tree.moving if _sees(edge)]
+    named = [edge for edge in called if _words(_camera_and_target(edge)[0]) & LENSES]
     told = [each for each in own if each.frames and _is_seen_topic(each)]
-    guessed = [] if named or told or _has_joints(path) else _of_own_stamps(tree)
+    # A target that no camera's frame sees may be where an arm was sent.
+    guessed = [] if named or told or _has_joints(path) else called or _of_own_stamps(tree)
     edges = sorted(named or guessed, key=lambda edge: len(edge.time), reverse=True)
     if not edges and not told:
         return None
@@ -156,7 +162,7 @@ def _camera_and_target(edge: Edge) -> tuple[str, str]:
 
 def _is_seen_topic(each: LoggedTrack) -> bool:
     _, parent = each.header
-    return bool(_words(parent) & CAMERAS and not _words(parent) & TARGETS)
+    return bool(_words(parent) & LENSES and not _words(parent) & TARGETS)
 
 
 def _has_joints(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -153,3 +154,20 @@ def write_frames(
                 )
                 write("/joint_states", "sensor_msgs/msg/JointState", stamp, state)
     return path
+
+
+def write_all(out: Path) -> None:
+    """A bag for each walk of the page of foreign logs."""
+    error = matrix((0.006, -0.004, 0.005), (0.01, -0.008, 0.006))
+    out.mkdir(parents=True, exist_ok=True)
+    for kind in ("mcap", "sqlite3", "ros1"):
+        write_frames(out / f"off_{kind}", arm_frames(error=error), kind, joints=True)
+    write_frames(out / "right", arm_frames(), joints=True)
+    write_frames(out / "late", arm_frames(late=0.06), "sqlite3", joints=True)
+    write_frames(out / "still_camera", arm_frames(in_hand=False, error=error), joints=True)
+    write_frames(out / "unconnected", arm_frames(connected=False), "ros1", joints=True)
+    write_frames(out / "without_static", arm_frames(static=False), joints=True)
+
+
+if __name__ == "__main__":
+    write_all(Path(sys.argv[1]))

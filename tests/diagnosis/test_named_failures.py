@@ -37,7 +37,7 @@ UNSEEN_MASS[0, [0, 3]] = 1.5, 0.12
 # -- elasticity must not come back as delay ----------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_elasticity_that_is_not_in_the_library_is_no_delay() -> None:
     diagnosis = diagnosed(
         6,

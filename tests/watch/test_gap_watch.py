@@ -114,7 +114,7 @@ def test_a_clock_that_goes_back_begins_a_new_window(changed: Stream, tmp_path: P
     np.testing.assert_array_equal(first.states.time, second.states.time)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_machine_that_changes_is_told_with_the_time(changed: Stream, tmp_path: Path) -> None:
     length = (changed[-1][4] - changed[0][4]) / SECOND / 3
     watch, heard = watched([*changed, (*changed[-1][:4], changed[-1][4] + 60 * SECOND)],

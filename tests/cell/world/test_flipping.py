@@ -43,7 +43,7 @@ def test_without_a_lip_the_pancake_is_only_pushed() -> None:
     assert episode.error > 0.1
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_behind_the_screen_it_matters_where_the_pancake_lies() -> None:
     """It may lie far to the side, and the narrow blade does not turn it over 3 cm off; the plain one does."""
 

@@ -14,7 +14,7 @@ from samrl_core.studies.fit_at_once import fit_at_once
 BEFORE_CAMERA = np.array([0.0, 0.0, 0.35, 1.0])  # what it looks at [m]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_wrong_hand_eye_is_made_up_for(recordings: list[ImageRecording]) -> None:
     """In the nominal cell, a calibration that is 9 mm and 1.5 degrees off, from 6 s of images.
 

@@ -106,7 +106,7 @@ def test_a_fitted_hand_eye_corrects_the_calibration(recordings: list[ImageRecord
     assert after < 0.5 * before
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_fitted_depth_corrects_the_images(recordings: list[ImageRecording]) -> None:
     """Depth by what `--apply` writes is the depth from before it was spoilt."""
     first = recordings[0]

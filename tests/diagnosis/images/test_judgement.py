@@ -26,7 +26,7 @@ def test_a_false_name_is_as_rare_as_stated(chance: float, spread: float) -> None
     assert 0.0 < named < chance
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_masks_that_are_too_large_are_said_to_be(recordings: list[ImageRecording]) -> None:
     """Three pixels all around are no error of camera, object or bases, and no cell without a gap."""
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))

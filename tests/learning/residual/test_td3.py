@@ -119,7 +119,7 @@ def test_what_leaving_costs_falls_with_the_root_of_the_episodes() -> None:
         replace(QUICK, few_episodes=0.5)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 4])
 def test_features_that_tell_episodes_apart_hide_nothing(seed: int) -> None:
     """Of 24 episodes, each to be known by its features, those with residuals along +x succeed more often.

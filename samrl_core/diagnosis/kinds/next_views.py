@@ -53,7 +53,7 @@ def next_views(
         return None, f"{pair}: poses that move each joint by itself may split them; none was simulated"
     scored = []
     for kind, recording in _candidates(trial, seed).items():
-        made = PoseTrial(recording, trial.constants, trial.level)
+        made = PoseTrial(recording, trial.constants, trial.noise)
         scored.append((discrimination(made, list(rivals.values())), kind, made))
     best, kind, made = max(scored, key=lambda s: s[0])
     if best < AS_MUCH:

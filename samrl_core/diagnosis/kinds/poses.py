@@ -57,7 +57,7 @@ class Poses(Kind[PoseRecording]):
         most = max(made, key=lambda trial: len(trial.recording.seen))
         few = [len(r.seen) < min(LEAST_TO_SPLIT, len(most.recording.seen)) for r in held_out]
         made += [
-            PoseTrial(r, constants, least=most.level if short else None)
+            PoseTrial(r, constants, like=most.noise, few=short)
             for r, short in zip(held_out, few, strict=True)
         ]
         if not constants.free:

@@ -270,6 +270,6 @@ def test_few_views_that_are_held_out_have_the_noise_of_the_many() -> None:
     fit, held_out = split_poses(replace(recording, seen=kept))
     (many,), (few,) = Poses().trials([fit], [held_out])
     assert isinstance(many, PoseTrial) and isinstance(few, PoseTrial) and len(held_out.seen) == 6
-    assert np.all(few.level >= many.level)
+    assert np.all(few.noise.level >= many.noise.level)
     parts = [few.residual[c] / few.sigma[c] for c in few.channels]
     assert float(np.sqrt(np.mean(np.square(parts)))) < 2.0

@@ -3,15 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from samrl_core.common.errors import InputError
 
+POWERS = (0, 1, 2)  # of the distance with which noise of a detected pose may grow
+ALIKE = ((0, 1), (2,), (3, 4, 5))  # channels that grow alike: across the view, along it, turns
+CLEARLY = 3.0  # [nat] by which growing noise must be likelier than even noise
+LEAST_SPREAD = 0.3  # of the distance's logarithm, below which growth does not show
 ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
 OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target
 ROUNDS = 6
 LEAST = np.array([1e-6] * 3 + [1e-6] * 3)  # [m], [rad]: rounding of a log
+
+
+@dataclass(frozen=True, eq=False)
+class DetectorNoise:
+    """Noise of detected poses, by the target's distance."""
+
+    level: np.ndarray  # (6,) standard deviations at 1 m [m], [rad]
+    power: np.ndarray  # (6,) of the distance
+
+    def at(self, distance: np.ndarray) -> np.ndarray:
+        """Standard deviations (N, 6) at distances (N,) [m]."""
+        return self.level * distance[:, None] ** self.power
+
+
+def growth_power(left: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Powers (6,) of the distance (N,) with which what is left (N, 6) grows; 0 where it does not clearly.
+
+    A corner's noise in pixels moves a pose across the view with the distance, and along it and in its turns
+    up to its square. By the likelihood of a Laplace distribution, which wrong detections hardly move.
+    """
+    out, x = np.zeros(left.shape[1]), np.log(distance)
+    if float(np.ptp(x)) < LEAST_SPREAD:
+        return out
+    x = x - x.mean()
+    for channels in ALIKE:
+        y = np.abs(left[:, list(channels)])
+        spread = [np.maximum(np.mean(y * np.exp(-p * x)[:, None], axis=0), 1e-12) for p in POWERS]
+        likely = -len(y) * np.array([float(np.sum(np.log(each))) for each in spread])
+        best = int(np.argmax(likely))
+        out[list(channels)] = POWERS[best] if likely[best] > likely[0] + CLEARLY else 0
+    return out
 
 
 def leftover(residual: np.ndarray, columns: Sequence[np.ndarray], spread: Sequence[float]) -> np.ndarray:

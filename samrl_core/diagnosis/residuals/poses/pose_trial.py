@@ -15,13 +15,20 @@ from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.phases import REST, phases_of_speed
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.chain import Chain, Constants, track_rate
-from samrl_core.diagnosis.residuals.poses.noise import OUTLIER, leftover, noise_level
+from samrl_core.diagnosis.residuals.poses.noise import (
+    OUTLIER,
+    DetectorNoise,
+    growth_power,
+    leftover,
+    noise_level,
+)
 
 CHANNELS = ("position_x", "position_y", "position_z", "rotation_x", "rotation_y", "rotation_z")
 UNITS = {name: "m" if name.startswith("position") else "rad" for name in CHANNELS}
 LEAST_POSES = 6
 TIMING_RATE_HZ = 5.0  # below it poses are no motion: nothing is said of clocks
 RATE_STEP_S = 0.01  # of the difference that gives a rate
+NEAREST_M = 0.01  # of a target: nearer poses have the noise of this distance
 LEVER_M = 0.5  # at which a translation of 1 m/s counts as 2 rad/s, for phases
 # Standard deviations of what the noise estimate lets be off: beyond the catalogue's ranges.
 TRANSLATION, ROTATION, SIZE, ZERO, CLOCK = 0.03, 0.05, 0.05, 0.02, 0.1
@@ -40,13 +47,14 @@ class PoseTrial(Observed):
         self,
         recording: PoseRecording,
         constants: Constants,
-        level: np.ndarray | None = None,
-        least: np.ndarray | None = None,
+        noise: DetectorNoise | None = None,
+        like: DetectorNoise | None = None,
+        few: bool = False,
     ) -> None:
-        """Form the residuals at the given constants, with noise `level` (6,) or the recording's own.
+        """Form the residuals at the given constants, with `noise` or the recording's own.
 
-        `least` (6,) is the noise of more poses of the same detector: of a few views at rest the constants
-        that noise is estimated around take up most of it.
+        `like` is the noise of more poses of the same detector, which tell how it grows with the distance. Of
+        `few` views at rest the constants that noise is estimated around take up most of it: it is no less.
 
         Raises:
             InputError: fewer than `LEAST_POSES` poses.
@@ -68,11 +76,11 @@ class PoseTrial(Observed):
             and track_rate(recording.seen) >= TIMING_RATE_HZ
             and all(_rate(a.stamps) >= TIMING_RATE_HZ for a in recording.arms)
         )
-        if level is None:
-            self.level, self._sigma, self.outliers = self._noise(least)
+        distance = np.maximum(np.linalg.norm(self.seen_position, axis=1), NEAREST_M)
+        if noise is None:
+            self.noise, self._sigma, self.outliers = self._noise(distance, like, few)
         else:
-            self.level, self.outliers = level, 0
-            self._sigma = np.broadcast_to(level, self._residual.shape)
+            self.noise, self.outliers, self._sigma = noise, 0, noise.at(distance)
 
     # -- what any recording tells ----------------------------------------------------------------------
 
@@ -210,8 +218,10 @@ class PoseTrial(Observed):
 
     # -- noise -----------------------------------------------------------------------------------------
 
-    def _noise(self, least: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, int]:
-        """Level (6,) and standard deviations (N, 6), and how many detections stand apart from all others."""
+    def _noise(
+        self, distance: np.ndarray, like: DetectorNoise | None, few: bool
+    ) -> tuple[DetectorNoise, np.ndarray, int]:
+        """The noise, its standard deviations (N, 6), and how many detections stand apart from all others."""
         columns: list[np.ndarray] = []
         spread: list[float] = []
         for twists in self.links.values():
@@ -230,13 +240,18 @@ class PoseTrial(Observed):
         left = leftover(residual, columns, spread)
         stated = self.recording.tolerances
         floor = stated.deviation * np.array([stated.detection_position] * 3 + [stated.detection_rotation] * 3)
-        level = noise_level(left, floor)
-        level = level if least is None else np.maximum(level, least)
-        score = np.max(np.abs(left) / np.hypot(level, 1.5 * np.median(np.abs(left), axis=0)), axis=1)
+        power = growth_power(left, distance) if like is None else like.power
+        growth = distance[:, None] ** power
+        middle = np.median(growth, axis=0)
+        even = left * middle / growth
+        level = noise_level(even, floor)
+        level = np.maximum(level, like.level * middle) if few and like is not None else level
+        score = np.max(np.abs(even) / np.hypot(level, 1.5 * np.median(np.abs(even), axis=0)), axis=1)
         apart = score > OUTLIER
-        sigma = np.broadcast_to(level, left.shape).copy()
+        noise = DetectorNoise(level / middle, power)
+        sigma = noise.at(distance)
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out
-        return level, sigma, int(np.count_nonzero(apart))
+        return noise, sigma, int(np.count_nonzero(apart))
 
     def _aligned(self, columns: list[np.ndarray], spread: list[float]) -> np.ndarray:
         """Residuals at the arms' common clock offset that leaves least: noise must not hold a delay."""

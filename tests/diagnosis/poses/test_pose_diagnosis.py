@@ -18,7 +18,7 @@ from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.kinds.poses import Poses, split_poses
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.poses import rigid
-from samrl_core.diagnosis.residuals.poses.noise import leftover
+from samrl_core.diagnosis.residuals.poses.noise import growth_power, leftover
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.solve import solved
 from samrl_core.diagnosis.result import Diagnosis
@@ -273,3 +273,16 @@ def test_few_views_that_are_held_out_have_the_noise_of_the_many() -> None:
     assert np.all(few.noise.level >= many.noise.level)
     parts = [few.residual[c] / few.sigma[c] for c in few.channels]
     assert float(np.sqrt(np.mean(np.square(parts)))) < 2.0
+
+
+@pytest.mark.parametrize("grown", [(0, 0, 0, 0, 0, 0), (1, 1, 2, 1, 1, 1), (0, 0, 2, 1, 1, 1)])
+def test_noise_grows_with_the_distance_where_the_poses_show_it(grown: tuple[int, ...]) -> None:
+    """A few wrong detections do not hide it, and even noise has no power in any of 20 draws."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        distance = np.exp(rng.uniform(np.log(0.25), np.log(1.2), 150))
+        left = 1e-3 * rng.standard_normal((150, 6)) * distance[:, None] ** np.array(grown)
+        left[:2] *= 20.0
+        found = growth_power(left, distance)
+        assert tuple(found > 0) == tuple(np.array(grown) > 0), (seed, found)
+    assert not growth_power(left, np.full(150, 0.5)).any()

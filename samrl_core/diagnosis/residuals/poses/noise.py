@@ -11,7 +11,8 @@ from samrl_core.common.errors import InputError
 
 POWERS = (0, 1, 2)  # of the distance with which noise of a detected pose may grow
 ALIKE = ((0, 1), (2,), (3, 4, 5))  # channels that grow alike: across the view, along it, turns
-CLEARLY = 3.0  # [nat] by which growing noise must be likelier than even noise
+CLEARLY = 5.0  # [nat] by which growing noise must be likelier than even noise
+FREEDOM = 4.0  # of the Student distribution by which that is judged
 LEAST_SPREAD = 0.3  # of the distance's logarithm, below which growth does not show
 ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
 OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target
@@ -35,19 +36,28 @@ def growth_power(left: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Powers (6,) of the distance (N,) with which what is left (N, 6) grows; 0 where it does not clearly.
 
     A corner's noise in pixels moves a pose across the view with the distance, and along it and in its turns
-    up to its square. By the likelihood of a Laplace distribution, which wrong detections hardly move.
+    up to its square. By the likelihood of a Student distribution, which wrong detections hardly move.
     """
     out, x = np.zeros(left.shape[1]), np.log(distance)
     if float(np.ptp(x)) < LEAST_SPREAD:
         return out
     x = x - x.mean()
     for channels in ALIKE:
-        y = np.abs(left[:, list(channels)])
-        spread = [np.maximum(np.mean(y * np.exp(-p * x)[:, None], axis=0), 1e-12) for p in POWERS]
-        likely = -len(y) * np.array([float(np.sum(np.log(each))) for each in spread])
+        y = left[:, list(channels)]
+        likely = np.array([_log_student(y * np.exp(-p * x)[:, None]) for p in POWERS])
         best = int(np.argmax(likely))
         out[list(channels)] = POWERS[best] if likely[best] > likely[0] + CLEARLY else 0
     return out
+
+
+def _log_student(values: np.ndarray) -> float:
+    """Log likelihood of columns (N, K) at the likeliest scale of each, up to a constant."""
+    level = np.maximum(ROBUST * np.median(np.abs(values), axis=0), 1e-12)
+    for _ in range(2 * ROUNDS):  # expectation and maximisation
+        weight = (FREEDOM + 1.0) / (FREEDOM + (values / level) ** 2)
+        level = np.maximum(np.sqrt(np.mean(weight * values**2, axis=0)), 1e-12)
+    fallen = 0.5 * (FREEDOM + 1.0) * np.log1p((values / level) ** 2 / FREEDOM)
+    return -float(np.sum(fallen + np.log(level)))
 
 
 def leftover(residual: np.ndarray, columns: Sequence[np.ndarray], spread: Sequence[float]) -> np.ndarray:

@@ -12,7 +12,7 @@ from samrl_core.common.errors import InputError
 POWERS = (0, 1, 2)  # of the distance with which noise of a detected pose may grow
 ALIKE = ((0, 1), (2,), (3, 4, 5))  # channels that grow alike: across the view, along it, turns
 CLEARLY = 5.0  # [nat] by which growing noise must be likelier than even noise
-FREEDOM = 4.0  # of the Student distribution by which that is judged
+FREEDOM = 4.0  # of the Student distribution that tells it
 LEAST_SPREAD = 0.3  # of the distance's logarithm, below which growth does not show
 ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
 OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target

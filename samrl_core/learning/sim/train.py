@@ -164,9 +164,9 @@ class _Training:
         for part in ("actor", "q"):  # where it is computed, and how precisely, may change on the way
             config[part] |= {"device": "", "bfloat16": False}
         config |= {"schema": 1, "task": self.task.name, "given_actor": given, "visited": visited}
-        config["correction"] = as_data(self.randomising.correction)
+        config["correction"] = json.dumps(as_data(self.randomising.correction))  # one text
         note = {"commit": _commit()}
-        before = {"cell": DEFAULT_CELL, "correction": as_data(NO_CORRECTION)}
+        before = {"cell": DEFAULT_CELL, "correction": json.dumps(as_data(NO_CORRECTION))}
         kept = keep_to(self.folder / CONFIG, config, "training", note, before)
         self.commit = kept["commit"]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from samrl_core.cell.calibration.cell_correction import CellCorrection, CorrectionCovariance
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.prepare import prepare_states
@@ -154,3 +155,18 @@ def test_a_training_records_what_it_was_given(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="needle_threading"):
         train(TASK.name, tmp_path / "u", SMALL, stop, visited=[moved])
     assert not (tmp_path / "u" / CONFIG).exists()
+
+
+def test_a_training_for_a_corrected_cell_goes_on_with_the_same_correction(tmp_path: Path) -> None:
+    uniform = replace(SMALL, randomisation="uniform")
+    known = CorrectionCovariance(("depth_scale",), np.array([[1e-6]]))
+    corrected = CellCorrection(numbers={"depth_scale": 0.01}, covariance=known)
+
+    def stop(stage: str, row: dict[str, float]) -> None:
+        raise KeyboardInterrupt
+
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            train(TASK.name, tmp_path, uniform, stop, correction=corrected)
+    with pytest.raises(InputError, match="correction"):
+        train(TASK.name, tmp_path, uniform, stop)

@@ -132,7 +132,7 @@ def test_a_machine_that_changes_is_told_with_the_time(changed: Stream, tmp_path:
     watch.close()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_an_arm_that_rests_is_not_judged_and_says_so(tmp_path: Path) -> None:
     (plain,) = world(1, "A")
     states = plain.states

@@ -29,7 +29,7 @@ def found(**fields: object) -> tuple[Correction, list[ArmRecording]]:
     return far.correction, recordings
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_with_the_applied_model_the_held_out_recording_has_no_gap(tmp_path: Path) -> None:
     correction, recordings = found(viscous={LIFT: 1.0})
     done = write_applied_model(correction, tmp_path / "apply")

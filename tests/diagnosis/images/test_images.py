@@ -123,7 +123,7 @@ def test_a_fitted_depth_corrects_the_images(recordings: list[ImageRecording]) ->
     assert np.median(np.abs(mended - first.depth[0])[near]) < 0.002
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_what_no_motion_splits_is_said(recordings: list[ImageRecording]) -> None:
     """The last joint's zero and the hand-eye turn the camera alike; a base does not."""
     (trial,) = prepared(recordings[:1], 1)

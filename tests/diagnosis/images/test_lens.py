@@ -46,7 +46,7 @@ def test_a_lens_as_stated_leaves_the_frame(recordings: list[ImageRecording]) -> 
     assert undistorted(scene, frame, {"hand_eye": np.ones(6)}) is frame
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_large_error_of_the_lens_is_where_images_are_compared(recordings: list[ImageRecording]) -> None:
     """5 % of the focal lengths and of the image's height: far outside of what is linear."""
     focal, centre = np.array([0.05, 0.04]), np.array([0.0, 0.05])

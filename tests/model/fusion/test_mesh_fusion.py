@@ -18,7 +18,7 @@ from samrl_core.model.scene.mesh_checks import MeshLimits, require_sound
 from samrl_core.studies.model.mesh_fusion import BODIES, TARGET_M, MeshEvaluator, cameras, main, swollen
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_twelve_photos_give_the_body(name: str) -> None:
     cell = cell_named()

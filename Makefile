@@ -2,7 +2,7 @@
 #   make cell    one recorded episode of the hard peg in a cell that differs from its model (INSTANCE);
 #                INSTANCE=nominal TASK=peg_insertion is the cell that is its model
 #   make test    fast tests, then check
-#   make check   ruff, pyright                         make slow   the slow tests, and pyright over all tests
+#   make check   ruff, pyright                         make slow   the slow tests
 #   make thorough  tests of some seconds each that make test leaves out; CI runs both
 #   make fuzz    100,000 damaged inputs over all readers (FUZZ: their number, SEED; JOBS: readers at once)
 #   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts,
@@ -88,7 +88,6 @@ check: $(BUILT)
 
 slow: $(BUILT)
 	$(BIN)/python -m pytest -q -m slow
-	$(BIN)/pyright --pythonpath $(BIN)/python tests
 
 fuzz: $(BUILT)
 	$(BIN)/python -m tests.fuzz.attack --count $(FUZZ) --seed $(SEED) --jobs $(JOBS)

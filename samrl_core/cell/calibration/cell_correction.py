@@ -68,6 +68,12 @@ class CorrectionCovariance:
         matrix.setflags(write=False)
         object.__setattr__(self, "matrix", matrix)
 
+    @cached_property
+    def factor(self) -> np.ndarray:
+        """(K, K) F with F F' the matrix; what rounding leaves below zero is zero."""
+        variances, axes = np.linalg.eigh(self.matrix)
+        return axes * np.sqrt(np.maximum(variances, 0.0))
+
     @staticmethod
     def of_blocks(blocks: Iterable[tuple[Sequence[str], np.ndarray]]) -> CorrectionCovariance:
         """Of groups of numbers that were found one beside the other; a later group takes the place of what an

@@ -28,10 +28,8 @@ from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.pose import Pose, rotation_vector
 
-SEEN_ROWS = (
-    *twist_names("camera"),
-    *NUMBERS,
-)  # of `seen_map`: the camera's twist in its own axes, then the rest
+# Of `seen_map`: the camera's twist in its own axes, then the rest.
+SEEN_ROWS = (*twist_names("camera"), *NUMBERS)
 _WAY, _TURN = 0.05, 0.1  # of a camera whose errors are compared with those from here [m], [rad]
 
 
@@ -64,12 +62,9 @@ def seen_error(
         point: (3,) in world, what is aimed at [m].
         above: (3,) in world, what is led there, where it is seen [m].
     """
-    known = correction.covariance
-    if not known.of:
+    if not correction.covariance.of:
         return EXACTLY_SEEN
-
-    variances, axes = np.linalg.eigh(known.matrix)
-    factor = axes * np.sqrt(np.maximum(variances, 0.0))  # what rounding leaves below zero is zero
+    factor = correction.covariance.factor
 
     def at(camera: Pose, one: np.ndarray) -> np.ndarray:
         columns = seen_columns(correction, cell, camera, one[None])[0] @ factor

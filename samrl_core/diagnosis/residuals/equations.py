@@ -36,9 +36,8 @@ SETTLED = 1e-6  # [rad] travel of a command that rests
 SETTLING_S = 1.0  # ASSUMPTION: until a small servo has settled
 LATEST_S = 0.5  # longest delay of a servo that only logs where it is; a tenth of a shorter recording
 LATEST_IN_LAW_S = 0.1  # the same of a command before a described law
-MOVES = (
-    0.05  # of a command's typical speed: slower than that when the recording begins, it stood still before
-)
+# Of a command's typical speed: slower than that when the recording begins, it stood still before.
+MOVES = 0.05
 NOMINAL_SIGN = 0.005  # [rad/s] width of the sign in stated friction, as in closed-loop simulation
 WALKS = 60  # functions of a random walk: up to 2.5 Hz in a recording of 12 s
 MAX_LAG = 2  # [samples] by which states may lead or trail the commanded effort they caused

@@ -29,9 +29,7 @@ class CellErrors:
     def draw_cells(correction: CellCorrection, rng: np.random.Generator, count: int) -> CellErrors:
         """So many cells from the correction's covariance; all alike where it is known exactly."""
         known = correction.covariance
-        variances, axes = np.linalg.eigh(known.matrix)
-        factor = axes * np.sqrt(np.maximum(variances, 0.0))
-        return CellErrors(correction, rng.standard_normal((count, len(known.of))) @ factor.T)
+        return CellErrors(correction, rng.standard_normal((count, len(known.of))) @ known.factor.T)
 
     def rows(self, which: np.ndarray | slice) -> CellErrors:
         """Some of the cells."""

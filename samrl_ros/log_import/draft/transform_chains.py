@@ -138,7 +138,7 @@ def find_chains(path: Path, topics: Sequence[LoggedTrack]) -> FoundChains | None
     stated, reasons = _stated(tree, arm, camera, flange, base)
     return FoundChains(
         seen, carried, arm, stated, reasons, _asked(edges, bool(guessed), seen, carried, rivals),
-        tuple(f"{path.name}: {edge.child}{BETWEEN}{edge.parent}" for edge in edges[1:]),
+        tuple(f"{path.name}: {edge.name}" for edge in edges[1:]),
     )  # fmt: skip
 
 
@@ -187,17 +187,12 @@ def _find_arm(tree: TransformTree, hung: list[str], arms: Sequence[Edge]) -> tup
 
     Empty where nothing moves but the target.
     """
-    pairs = {(edge.child, edge.parent) for edge in arms}
-
-    def moved(way: Sequence[str]) -> list[tuple[str, str]]:
-        return [pair for pair in zip(way[:-1], way[1:], strict=True) if pair in pairs]
-
-    if carried := moved(hung):
+    if carried := _moving_pairs(hung, arms):
         return _best(tree, carried[0][0], FLANGES), _best(tree, carried[-1][1], BASES), []
     ends: dict[str, list[tuple[str, str]]] = {}
     for frame in sorted({child for child, _ in tree.edges}):
         try:
-            ends[frame] = moved(tree.climb(frame))
+            ends[frame] = _moving_pairs(tree.climb(frame), arms)
         except InputError:  # a frame that no chain needs may have two parents
             continue
     ends = {frame: joints for frame, joints in ends.items() if joints}
@@ -210,6 +205,12 @@ def _find_arm(tree: TransformTree, hung: list[str], arms: Sequence[Edge]) -> tup
     flange = min(ends, key=rank)
     rivals = [f for f in ends if rank(f)[:2] == rank(flange)[:2] and ends[f] != ends[flange]]
     return flange, _best(tree, ends[flange][-1][1], BASES), rivals
+
+
+def _moving_pairs(way: Sequence[str], arms: Sequence[Edge]) -> list[tuple[str, str]]:
+    """Child and parent of the transforms up a way that are an arm's."""
+    pairs = {(edge.child, edge.parent) for edge in arms}
+    return [pair for pair in zip(way[:-1], way[1:], strict=True) if pair in pairs]
 
 
 def _rank(frame: str, names: Sequence[str]) -> int:
@@ -233,8 +234,7 @@ def _best(tree: TransformTree, frame: str, names: Sequence[str]) -> str:
 
 
 def _who_moves(tree: TransformTree, hung: list[str], arms: Sequence[Edge], camera: str, base: str) -> str:
-    pairs = {(edge.child, edge.parent) for edge in arms}
-    if any(pair in pairs for pair in zip(hung[:-1], hung[1:], strict=True)):
+    if _moving_pairs(hung, arms):
         return "camera_arm"
     return "tool_arm" if hung and tree.still_pose(camera, base) is not None else ""
 
@@ -263,7 +263,7 @@ def _asked(
     if guessed:
         return f"is {seen.part} the target as the camera sees it, and {carried.part} the flange's pose?"
     if len(cameras) > 1:
-        others = ", ".join(f"{e.child}{BETWEEN}{e.parent}" for e in edges[1:])
+        others = ", ".join(edge.name for edge in edges[1:])
         return f"is it {seen.part}, and not {others}?"
     if rivals:
         return f"is it the arm of {carried.part}, and not that of {shorten(sorted(rivals))}?"

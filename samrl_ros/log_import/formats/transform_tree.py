@@ -41,6 +41,11 @@ class Edge:
     poses: np.ndarray  # (N, 7): position [m] and quaternion xyzw
     moves: bool
 
+    @property
+    def name(self) -> str:
+        """As a part of a bag is called; see `frames_of`."""
+        return f"{self.child}{BETWEEN}{self.parent}"
+
     def at(self, time: np.ndarray) -> np.ndarray:
         """(M, 4, 4) at times (M,) [s]; of a still one always the same. Raises `InputError` if far off."""
         position, turns = self.poses[:, :3], self.poses[:, 3:]
@@ -144,7 +149,7 @@ def describe_tree(path: Path) -> str:
             f". Of its {len(tree.edges)} frames none moves: record /tf beside /tf_static (`ros2 bag record"
             " /tf /tf_static`)"
         )
-    moving = shorten([f"{edge.child}{BETWEEN}{edge.parent}" for edge in tree.moving])
+    moving = shorten([edge.name for edge in tree.moving])
     return (
         f". Of its frames move {moving}: none is named as a target that a camera sees (tag, marker, board,"
         f" target) beside an arm; name them in a mapping, with `part: CHILD{BETWEEN}PARENT` of a source"

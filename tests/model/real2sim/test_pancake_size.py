@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.cell.instance.cell_instance import instance_named
+from samrl_core.cell.instance.cell_instance import CellInstance, instance_named
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.real2sim import Real2Sim, initial_estimate
+from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
 CELL, ON_A_PLATE = cell_named(), task_named("spatula_flipping_hard")
@@ -27,20 +27,25 @@ def model() -> Model:
     return Model(TASK, CELL)
 
 
+def fit_two_images(model: Model, drawn: CellInstance) -> tuple[Estimate, float]:
+    """The estimate after two images of a cell, and the error of its radius [m]."""
+    world = PyBulletWorld(model.task, CELL, instance=drawn)
+    plant, estimate, real2sim = WorldPlant(world, model.task, CELL), initial_estimate(model), Real2Sim(model)
+    plant.begin(3)
+    for _ in range(2):
+        estimate = real2sim.update(estimate, plant.observe())
+    world.close()
+    made = TASK.as_made(drawn.parts)
+    return estimate, TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
+
+
 @pytest.mark.parametrize("instance", ["typical:0", "typical:30"])
 def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(
     model: Model, instance: str
 ) -> None:
     """Radius to the 2 mm that physics are built in; its place stays as uncertain as the camera's error."""
     drawn = instance_named(instance, CELL)
-    world = PyBulletWorld(TASK, CELL, instance=drawn)
-    plant, estimate, real2sim = WorldPlant(world, TASK, CELL), initial_estimate(model), Real2Sim(model)
-    plant.begin(3)
-    for _ in range(2):
-        estimate = real2sim.update(estimate, plant.observe())
-    world.close()
-    made = TASK.as_made(drawn.parts)
-    error = TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
+    estimate, error = fit_two_images(model, drawn)
     stated = np.sqrt(np.diag(estimate.covariance))
     assert abs(error) < 0.002 and abs(error) < 3.0 * TASK.pancake_radius * stated[SIZE] < 0.004
     assert np.abs(estimate.values[3:5]).max() < np.radians(4.0)  # it lies, and is not fitted aslant
@@ -53,14 +58,7 @@ def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(
 def test_on_a_plate_of_unknown_height_the_radius_is_told_within_what_is_stated() -> None:
     """What lies higher looks larger: 5 mm of 370 mm are 0.7 mm of the radius."""
     drawn = instance_named("typical:30", CELL)
-    model, world = Model(ON_A_PLATE, CELL), PyBulletWorld(ON_A_PLATE, CELL, instance=drawn)
-    plant, estimate, real2sim = WorldPlant(world, ON_A_PLATE, CELL), initial_estimate(model), Real2Sim(model)
-    plant.begin(3)
-    for _ in range(2):
-        estimate = real2sim.update(estimate, plant.observe())
-    world.close()
-    made = TASK.as_made(drawn.parts)
-    error = TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
+    estimate, error = fit_two_images(Model(ON_A_PLATE, CELL), drawn)
     stated = TASK.pancake_radius * float(np.sqrt(estimate.covariance[SIZE, SIZE]))
     assert abs(drawn.parts.surface) > 0.001
     assert abs(error) < 0.003 and abs(error) < 3.0 * stated < 0.004

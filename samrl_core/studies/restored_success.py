@@ -51,7 +51,7 @@ from samrl_core.studies.purpose import keep_purpose, one_purpose
 
 NAME = "restored_success"
 COUNT = 12  # cells, each with the next of `DOMINANT`
-EPISODES = 2  # in each cell and condition
+EPISODES = {"peg_insertion": 2, "peg_insertion_hard": 2}  # in each cell and condition, else one
 MAX_ACTIONS = 45  # at most, or the task's own limit: an expert needs 22 to 41
 FIRST_CELL = 400  # and on; of development, or of test where a row is asked for by its name with `_test`
 FACTOR = 2.0  # of the error, against what is met in practice where nobody checked
@@ -100,24 +100,19 @@ def run(options: Options, progress: Progress) -> dict[str, Any]:
     summary: dict[str, Any] = {}
     for task in options.tasks:
         cells = [_cell_job(options, purpose, task, n) for n in range(options.count or COUNT)]
-        found: list[Case] = [{} for _ in cells]
-        if {DIAGNOSED, TOLD} & set(rows):
-            found = run_cases(log, examined, [((c.key,), c) for c in cells], options.spread, progress)
-        if FITTED in rows:
-            fits = [replace(c, key=f"{task}/fit/{c.key.rpartition('/')[2]}") for c in cells]
-            of_fits = run_cases(log, fitted, [((c.key,), c) for c in fits], options.spread, progress)
-            for case, fit in zip(found, of_fits, strict=True):
-                case[FITTED] = fit["correction"]
-        jobs = [
-            _episode(options, c, case, row, k)
-            for c, case in zip(cells, found, strict=True)
-            for k in range(EPISODES)
-            for row in rows
-        ]
-        distinct = list({job.key: job for job in jobs}.values())
-        of_key = {c["key"]: c for c in run_episodes(log, distinct, options.spread, progress)}
-        episodes = [of_key[job.key] for job in jobs]
-        summary[task] = restored(cells, found, jobs, episodes)
+        found: dict[str, Case] = {}
+        jobs: list[EpisodeJob] = []
+        # The first episode of every cell before any second one, and as many cells at a time as there are
+        # processes: a run that time ends has whole cells.
+        for k in range(EPISODES.get(task, 1)):
+            for first in range(0, len(cells), options.processes):
+                some = cells[first : first + options.processes]
+                found |= _found(log, some, rows, options, progress)
+                now = [_episode(options, c, found[c.key], row, k) for c in some for row in rows]
+                run_episodes(log, list({job.key: job for job in now}.values()), options.spread, progress)
+                jobs += now
+        episodes = [log.cases[job.key] for job in jobs]
+        summary[task] = restored(cells, [found[c.key] for c in cells], jobs, episodes)
         draw_restored(summary[task], task, options.out / f"{NAME}_{task}.png")
     return {
         "purpose": purpose,
@@ -126,6 +121,22 @@ def run(options: Options, progress: Progress) -> dict[str, Any]:
         "first_cell": FIRST_CELL,
         "tasks": summary,
     }
+
+
+def _found(
+    log: CaseLog, cells: list[CellJob], rows: list[str], options: Options, progress: Progress
+) -> dict[str, Case]:
+    """What the rows need to know of some cells, by key."""
+    found: dict[str, Case] = {cell.key: {} for cell in cells}
+    if {DIAGNOSED, TOLD} & set(rows):
+        cases = run_cases(log, examined, [((c.key,), c) for c in cells], options.spread, progress)
+        found = {case["key"]: case for case in cases}
+    if FITTED in rows:
+        fits = [replace(c, key=f"{c.task}/fit/{c.key.rpartition('/')[2]}") for c in cells]
+        of_fits = run_cases(log, fitted, [((c.key,), c) for c in fits], options.spread, progress)
+        for cell, fit in zip(cells, of_fits, strict=True):
+            found[cell.key] = {**found[cell.key], FITTED: fit["correction"]}
+    return found
 
 
 def examined(job: CellJob) -> list[Case]:
@@ -301,6 +312,6 @@ EXPERIMENT = Experiment(
     "success before and after a diagnosis of the cell's images is put into the cell",
     ("peg_insertion_hard",),
     run,
-    on_request=("peg_insertion",),
+    on_request=("needle_threading_hard", "peg_insertion"),
     conditions=tuple(CONDITIONS),
 )

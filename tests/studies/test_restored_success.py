@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samrl_core.cell.calibration.cell_correction import CellCorrection
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection, as_data
 from samrl_core.cell.instance.cell_instance import instance_named
 from samrl_core.cell.instance.dominant import DOMINANT
 from samrl_core.cell.robots.cells import cell_named
@@ -17,8 +17,9 @@ from samrl_core.cell.types.observation import Frame
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.true_cell import true_cell
 from samrl_core.common.errors import InputError
+from samrl_core.studies import restored_success
 from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob
-from samrl_core.studies.experiment import Options
+from samrl_core.studies.experiment import CaseLog, Options
 from samrl_core.studies.restored_success import (
     DESCRIBED,
     DIAGNOSED,
@@ -126,3 +127,35 @@ def test_rows_for_development_and_for_a_final_table_are_kept_apart(tmp_path: Pat
     with pytest.raises(InputError, match="development and test"):
         run(options, lambda _: None)
     assert not (tmp_path / "cases.jsonl").exists()
+
+
+def test_a_run_that_time_ends_has_whole_cells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Diagnosis and rows of one cell come before the next cell's; first episodes before any second one."""
+    came: list[str] = []
+
+    def keep(log: CaseLog, cases: list[dict[str, object]]) -> list[dict[str, object]]:
+        for case in cases:
+            if case["key"] not in log.cases:
+                came.append(str(case["key"]))
+                log.keep(case)
+        return cases
+
+    def examine(log: CaseLog, _: object, work: list[tuple[tuple[str], CellJob]], *__: object) -> object:
+        said = {"verdict": "no_gap", DIAGNOSED: as_data(NO_CORRECTION)}
+        told = as_data(CellCorrection(numbers={"depth_scale": 0.01}))
+        return keep(log, [{"key": key, TOLD: told, **said} for (key,), _ in work])
+
+    def drive(log: CaseLog, jobs: list[EpisodeJob], *_: object) -> object:
+        return keep(log, [{"key": job.key, **_case(DESCRIBED not in job.key)} for job in jobs])
+
+    monkeypatch.setattr(restored_success, "run_cases", examine)
+    monkeypatch.setattr(restored_success, "run_episodes", drive)
+    options = Options(tmp_path, tasks=("peg_insertion_hard",), count=2, workers=1)
+    rows = (UNHARMED, DESCRIBED, DIAGNOSED, TOLD)
+    summary = run(replace(options, conditions=rows), lambda _: None)["tasks"]["peg_insertion_hard"]
+    ways = [f"typical:{cell}/{k}" for k in (0, 1) for cell in (400, 401)]
+    places = [next(n for n, key in enumerate(came) if way in key) for way in ways]
+    assert places == sorted(places) and came[0].endswith("cell/400") and came[4].endswith("cell/401")
+    assert {row: share["successes"] for row, share in summary["rows"].items()} == {
+        UNHARMED: 4, DESCRIBED: 0, DIAGNOSED: 0, TOLD: 4,
+    }  # fmt: skip

@@ -1,7 +1,7 @@
 """How much success comes back once a diagnosis of the cell's images is put into the cell.
 
 Each cell is a `typical` installation in which one error stands out. Its images are recorded and diagnosed as
-a user would, with the plain part on the bench; the same episodes are then run as the cell is described, with
+a user would, with a plain part on the bench; the same episodes are then run as the cell is described, with
 what was diagnosed, and, told by truth, with the error exactly known. Without the error they say what there
 was to lose. Two rows do without a diagnosis: all numbers of a correction are fitted to the same images at
 once, without asking which of them it is; or nothing is corrected, and what the loop believes of errors is
@@ -35,6 +35,7 @@ from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks import plain_name, task_named
+from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.image_recording import ImageRecording
 from samrl_core.cell.world.camera_recording import record_camera
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
@@ -169,9 +170,9 @@ def fitted(job: CellJob) -> list[Case]:
 
 
 def record_cell(job: CellJob) -> list[ImageRecording]:
-    """Its recordings of the plain part's bench; the last one is to be held out."""
-    task, cell = task_named(plain_name(job.task)), cell_named(job.cell)
-    instance = instance_named(job.instance, cell)
+    """Its recordings of the bench that shows its camera and bases; the last one is to be held out."""
+    cell = cell_named(job.cell)
+    task, instance = bench_of(job.task, cell), instance_named(job.instance, cell)
     loads = nominal_payloads(cell, task.scene(cell).tool)
     recordings = []
     for name, seed in RECORDINGS:
@@ -183,6 +184,20 @@ def record_cell(job: CellJob) -> list[ImageRecording]:
         finally:
             world.close()
     return recordings
+
+
+def bench_of(name: str, cell: CellSpec) -> Task:
+    """The task whose bench a cell is diagnosed on before it does the named one.
+
+    Images tell bases by a held thing whose outline the model knows, beside an object that keeps its shape. A
+    thread swings, and the fingers that hold it are known roughly. What is found is the cell's and holds for
+    all its tasks, so that one with a thread is diagnosed on the peg's bench, as by a calibration target.
+
+    Raises:
+        InputError: there is no such task.
+    """
+    task = task_named(plain_name(name))
+    return task_named("peg_insertion") if task.scene(cell).tool.chain else task
 
 
 def correct_by_truth(error: str, instance: CellInstance, cell: CellSpec) -> CellCorrection:

@@ -17,6 +17,8 @@ from samrl_core.cell.types.observation import Frame
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.true_cell import true_cell
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.images.expected import still_recording
+from samrl_core.diagnosis.residuals.images.scene import ImageScene
 from samrl_core.studies import restored_success
 from samrl_core.studies.episodes.world_episodes import Condition, EpisodeJob
 from samrl_core.studies.experiment import CaseLog, Options
@@ -29,6 +31,7 @@ from samrl_core.studies.restored_success import (
     TOLD,
     UNHARMED,
     CellJob,
+    bench_of,
     correct_by_truth,
     draw_restored,
     restored,
@@ -127,6 +130,21 @@ def test_rows_for_development_and_for_a_final_table_are_kept_apart(tmp_path: Pat
     with pytest.raises(InputError, match="development and test"):
         run(options, lambda _: None)
     assert not (tmp_path / "cases.jsonl").exists()
+
+
+@pytest.mark.parametrize(
+    ("task", "bench"),
+    [
+        ("peg_insertion_hard", "peg_insertion"),
+        ("spatula_flipping_hard", "spatula_flipping"),
+        ("needle_threading_hard", "peg_insertion"),
+    ],
+)
+def test_a_cell_is_diagnosed_on_a_bench_that_images_can_be_compared_of(task: str, bench: str) -> None:
+    of = bench_of(task, CELL)
+    assert of.name == bench
+    still = still_recording(of.name, CELL.name, of.start_joints(CELL))
+    ImageScene(still, CELL.intrinsics)  # refuses what it cannot compare
 
 
 def test_a_run_that_time_ends_has_whole_cells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

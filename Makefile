@@ -2,7 +2,7 @@
 #   make cell    one recorded episode of the hard peg in a cell that differs from its model (INSTANCE);
 #                INSTANCE=nominal TASK=peg_insertion is the cell that is its model
 #   make test    fast tests, then check
-#   make check   ruff, pyright                         make slow   the slow tests
+#   make check   ruff, ty (types)                       make slow   the slow tests
 #   make thorough  tests of some seconds each that make test leaves out; CI runs both
 #   make fuzz    100,000 damaged inputs over all readers (FUZZ: their number, SEED; JOBS: readers at once)
 #   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts,
@@ -67,9 +67,10 @@ cell: $(BUILT)
 	set -- samrl cell --task $(TASK) --instance $(INSTANCE) --episodes $(EPISODES) --seed $(SEED) \
 	  --out out/cell-$$n; echo "$$@"; exec $(BIN)/"$$@"
 
-# Pyright runs beside the tests of one process each, and not beside those over DDS, which need the cores.
+# The tests over DDS come last and alone: they need the cores.
 test: $(BUILT)
-	$(MAKE) -j2 unit check
+	$(MAKE) check
+	$(MAKE) unit
 	$(MAKE) live
 
 unit: $(BUILT)
@@ -84,7 +85,7 @@ live: $(BUILT)
 
 check: $(BUILT)
 	$(BIN)/ruff check .
-	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/ty check --python $(BIN)/python
 
 slow: $(BUILT)
 	$(BIN)/python -m pytest -q -m slow

@@ -11,7 +11,7 @@ from setuptools import find_namespace_packages, setup
 try:
     import tomllib
 except ImportError:  # Python before 3.11, as on the build host of a colcon workspace
-    import tomli as tomllib  # type: ignore[no-redef,import-not-found]
+    import tomli as tomllib
 
 HERE = Path(__file__).resolve().parent
 META = tomllib.loads((HERE / "pyproject.toml").read_text())

@@ -225,7 +225,7 @@ def controllers_page() -> str:
 
 def interfaces_page(folder: Path) -> str:
     """The own message and service definitions as they stand."""
-    lines = [HEAD.format(source="msgs_docs/samrl_msgs") + "# Own interfaces: `samrl_msgs`\n"]
+    lines: list[str] = [HEAD.format(source="msgs_docs/samrl_msgs") + "# Own interfaces: `samrl_msgs`\n"]
     for file in sorted(folder.glob("samrl_msgs/*/*.*")):
         if file.suffix in (".msg", ".srv", ".action"):
             lines += [f"## `samrl_msgs/{file.parent.name}/{file.stem}`\n"]

@@ -38,7 +38,7 @@ UNREADABLE = (
 def packed(arrays: Mapping[str, np.ndarray]) -> bytes:
     """Content of a file of arrays (npz)."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # pyright: ignore[reportArgumentType]
+    np.savez_compressed(buffer, **arrays)  # ty: ignore[invalid-argument-type]
     return buffer.getvalue()
 
 

@@ -10,7 +10,7 @@ import importlib
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     Executor,
@@ -130,7 +130,7 @@ def run_on_ray(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -
 
 
 @contextmanager
-def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
+def worker_pool(count: int) -> Generator[ProcessPoolExecutor]:
     """A pool of processes with one thread each, which end with this process, whatever ends it.
 
     They start as a new Python (spawn) and inherit nothing. Work that has not begun is given up where the

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -67,7 +67,7 @@ def append_line(path: Path, line: str, outlives_power: bool = True) -> None:
 
 
 @contextmanager
-def room_for(path: Path) -> Iterator[None]:
+def room_for(path: Path) -> Generator[None]:
     """Within the block a file or folder is written; that there is no room for it becomes a refusal.
 
     Raises:
@@ -176,7 +176,7 @@ def keep_to(
 
 
 @contextmanager
-def folder_lock(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
+def folder_lock(folder: Path, wait_s: float = 0.0) -> Generator[None]:
     """Keep other processes out of a folder while the block runs; the system frees it when the process ends.
 
     The lock is advisory (flock(2)): it holds between those that ask for it. Child processes do not

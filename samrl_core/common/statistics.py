@@ -44,7 +44,7 @@ class Share:
 def fisher_p(successes: int, trials: int, other_successes: int, other_trials: int) -> float:
     """One-sided p that two independent shares are equal, against the first one being larger (Fisher)."""
     table = [[successes, trials - successes], [other_successes, other_trials - other_successes]]
-    return float(scipy.stats.fisher_exact(table, alternative="greater").pvalue)  # pyright: ignore
+    return float(scipy.stats.fisher_exact(table, alternative="greater").pvalue)
 
 
 def mcnemar_p(first: Sequence[bool], second: Sequence[bool]) -> float:

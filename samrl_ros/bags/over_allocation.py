@@ -52,7 +52,7 @@ def _after_items(store: Typestore, kind: Any, values: Iterable[Any], at: int) ->
     node, detail = kind
     if node.name == "BASE" and detail[0] in _SIZES:
         size = _SIZES[detail[0]]
-        return at + -at % size + size * len(values)  # type: ignore[arg-type]
+        return at + -at % size + size * len(values)  # ty: ignore[invalid-argument-type]
     for value in values:
         at = _after_one(store, kind, value, at)
     return at

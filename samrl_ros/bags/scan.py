@@ -301,7 +301,7 @@ def _chunk_entries(
 
 def _parse(kind: type[_R], body: bytes, position: int) -> _R:
     try:
-        return kind.read(ReadDataStream(BytesIO(body)))  # type: ignore[attr-defined]
+        return kind.read(ReadDataStream(BytesIO(body)))  # ty: ignore[missing-attribute]
     except (struct.error, ValueError, McapError, MemoryError, OverflowError) as error:
         raise Damage(f"{kind.__name__} record at byte {position} is damaged") from error
 

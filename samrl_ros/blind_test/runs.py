@@ -128,18 +128,13 @@ def ask_baseline(job: BaselineJob) -> dict[str, Any]:
 
 def _channels(states: Any, commanded: Any, time_s: np.ndarray) -> dict[str, np.ndarray]:
     """Channels of the metric at common stamps, (N, J) each."""
-    found = {
-        "position": (states, states.position),
-        "velocity": (states, states.velocity),
-        "effort": (states, states.effort),
-        "commanded_effort": (commanded, None if commanded is None else commanded.effort),
-    }
+    found = {name: (states.time, getattr(states, name)) for name in ("position", "velocity", "effort")}
+    if commanded is not None:
+        found["commanded_effort"] = (commanded.time, commanded.effort)
     return {
-        name: np.stack(
-            [np.interp(time_s, found[name][0].time, column) for column in found[name][1].T], axis=1
-        )
+        name: np.stack([np.interp(time_s, found[name][0], column) for column in found[name][1].T], axis=1)
         for name in QUANTITIES
-        if found[name][1] is not None
+        if name in found and found[name][1] is not None
     }
 
 

@@ -86,8 +86,8 @@ def command_function(function: Callable[..., int]) -> Callable[..., None]:
         plain, *extras = get_args(annotation)
         if get_origin(plain) is tuple and get_args(plain)[1:] == (...,):
             repeated.add(field.name)
-            optional = list[get_args(plain)[0]] | None  # type: ignore[misc]
-            annotation = Annotated[(optional, *extras)]
+            optional = list[get_args(plain)[0]] | None  # ty: ignore[invalid-type-form]
+            annotation = Annotated[(optional, *extras)]  # ty: ignore[invalid-type-form]
             default = inspect.Parameter.empty if default is inspect.Parameter.empty else list(default) or None
         parameters.append(
             inspect.Parameter(
@@ -100,7 +100,7 @@ def command_function(function: Callable[..., int]) -> Callable[..., None]:
         values = {name: tuple(value or ()) if name in repeated else value for name, value in given.items()}
         raise typer.Exit(function(settings(**values), **rest))
 
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__signature__ = inspect.Signature(parameters)  # ty: ignore[missing-attribute]
     run.__annotations__ = {one.name: one.annotation for one in parameters}
     return run
 

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -25,7 +25,7 @@ class Heard:
 
 
 @contextmanager
-def as_keyboard_interrupts() -> Iterator[Heard]:
+def as_keyboard_interrupts() -> Generator[Heard]:
     """Within the block signals raise KeyboardInterrupt; afterwards they do what they did before."""
     heard = Heard()
     timers: list[threading.Timer] = []
@@ -55,7 +55,7 @@ def as_keyboard_interrupts() -> Iterator[Heard]:
 
 
 @contextmanager
-def handled(handler: Callable[[int, Any], object]) -> Iterator[None]:
+def handled(handler: Callable[[int, Any], object]) -> Generator[None]:
     """Within the block a handler gets the signals; afterwards they do what they did before."""
     before = {number: signal.signal(number, handler) for number in SIGNALS if not is_ignored(number)}
     try:

@@ -7,7 +7,7 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -99,7 +99,7 @@ class NodeThread:
                 future.set_exception(error)
 
         self._work.put(work)
-        self._executor.wake()  # type: ignore[attr-defined]
+        self._executor.wake()
         return future.result(timeout)
 
     @property
@@ -161,7 +161,7 @@ def bring_up(node: CellNode) -> bool:
 
 
 @contextlib.contextmanager
-def stop_signals() -> Iterator[threading.Event]:
+def stop_signals() -> Generator[threading.Event]:
     """An event that SIGINT, SIGTERM and SIGHUP set, however often: terminal and launcher both send SIGINT."""
     stop = threading.Event()
 

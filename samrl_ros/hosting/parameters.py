@@ -43,7 +43,7 @@ def declare(node: Node, settings_type: type[Any]) -> None:
 def read(node: Node, settings_type: type[Settings]) -> Settings:
     """The settings as the parameters stand now."""
     values = {}
-    for field in dataclasses.fields(settings_type):  # type: ignore[arg-type]
+    for field in dataclasses.fields(settings_type):  # ty: ignore[invalid-argument-type]
         value: Any = node.get_parameter(field.name).value
         values[field.name] = tuple(value) if isinstance(field.default, tuple) else value
     return settings_type(**values)

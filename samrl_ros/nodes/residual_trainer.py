@@ -211,8 +211,9 @@ class ResidualTrainer(Behaviour):
             self._recorded = None  # the episode's end belongs to an action that is not there
             self._outbox.log("warn", f"action {message.step}: its image was not seen, it is not learnt from")
         else:
-            known = self._recorded is not None and self._recorded[0] == message.episode
-            episode = self._recorded[1] if known and self._recorded else self._replay.next_episode()
+            last = self._recorded
+            known = last is not None and last[0] == message.episode
+            episode = last[1] if last is not None and known else self._replay.next_episode()
             number = self._replay.append(self._step(message, episode, chosen[1]))
             self._recorded = (message.episode, episode, number)
             self._check_exploration(from_message.vector(message.residual))

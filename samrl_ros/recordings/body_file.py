@@ -33,7 +33,11 @@ def is_body_file(path: Path) -> bool:
 
 def write_body_file(recording: BodyRecording, path: Path) -> None:
     """Write a recording; an existing file is replaced."""
-    about = {"version": VERSION, "tolerances": asdict(recording.tolerances), "body": asdict(recording.body)}
+    about: dict[str, Any] = {
+        "version": VERSION,
+        "tolerances": asdict(recording.tolerances),
+        "body": asdict(recording.body),
+    }
     about |= {key: getattr(recording, key) for key in _TEXTS}
     about |= {"axes": recording.track.axes, "turns": recording.track.turns, "gravity": recording.gravity}
     about["support"] = None if recording.support is None else asdict(recording.support)

@@ -36,7 +36,7 @@ class Walk:
 
     def __exit__(self, *_: object) -> None:
         sys.setprofile(None)
-        threading.setprofile(None)  # type: ignore[arg-type]
+        threading.setprofile(None)
 
     def _heard(self, frame: FrameType, event: str, _: object) -> None:
         if event == "call":

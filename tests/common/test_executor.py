@@ -23,7 +23,7 @@ def double(x: int) -> int:
 
 @pytest.mark.parametrize("mapping", [executor.run_in_threads, executor.run_in_processes])
 def test_one_failure_does_not_stop_the_others(mapping: object) -> None:
-    ends = list(mapping(double, [1, 2, 3], 2))  # type: ignore[operator]
+    ends = list(mapping(double, [1, 2, 3], 2))  # ty: ignore[not-callable]
     assert {d.item: d.result for d in ends if d.error is None} == {1: 2, 2: 4}
     assert [str(d.error) for d in ends if d.error is not None] == ["three"]
 
@@ -49,7 +49,7 @@ def test_ray_results_and_failures_come_back(monkeypatch: pytest.MonkeyPatch) -> 
 
     def get(reference: tuple[object, int]) -> object:
         try:
-            return reference[0](reference[1])  # type: ignore[operator]
+            return reference[0](reference[1])  # ty: ignore[not-callable]
         except InputError as error:
             raise RayError(str(error)) from error
 

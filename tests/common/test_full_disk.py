@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import resource
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -35,7 +35,7 @@ LONG = "x" * (LIMIT + 1)
 
 
 @contextmanager
-def no_room() -> Iterator[None]:
+def no_room() -> Generator[None]:
     """No file may grow past `LIMIT`; the system answers as it does where the disk is full."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, hard))
@@ -81,9 +81,9 @@ def test_a_writer_refuses_and_leaves_what_was_there(name: str, there: bool, tmp_
 
 def test_a_case_that_does_not_fit_leaves_the_others(tmp_path: Path) -> None:
     log = CaseLog(tmp_path)
-    log.keep({"key": "a", "value": 1})  # type: ignore[arg-type]
+    log.keep({"key": "a", "value": 1})
     with no_room(), pytest.raises(InputError, match="cannot write"):
-        log.keep({"key": "b", "value": LONG})  # type: ignore[arg-type]
+        log.keep({"key": "b", "value": LONG})
     assert set(CaseLog(tmp_path).cases) == {"a"}
 
 

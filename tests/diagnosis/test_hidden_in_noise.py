@@ -33,7 +33,7 @@ def test_what_stands_out_is_named_and_what_does_not_is_no_gap(monkeypatch: pytes
     assert shown.verdict == "effect" and shown.where
 
     def nowhere(*arguments: object) -> object:
-        grid, _ = heatmap(*arguments)  # type: ignore[arg-type]
+        grid, _ = heatmap(*arguments)
         return replace(grid, values=np.minimum(grid.values, 0.5)), ()
 
     monkeypatch.setattr(diagnosis_module, "heatmap", nowhere)

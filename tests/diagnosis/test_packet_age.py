@@ -21,7 +21,7 @@ def step(chain: AgeChain, a: int, b: int) -> float:
 
 @pytest.mark.parametrize("make", [AgeChain.held, AgeChain.wandering])
 def test_chain_against_all_paths(make: type[AgeChain]) -> None:
-    chain, rng = make(1, 3), np.random.default_rng(0)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    chain, rng = make(1, 3), np.random.default_rng(0)  # ty: ignore[missing-argument]
     assert np.allclose(chain.up + chain.stay + chain.down + chain.new, 1.0)
     logs = rng.normal(size=(1, 5, 3))
     posterior, total, learnt = forward_backward(logs, chain)

@@ -37,7 +37,7 @@ def write_csv() -> bytes:
 def write_npz() -> bytes:
     """As NumPy's archive."""
     buffer = io.BytesIO()
-    np.savez(buffer, **columns())  # pyright: ignore[reportArgumentType]
+    np.savez(buffer, **columns())
     return buffer.getvalue()
 
 

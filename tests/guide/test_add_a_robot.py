@@ -49,7 +49,7 @@ def test_the_arm_has_six_joints_and_shapes_in_place_of_meshes(cell: CellSpec) ->
     shapes = link_shapes(spec)
     assert set(shapes) >= set(links_to_flange(spec)) - {"world", "base_link", "tool0"}
     forearm = shapes["forearm_link"][0]
-    assert max(forearm.half_extents) == pytest.approx(0.245, abs=0.005)  # type: ignore[union-attr]
+    assert max(forearm.half_extents) == pytest.approx(0.245, abs=0.005)
 
 
 def test_the_description_ends_at_the_flange(cell: CellSpec) -> None:

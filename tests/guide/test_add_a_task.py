@@ -85,5 +85,5 @@ def test_an_episode_of_the_whole_agent(task: Task, tmp_path: Path) -> None:
     assert not [entry for entry in graph.logs if entry[1] == "error"]
     assert len(said["manipulator/executed_action"]) == 3
     start = json.loads(truth.read_text().splitlines()[0])["body_position"]["puck"]
-    estimate = said["model_updater/state"][0].values  # type: ignore[attr-defined]
+    estimate = said["model_updater/state"][0].values  # ty: ignore[missing-attribute]
     np.testing.assert_allclose(estimate, start[:2], atol=0.003)  # 3 mm off at most, as seen from one side

@@ -140,7 +140,7 @@ def test_peg_insertion_runs_on_what_drivers_say() -> None:
 
     graph = LocalGraph("peg_insertion", listener=listen)
     fake = FakeDrivers(graph.bridge._outbox)
-    graph.bridge._outbox = fake  # type: ignore[assignment]
+    graph.bridge._outbox = fake  # ty: ignore[invalid-assignment]
     graph.bridge._every |= {"joints": 1000 // JOINT_HZ, "camera": round(1000 / CAMERA_HZ)}
     try:
         graph.run()

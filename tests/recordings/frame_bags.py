@@ -123,7 +123,7 @@ def write_frames(
     encode = store.serialize_ros1 if ros1 else store.serialize_cdr
     plugin = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}.get(kind)
     path = path.with_suffix(".bag") if ros1 else path
-    with Writer1(path) if ros1 else Writer(path, version=9, storage_plugin=plugin) as bag:  # type: ignore[arg-type]
+    with Writer1(path) if ros1 else Writer(path, version=9, storage_plugin=plugin) as bag:
         topics: dict[str, Any] = {}
         logged = [0]
 

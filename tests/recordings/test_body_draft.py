@@ -59,7 +59,7 @@ def write_columns(path: Path, **columns: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("write", "frame"), FORMATS, ids=[write.__name__ for write, _ in FORMATS])
+@pytest.mark.parametrize(("write", "frame"), FORMATS, ids=[write.__name__ for write, _ in FORMATS])  # ty: ignore[missing-attribute]
 def test_each_format_is_read_as_it_was_made(write: Writer, frame: Rotation, tmp_path: Path) -> None:
     (made,) = several(toss, TURNED, 1, 3)
     draft = drafted(write(tmp_path / "toss", made.track))

@@ -103,7 +103,7 @@ def _wrong_in_silence(draft: Draft, path: Path, folder: Path) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize(("make", "described"), LOGS, ids=[make.__name__ for make, _ in LOGS])
+@pytest.mark.parametrize(("make", "described"), LOGS, ids=[make.__name__ for make, _ in LOGS])  # ty: ignore[missing-attribute]
 def test_nothing_is_wrong_in_silence(make: Callable[[Path], Path], described: bool, tmp_path: Path) -> None:
     path = make(tmp_path)
     draft = _made(path, described)
@@ -120,11 +120,11 @@ def test_nothing_is_wrong_in_silence(make: Callable[[Path], Path], described: bo
 def test_what_each_log_leaves_to_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = {}
     for make, described in LOGS:
-        folder = tmp_path / make.__name__
+        folder = tmp_path / make.__name__  # ty: ignore[missing-attribute]
         folder.mkdir()
         draft = _made(make(folder), described)
-        table[make.__name__] = sorted({question.split(":")[0] for question in draft.questions})
-        assert ("command" in draft.channels) == (make not in (short_csv, ros1_bag)), make.__name__
+        table[make.__name__] = sorted({question.split(":")[0] for question in draft.questions})  # ty: ignore[missing-attribute]
+        assert ("command" in draft.channels) == (make not in (short_csv, ros1_bag)), make.__name__  # ty: ignore[missing-attribute]
     with capsys.disabled():
         for name, asked in table.items():
             print(f"\n{name}: {', '.join(asked) or 'nothing'}", end="")

@@ -176,7 +176,7 @@ def bag(tmp_path: Path) -> Path:
 
 def change(bag: Path, **entries: Any) -> None:
     content = {"rosbag2_bagfile_information": load(bag)}
-    content["rosbag2_bagfile_information"].update(entries)  # type: ignore[union-attr]
+    content["rosbag2_bagfile_information"].update(entries)
     (bag / "metadata.yaml").write_text(yaml.safe_dump(content))
 
 

@@ -43,6 +43,6 @@ def test_setpoints_now_and_then_cut_nothing() -> None:
     recording = _recording()
     assert recording.command is not None
     rows = recording.command.time % 1.0 < 5e-4
-    sparse = JointSignal(recording.command.time[rows], recording.command.position[rows])  # type: ignore[index]
+    sparse = JointSignal(recording.command.time[rows], recording.command.position[rows])
     same, note = longest_whole(replace(recording, command=sparse))
     assert not note and len(same.states) == len(recording.states)

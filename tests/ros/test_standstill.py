@@ -32,7 +32,7 @@ class Rig:
         self.refusal = ""  # of the cell, when an episode shall start
         self.estimate, self.now_ns, self.asked_ns, self.step = estimate, SECOND, 0, 0
         settings = SupervisorSettings(episodes=2, stop_on_model_success=False, view_period=1000)
-        self.supervisor = Supervisor(settings, self)  # type: ignore[arg-type]
+        self.supervisor = Supervisor(settings, self)
         self.supervisor.start()
         self.ready(0)
 
@@ -172,7 +172,7 @@ def test_a_run_from_before_ends_its_episode_at_once(estimate: Any) -> None:
     from samrl_ros.nodes.supervisor import Supervisor, SupervisorSettings
 
     rig = Rig(estimate)
-    rig.supervisor = Supervisor(SupervisorSettings(wait_for_reset=False, episodes=2), rig)  # type: ignore[arg-type]
+    rig.supervisor = Supervisor(SupervisorSettings(wait_for_reset=False, episodes=2), rig)
     rig.supervisor.start()
     rig.ready(0)
     rig.answer_update()

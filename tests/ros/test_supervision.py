@@ -111,7 +111,7 @@ def supervision_of(group: Group, ears: Ears, **options: Any) -> Any:
     from samrl_ros.cell.supervision import Supervision
 
     settings = {"estop_wait_s": 0.0, "restarts": 2, **options}
-    return Supervision(group, ears, settings["estop_wait_s"], settings["restarts"])  # type: ignore[arg-type]
+    return Supervision(group, ears, settings["estop_wait_s"], settings["restarts"])
 
 
 def step(clock: Clock, care: Any, seconds: float) -> str:

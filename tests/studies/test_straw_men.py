@@ -94,7 +94,7 @@ def test_unknown_kinds_and_tasks_are_refused() -> None:
     frame = SimpleNamespace(depth=np.ones((2, 2)), mask=np.zeros((2, 2)))
     camera = SimpleNamespace(unproject=lambda depth: np.zeros((2, 2, 3)))
     with pytest.raises(InputError, match="no script knows task juggling"):
-        locate_parts(other, SimpleNamespace(frame=frame, camera=camera), np.zeros(3))  # type: ignore[arg-type]
+        locate_parts(other, SimpleNamespace(frame=frame, camera=camera), np.zeros(3))
 
 
 @pytest.mark.parametrize(("name", "most"), [("peg_insertion", 0.003), ("spatula_flipping_hard", 0.003)])

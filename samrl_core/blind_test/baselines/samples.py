@@ -66,7 +66,11 @@ def make_samples(recordings: Sequence[ArmRecording], delays: Sequence[float]) ->
         commanded=joined(lambda p: p.commanded),
         rigid=joined(lambda p: p.rigid),
         gain_terms=(joined(lambda p: p.gain_terms[0]), joined(lambda p: p.gain_terms[1])),
-        residuals=tuple(joined(lambda p, k=k: p.residuals[k]) for k in range(3)),  # type: ignore[arg-type]
+        residuals=(
+            joined(lambda p: p.residuals[0]),
+            joined(lambda p: p.residuals[1]),
+            joined(lambda p: p.residuals[2]),
+        ),
         delayed={d: joined(lambda p, d=d: p.delayed[d]) for d in delays},
         lagged={d: joined(lambda p, d=d: p.lagged[d]) for d in delays},
         regressor=joined(lambda p: p.regressor),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -79,12 +80,12 @@ def read_arm_body(spec: RobotSpec) -> ArmBody:
     inertials = {str(link.get("name")): _inertial(link) for link in root.findall("link")}
     by_parent = {}
     for joint in root.findall("joint"):
-        by_parent[joint.find("parent").get("link")] = joint  # type: ignore[union-attr]
+        by_parent[_part(joint, "parent").get("link")] = joint
     links: list[MovingLink] = []
     at, fixed = spec.base_link, Pose.identity()
     while at in by_parent:
         joint = by_parent[at]
-        at = str(joint.find("child").get("link"))  # type: ignore[union-attr]
+        at = str(_part(joint, "child").get("link"))
         placement = fixed @ origin_of(joint)
         if joint.get("type") == "fixed":
             fixed = placement
@@ -100,14 +101,21 @@ def read_arm_body(spec: RobotSpec) -> ArmBody:
     return ArmBody(tuple(links), fixed)
 
 
-def _inertial(link: object) -> tuple[float, np.ndarray, np.ndarray]:
-    inertial = link.find("inertial")  # type: ignore[attr-defined]
+def _part(element: Element, name: str) -> Element:
+    found = element.find(name)
+    if found is None:
+        raise InputError(f"<{element.tag}> {element.get('name', '')!r} has no <{name}>")
+    return found
+
+
+def _inertial(link: Element) -> tuple[float, np.ndarray, np.ndarray]:
+    inertial = link.find("inertial")
     if inertial is None:
         return 0.0, np.zeros(3), np.zeros((3, 3))
-    mass = float(numbers(inertial.find("mass"), "value", "", 1)[0])
+    mass = float(numbers(_part(inertial, "mass"), "value", "", 1)[0])
     pose = origin_of(inertial)
     names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    xx, xy, xz, yy, yz, zz = (float(numbers(inertial.find("inertia"), n, "0", 1)[0]) for n in names)
+    xx, xy, xz, yy, yz, zz = (float(numbers(_part(inertial, "inertia"), n, "0", 1)[0]) for n in names)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return mass, pose.position, pose.rotation @ inertia @ pose.rotation.T
 

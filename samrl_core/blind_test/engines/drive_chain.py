@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.linalg.lapack import dposv  # pyright: ignore[reportAttributeAccessIssue]
+from scipy.linalg.lapack import dposv  # ty: ignore[missing-module-member]
 
 from samrl_core.blind_test.engines.engine import Engine
 from samrl_core.blind_test.engines.hooks import Hooks

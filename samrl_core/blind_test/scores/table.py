@@ -128,7 +128,13 @@ def _share(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) -> 
         return ScoreRow(group, name, "–", "", cases, str(aim or ""))
     interval = f"{s['ci95'][0]:.1%} – {s['ci95'][1]:.1%}"
     return ScoreRow(
-        group, name, f"{s['value']:.1%}", interval, cases, str(aim or ""), aim and aim.met(s["value"])
+        group,
+        name,
+        f"{s['value']:.1%}",
+        interval,
+        cases,
+        str(aim or ""),
+        aim.met(s["value"]) if aim else None,
     )
 
 
@@ -144,7 +150,7 @@ def _spread(group: str, name: str, s: dict[str, Any], aim: Aim | None = None) ->
         f"{low:.1%} – {high:.1%}",
         str(s["n"]),
         str(aim or ""),
-        aim and aim.met(s["median"]),
+        aim.met(s["median"]) if aim else None,
     )
 
 
@@ -154,4 +160,4 @@ def _number(
     if value is None:
         return ScoreRow(group, name, "–", "", "", str(aim or ""))
     text = f"{value:.1%}" if percent else f"{value:.3g}"
-    return ScoreRow(group, name, text, "", "", str(aim or ""), aim and aim.met(value))
+    return ScoreRow(group, name, text, "", "", str(aim or ""), aim.met(value) if aim else None)

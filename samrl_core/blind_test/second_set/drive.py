@@ -165,14 +165,14 @@ def _jitter(site: Site, form: str, severity: float) -> Injection:
     longest = 0.020  # [s] after which the drive asks again
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        state: dict[str, object] = {"bad": False, "late": 0}
+        state = {"bad": 0, "late": 0}
         last: list[np.ndarray] = []
 
         def stage(t: float, effort: np.ndarray) -> np.ndarray:
             first, second = rng.random(2)
-            state["bad"] = first < (stay if state["bad"] else enter)
+            state["bad"] = int(first < (stay if state["bad"] else enter))
             missed = bool(last) and bool(state["bad"]) and second < lost
-            late = int(state["late"]) + 1 if missed else 0  # type: ignore[call-overload]
+            late = state["late"] + 1 if missed else 0
             if missed and late * _PERIOD <= longest:
                 state["late"] = late
                 return last[0].copy()

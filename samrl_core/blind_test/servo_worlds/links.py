@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+Triple = tuple[float, float, float]
+
 
 @dataclass(frozen=True)
 class Link:
@@ -14,12 +16,12 @@ class Link:
     name: str
     joint: str
     kind: str  # revolute or prismatic
-    axis: tuple[float, float, float]  # in the joint's frame, which is parallel to its parent's at rest
-    origin: tuple[float, float, float]  # of the joint in the parent's frame [m]
+    axis: Triple  # in the joint's frame, which is parallel to its parent's at rest
+    origin: Triple  # of the joint in the parent's frame [m]
     mass: float  # [kg]
-    along: tuple[float, float, float]  # direction of the centre of mass
+    along: Triple  # direction of the centre of mass
     reach: float  # of the centre of mass along it [m]
-    inertia: tuple[float, float, float]  # principal moments about the centre of mass, frame's axes [kg m2]
+    inertia: Triple  # principal moments about the centre of mass, frame's axes [kg m2]
 
 
 def with_point(link: Link, mass: float, at: float) -> Link:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.blind_test.servo_worlds.links import Link
+from samrl_core.blind_test.servo_worlds.links import Link, Triple
 
 Vector = list[float]
 Motion = Callable[[Vector, Vector, np.ndarray], tuple[list[Vector], Vector]]  # (q, v, gravity) -> M, h
@@ -33,17 +33,11 @@ class Mechanism:
     hangs: bool = False  # comes back by itself when nobody drives it
 
 
-def _rod(mass: float, length: float, width: float, along: tuple[float, float, float]) -> tuple[float, ...]:
+def _rod(mass: float, length: float, width: float, along: Triple) -> Triple:
     """Principal moments of a rod about its centre."""
     across, own = mass * (length**2 / 12 + width**2 / 12), mass * width**2 / 6
-    return tuple(own if abs(a) > 0.5 else across for a in along)
-
-
-def _link(
-    name: str, joint: str, kind: str, axis: tuple[float, ...], origin: tuple[float, ...], mass: float,
-    along: tuple[float, ...], reach: float, inertia: tuple[float, ...],
-) -> Link:  # fmt: skip
-    return Link(name, joint, kind, axis, origin, mass, along, reach, inertia)  # type: ignore[arg-type]
+    x, y, z = (own if abs(a) > 0.5 else across for a in along)
+    return x, y, z
 
 
 def _slide(links: tuple[Link, ...]) -> Motion:
@@ -200,14 +194,13 @@ def mechanisms(rng: np.random.Generator) -> tuple[Mechanism, ...]:
     def size(low: float, high: float) -> float:
         return float(f"{rng.uniform(low, high):.3g}")  # as a data sheet states it
 
-    def rod(name: str, joint: str, axis, origin, mass: float, along, length: float) -> Link:  # type: ignore[no-untyped-def]
-        return _link(
-            name, joint, "revolute", axis, origin, mass, along, 0.5 * length, _rod(mass, length, 0.06, along)
-        )
+    def rod(name: str, joint: str, axis: Triple, origin: Triple, mass: float, along: Triple, length: float):
+        inertia = _rod(mass, length, 0.06, along)
+        return Link(name, joint, "revolute", axis, origin, mass, along, 0.5 * length, inertia)
 
-    def block(name: str, joint: str, kind: str, axis, origin, mass: float) -> Link:  # type: ignore[no-untyped-def]
-        inertia = tuple([mass * 0.15**2 / 6] * 3)
-        return _link(name, joint, kind, axis, origin, mass, _X, 0.0, inertia)
+    def block(name: str, joint: str, kind: str, axis: Triple, origin: Triple, mass: float) -> Link:
+        moment = mass * 0.15**2 / 6
+        return Link(name, joint, kind, axis, origin, mass, _X, 0.0, (moment, moment, moment))
 
     lean = size(0.2, 0.6)
     first, second, upper = size(0.2, 0.35), size(0.2, 0.35), size(0.25, 0.4)

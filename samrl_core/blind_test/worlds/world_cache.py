@@ -42,7 +42,7 @@ def load_or_compute(
         pass
     made = work()
     content = io.BytesIO()
-    np.savez(content, **made)  # type: ignore[arg-type]
+    np.savez(content, **made)  # ty: ignore[invalid-argument-type]
     write_whole(path, content.getvalue())
     return made
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml.constructor import ConstructorError
 
 from samrl_core.cell.excitation.catalogue import KINDS, ExcitationParameter, TrajectoryKind
 from samrl_core.cell.robots.robot import ROLES
@@ -138,9 +139,7 @@ class _StrictLoader(yaml.SafeLoader):
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
         doubled = sorted({str(k) for k in keys if keys.count(k) > 1})
         if doubled:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"key given twice: {', '.join(doubled)}", node.start_mark
-            )
+            raise ConstructorError(None, None, f"key given twice: {', '.join(doubled)}", node.start_mark)
         return super().construct_mapping(node, deep)
 
 

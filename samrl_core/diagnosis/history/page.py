@@ -8,13 +8,14 @@ from pathlib import Path
 
 import matplotlib.dates as dates
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from samrl_core.common.figure_file import picture_bytes
+from samrl_core.common.templates import read_templates, sources_of
 from samrl_core.diagnosis.history.history import History, Series
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.figures import GRID, INK, NAMED, NOMINAL
@@ -54,15 +55,7 @@ def to_png(history: History) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    loader = FileSystemLoader([TEMPLATES, REPORT_TEMPLATES])
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.globals.update(
-        words=words,
-        source=lambda name: Markup((REPORT_TEMPLATES / name).read_text(encoding="utf-8")),
-    )
-    return environment
+    return read_templates([TEMPLATES, REPORT_TEMPLATES], words=words, source=sources_of(REPORT_TEMPLATES))
 
 
 def _of(history: History, robot: str) -> list[Series]:

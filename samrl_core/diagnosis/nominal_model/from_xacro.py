@@ -12,7 +12,7 @@ import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -94,7 +94,7 @@ def _explained(path: Path, error: BaseException) -> str:
 
 
 @contextmanager
-def _packages_beside(path: Path) -> Iterator[None]:
+def _packages_beside(path: Path) -> Generator[None]:
     """Packages are found without ROS, too; xacro has no argument for that, only this function."""
     asked = substitution_args._eval_find
 
@@ -108,7 +108,7 @@ def _packages_beside(path: Path) -> Iterator[None]:
         except (ImportError, LookupError, OSError) as error:  # OSError: no ROS is sourced
             raise LookupError(f"package {package!r} is not found") from error
 
-    substitution_args._eval_find = find
+    substitution_args._eval_find = find  # ty: ignore[invalid-assignment]
     try:
         yield
     finally:

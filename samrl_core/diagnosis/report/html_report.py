@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from jinja2 import Environment
 from plotly.offline import get_plotlyjs
 
+from samrl_core.common.templates import read_templates, sources_of
 from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.figures import (
@@ -120,20 +120,16 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
 
 @cache
 def _environment() -> Environment:
-    loader = FileSystemLoader(TEMPLATES)
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.globals.update(
+    return read_templates(
+        [TEMPLATES],
         words=words,
         timeline_limit=TIMELINES,
         clip=lambda fraction: min(max(fraction, 0.0), 1.0),
-        source=lambda name: Markup((TEMPLATES / name).read_text(encoding="utf-8")),
+        source=sources_of(TEMPLATES),
         meaning=_meaning,
         hints=_hints,
         curve_json=_curve,
     )
-    return environment
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -98,7 +99,7 @@ def _heatmap(ax: Axes, h: Heatmap) -> None:
             light = math.isfinite(value) and tones[i, j] >= TEXT_LIGHT_FROM
             weight = "bold" if math.isfinite(value) and value >= h.threshold else "normal"
             shown = f"{value:.1f}" if math.isfinite(value) else "–"
-            style = {"color": "white" if light else INK, "weight": weight, "fontsize": 8.5}
+            style: dict[str, Any] = {"color": "white" if light else INK, "weight": weight, "fontsize": 8.5}
             ax.text(j + 0.5, i + 0.5, shown, ha="center", va="center", **style)
     ax.invert_yaxis()
     ax.set_yticks(

@@ -42,7 +42,8 @@ def tile_figure(o: Overlay, effect_label: str) -> dict:
     """Data and layout of a plotly figure: the maps side by side, in one scale."""
     maps = tile_maps(o, effect_label)
     most, width = darkest(maps), 1.0 / len(maps)
-    data, layout = [], {"height": 430, "margin": {"l": 30, "r": 20, "t": 46, "b": 20}, "annotations": []}
+    data, annotations = [], []
+    layout = {"height": 430, "margin": {"l": 30, "r": 20, "t": 46, "b": 20}, "annotations": annotations}
     for k, (name, values) in enumerate(maps):
         end = "" if k == 0 else str(k + 1)
         shown = [[None if not math.isfinite(v) else float(f"{v:.4g}") for v in row] for row in values]
@@ -60,7 +61,7 @@ def tile_figure(o: Overlay, effect_label: str) -> dict:
         layout[f"yaxis{end}"] = {
             "autorange": "reversed", "scaleanchor": f"x{end}", "anchor": f"x{end}", **plain,
         }  # fmt: skip
-        layout["annotations"].append(
+        annotations.append(
             {
                 "text": f"{name}: median error per tile", "x": float(np.mean(domain)), "y": 1.06,
                 "xref": "paper", "yref": "paper", "showarrow": False,

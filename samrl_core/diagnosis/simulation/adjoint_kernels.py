@@ -5,10 +5,6 @@ loss with gradient g in ddq has gradient lambda in tau, -lambda ddq in E, and in
 -lambda . ID(q, dq, ddq), a scalar that one outward pass computes.
 """
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
-
 from __future__ import annotations
 
 import warp as wp

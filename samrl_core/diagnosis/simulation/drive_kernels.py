@@ -5,9 +5,6 @@ velocity, and the slope joins the diagonal of the mass matrix. So a joint that i
 still, however light its link is.
 """
 # ruff: noqa: UP018, RUF046  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
 
 from __future__ import annotations
 

@@ -1,9 +1,5 @@
 """Friction of one joint, linear in the next velocity, and how implicit a spring has to be."""
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
-
 from __future__ import annotations
 
 import warp as wp

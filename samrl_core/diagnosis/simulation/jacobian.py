@@ -164,4 +164,4 @@ def _moved(
             array = plant.joint_values(name, joints).copy()
         array[place] += change
         values = array
-    return replace(plant, **{name: values}), start_q, start_v  # type: ignore[arg-type]
+    return replace(plant, **{name: values}), start_q, start_v

@@ -1,9 +1,5 @@
 """Slots and flags as constants that kernels can name, and the few numbers of the integrator."""
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
-
 from __future__ import annotations
 
 import warp as wp

@@ -4,10 +4,6 @@ Composite-rigid-body algorithm and recursive Newton-Euler after R. Featherstone,
 Algorithms (2008), chapters 5 and 6, with every spatial vector taken about the world's origin.
 """
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
-
 from __future__ import annotations
 
 import warp as wp

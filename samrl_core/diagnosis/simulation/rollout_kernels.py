@@ -1,8 +1,5 @@
 """The forward loop over time, one thread per plant; compiled without adjoints."""
 # ruff: noqa: UP018, RUF046  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
 
 from __future__ import annotations
 

@@ -1,9 +1,5 @@
 """Memory of the simulator: slots of the parameter, state and hand-over vectors, and their arrays."""
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportReturnType=false
-
 from __future__ import annotations
 
 import enum

@@ -12,13 +12,13 @@ from samrl_core.common.warp_runtime import start as start_warp
 
 @wp.kernel(enable_backward=False, module="unique")
 def _swing(
-    torque: wp.array(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
-    mass: wp.array(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
+    torque: wp.array(dtype=wp.float64),
+    mass: wp.array(dtype=wp.float64),
     stiffness: wp.float64,
     damping: wp.float64,
     gap: wp.float64,
     h: wp.float64,
-    out: wp.array(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
+    out: wp.array(dtype=wp.float64),
 ):
     zero = wp.float64(0.0)
     angle = torque[0] / stiffness - gap

@@ -231,7 +231,7 @@ class Replay:
         lock, self._lock = self._lock, None
         if lock is not None:
             self.flush()
-            lock.close()  # type: ignore[attr-defined]
+            lock.close()
 
     def _slot(self, number):
         return (number - 1) % self.info.capacity

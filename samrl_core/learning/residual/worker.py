@@ -43,8 +43,8 @@ def read_settings(folder: Path) -> TrainingSettings:
     path = folder / "settings.json"
     try:
         found = json.loads(path.read_text())
-        return TrainingSettings(**{**found, "learner": settings_from_json(found["learner"])})
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        return TrainingSettings(learner=settings_from_json(found.pop("learner")), **found)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"cannot read {path} ({error}); the node that starts a worker writes it") from error
 
 

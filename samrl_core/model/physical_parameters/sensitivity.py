@@ -89,4 +89,4 @@ def _start_jacobian(scene: PushScene, theta: torch.Tensor) -> torch.Tensor:
         state = scene.start(values[None])
         return torch.cat([state.q, state.v], dim=-1)[0]
 
-    return torch.autograd.functional.jacobian(start, theta)  # pyright: ignore[reportReturnType]
+    return torch.autograd.functional.jacobian(start, theta)

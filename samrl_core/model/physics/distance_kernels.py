@@ -1,8 +1,5 @@
 """Signed distance and outward normal of each solid, and the impulse of one contact point."""
 # ruff: noqa: UP018, RUF046  (Warp: only int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from functools import cache
 from types import SimpleNamespace

@@ -4,9 +4,6 @@ Kernels are made by functions that take such a set, so that the same source runs
 float64 build is the reference for the gradients of the float32 build.
 """
 # Annotations are evaluated where they stand (no `annotations` import): Warp has to see the closure's types.
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from functools import cache
 from types import SimpleNamespace

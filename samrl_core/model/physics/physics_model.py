@@ -81,7 +81,7 @@ class PhysicsModel:
             SolveError: Newton's method failed, or a value is not finite.
         """
         self._check(state, actions, parameters)
-        q, v = _Rollout.apply(self, state.q, state.v, actions.velocity, actions.wrench, *parameters.tensors())  # pyright: ignore[reportGeneralTypeIssues]
+        q, v = _Rollout.apply(self, state.q, state.v, actions.velocity, actions.wrench, *parameters.tensors())
         return PhysicsState(q, v)
 
     def workspace(self, batch: int, steps: int) -> Workspace:

@@ -5,10 +5,6 @@ theorem gives dL/dx = -lambda . dr/dx with (dr/dv')^T lambda = g. Here lambda . 
 of all forces on the virtual motion lambda, one outward pass over the tree, and Warp derives that.
 """
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
-
 from functools import cache
 from types import SimpleNamespace
 

@@ -1,6 +1,4 @@
 """Signed distance of points to a solid, outside of any simulation: for tests, start poses and pictures."""
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportInvalidTypeForm=false, reportAssignmentType=false
 
 from functools import cache
 

@@ -1,9 +1,5 @@
 """Dense factorisation and Newton's method for the velocity after a step, one thread per environment."""
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
-
 from functools import cache
 from types import SimpleNamespace
 

@@ -7,9 +7,6 @@ Solved for the velocity v' after the step, with everything geometric taken at it
 where the contact impulses p see the depth that v' leads to (implicit). Driven velocities are given.
 """
 # ruff: noqa: UP018, RUF046, B007  (Warp: only int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from functools import cache
 from types import SimpleNamespace

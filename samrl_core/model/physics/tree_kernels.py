@@ -5,10 +5,6 @@ accelerations): about the world's origin, float32 would lose the inertia of a li
 Composite inertia: Featherstone, Rigid Body Dynamics Algorithms (2008), table 6.2; bias forces: table 5.1.
 """
 
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
-
 from functools import cache
 from types import SimpleNamespace
 

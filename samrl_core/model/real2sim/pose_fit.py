@@ -263,7 +263,8 @@ def pose_information(
 
 def _bounds(renderer: TargetRenderer) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scales and bounds (Q,) of the renderer's values."""
-    return tuple(np.array([getattr(p, n) for p in renderer.specs]) for n in ("scale", "lower", "upper"))  # type: ignore[return-value]
+    scale, lower, upper = np.array([(p.scale, p.lower, p.upper) for p in renderer.specs]).reshape(-1, 3).T
+    return scale, lower, upper
 
 
 def overlap(a: np.ndarray, b: np.ndarray) -> float:

@@ -30,7 +30,7 @@ class Rasterize(torch.autograd.Function):
         lit = light.shape[1] > 0
         n_faces = setup.faces.shape[0] if lit else 0
         n_normals = setup.normal_start.shape[0] - 1 if lit else 0
-        float32 = {"dtype": torch.float32, "device": points.device}
+        float32: dict[str, Any] = {"dtype": torch.float32, "device": points.device}
         size = (batch, setup.height, setup.width)
         keys = torch.zeros(
             (batch, setup.height * s, setup.width * s), dtype=torch.int64, device=points.device

@@ -9,9 +9,6 @@ Two kinds of edges carry a jump: a silhouette (both faces on one screen side, or
 other side is read from the z-buffer, and a crease, whose two faces have different colours.
 """
 # ruff: noqa: UP018, RUF046  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from __future__ import annotations
 

@@ -8,9 +8,6 @@ within, is lit as its front would be from there. Shadows are not cast.
 Array shapes: B images, V vertices, F triangles, N shared normals.
 """
 # ruff: noqa: UP018  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from __future__ import annotations
 

@@ -8,9 +8,6 @@ costs one comparison instead of new triangles.
 Array shapes: B images, V vertices, F triangles, H x W pixels, s x s samples per pixel.
 """
 # ruff: noqa: UP018  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from __future__ import annotations
 

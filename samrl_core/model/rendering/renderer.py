@@ -160,7 +160,7 @@ class Renderer:
             rows = light.rows(batch, self._device)
         image, depth, label = Rasterize.apply(
             points.to(torch.float32).expand(batch, n, 3), torch.cat(attributes, dim=2), rows, self._setup
-        )  # pyright: ignore[reportGeneralTypeIssues]
+        )
         if not any(batches.values()):
             image, depth, label = image[0], depth[0], label[0]
         return Rendered(image[..., 0:3], image[..., 3:6], image[..., 6], depth, label)

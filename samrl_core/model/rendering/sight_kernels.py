@@ -3,9 +3,6 @@
 Functions for Warp kernels, no kernel of their own.
 """
 # ruff: noqa: UP018, RUF046  (Warp: only float(...) and int(...) may change in a loop, a bare literal may not)
-# pyright: basic, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# pyright: reportOperatorIssue=false, reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-# pyright: reportGeneralTypeIssues=false, reportAssignmentType=false, reportRedeclaration=false, reportOptionalOperand=false
 
 from __future__ import annotations
 

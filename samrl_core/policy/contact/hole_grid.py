@@ -58,7 +58,7 @@ class HoleGrid:
         spacing = max(SPACING, 2.0 * reach / (MOST_PLACES - 1))
         axis = np.arange(-reach, reach + 0.5 * spacing, spacing)
         away = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-        distance = np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away)
+        distance = np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away)  # ty: ignore[no-matching-overload]
         weights = (1.0 + distance / FREEDOM) ** (-0.5 * (FREEDOM + 2.0))
         return HoleGrid(mean + away, weights / weights.sum(), np.zeros((0, 2)))
 

@@ -155,6 +155,6 @@ def _read(path: Path) -> tuple[dict[str, torch.Tensor], WeightsInfo]:
         if stated.pop("format") != FORMAT:
             raise InputError(f"{path} is not of weight format {FORMAT}; train anew")
         tensors = {OLD_KEYS.get(name, name): value for name, value in tensors.items()}
-        return tensors, WeightsInfo(**{**stated, "intrinsics": Intrinsics(**stated["intrinsics"])})
+        return tensors, WeightsInfo(intrinsics=Intrinsics(**stated.pop("intrinsics")), **stated)
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} has a damaged description ({error}); fetch or train it again") from error

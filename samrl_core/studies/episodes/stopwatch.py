@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from samrl_core.policy.agent.episode import Part
@@ -30,7 +30,7 @@ class Stopwatch:
         self.wall_s: dict[str, float] = dict.fromkeys(GROUPS, 0.0)
 
     @contextmanager
-    def __call__(self, part: Part) -> Iterator[None]:
+    def __call__(self, part: Part) -> Generator[None]:
         """Time of the block, counted also where it fails."""
         self.entered[part] += 1
         cpu, wall = time.process_time(), time.perf_counter()

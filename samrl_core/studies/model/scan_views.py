@@ -112,7 +112,7 @@ def scan_views(path: Path, out: Path, fusion: FusionSettings, iterations: int) -
         "size_m": (high - low).tolist(),
         "center_in_world_m": (0.5 * (low + high)).tolist(),
     }
-    write_whole(out / f"{NAME}.ply", surface.export(file_type="ply"))  # type: ignore[arg-type]
+    write_whole(out / f"{NAME}.ply", surface.export(file_type="ply"))  # ty: ignore[invalid-argument-type]
     write_whole(out / f"{NAME}.json", json.dumps(record, indent=1) + "\n")
     _write_picture(mesh, views, out / f"{NAME}.png")
     return mesh

@@ -83,7 +83,7 @@ def examine(
     values = [lambda image, a=action: networks.q(image, a) for action in given]
     gradients = {
         "actor": gradient_maps(noisy, [error] * s.noise_samples, s.smoothing),
-        "q": gradient_maps(noisy, values, s.smoothing),
+        "q": gradient_maps(noisy, values, s.smoothing),  # ty: ignore[invalid-argument-type]
     }
     covered: dict[str, list[np.ndarray]] = {name: [] for name in NETWORKS}
     for k in range(count):

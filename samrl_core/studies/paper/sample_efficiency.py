@@ -14,7 +14,7 @@ rounds are small at first and leave processes idle.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -97,7 +97,7 @@ class TrainingJob:
 
 
 @contextmanager
-def _player(options: Options) -> Iterator[Play]:
+def _player(options: Options) -> Generator[Play]:
     """Plays episodes in as many processes as there shall be, or here."""
     if options.processes == 1:
         yield _here

@@ -21,11 +21,12 @@ def summary_of(cases: Sequence[Case]) -> dict[str, Any]:
         "curve": per point the mean real steps of its runs, each seed's success rate, and the share over all
         of their episodes with its Wilson interval; "gain": last point's share less the first one's.
     """
-    curve = []
+    curve, shares = [], []
     for point in sorted({case["point"] for case in cases}):
         here = sorted((c for c in cases if c["point"] == point), key=lambda c: c["seed"])
         hits, trials = sum(c["successes"] for c in here), sum(c["evaluated"] for c in here)
         share = Share.of([True] * hits + [False] * (trials - hits))
+        shares.append(share.value)
         curve.append(
             {
                 "point": point,
@@ -36,8 +37,7 @@ def summary_of(cases: Sequence[Case]) -> dict[str, Any]:
                 "actions": sum(c["actions"] * c["evaluated"] for c in here) / trials,
             }
         )
-    improvement = curve[-1]["success"]["value"] - curve[0]["success"]["value"]
-    return {"policy": cases[0]["policy"], "curve": curve, "gain": improvement}
+    return {"policy": cases[0]["policy"], "curve": curve, "gain": shares[-1] - shares[0]}
 
 
 def write_picture(tasks: dict[str, dict[str, Any]], path: Path) -> None:

@@ -117,7 +117,7 @@ def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
     if np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         return 0.0
     found = spearmanr(first, second)
-    return float(found.statistic)  # pyright: ignore[reportAttributeAccessIssue]
+    return float(found.statistic)
 
 
 def regret(q: np.ndarray, error: np.ndarray) -> tuple[float, float]:

@@ -23,7 +23,7 @@ STEPPED = {"chain": free_chain, "disc": disc_on_plane}  # 20 DoF without contact
 
 
 @wp.kernel(enable_backward=False)
-def _nothing(numbers: wp.array(dtype=wp.float32)):  # pyright: ignore[reportInvalidTypeForm]
+def _nothing(numbers: wp.array(dtype=wp.float32)):
     i = wp.tid()
     numbers[i] = numbers[i] + 1.0
 

@@ -22,7 +22,8 @@ def clouds(size: int) -> tuple[torch.Tensor, torch.Tensor]:
     moved = points + SHIFT + 0.002 * rng.normal(size=points.shape)
     pick = rng.permutation(len(points))
     moved = moved[pick]
-    return tuple(torch.from_numpy(x[farthest_points(x, size)]) for x in (points, moved))  # pyright: ignore[reportReturnType]
+    one, other = (torch.from_numpy(x[farthest_points(x, size)]) for x in (points, moved))
+    return one, other
 
 
 def ours(first: torch.Tensor, second: torch.Tensor) -> tuple[float, torch.Tensor]:

@@ -8,12 +8,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from jinja2 import Environment
 
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import read_whole, write_whole
+from samrl_core.common.templates import read_templates, sources_of
 from samrl_core.diagnosis.report.figures import figure_json
 from samrl_core.diagnosis.report.html_report import TEMPLATES as SHARED
 from samrl_core.diagnosis.report.html_report import packed_plotly
@@ -132,20 +132,13 @@ def _render(
 
 @cache
 def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader([TEMPLATES, SHARED]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals.update(
-        source=lambda name: Markup((SHARED / name).read_text(encoding="utf-8")),
-        own_source=lambda name: Markup((TEMPLATES / name).read_text(encoding="utf-8")),
+    return read_templates(
+        [TEMPLATES, SHARED],
+        source=sources_of(SHARED),
+        own_source=sources_of(TEMPLATES),
         encoded=lambda data: base64.b64encode(data).decode(),
         clip=lambda fraction: min(max(fraction, 0.0), 1.0),
     )
-    return environment
 
 
 def _headline(run: RunRecord, summary: dict[str, Any]) -> tuple[str, str]:

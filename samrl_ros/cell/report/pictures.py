@@ -6,7 +6,7 @@ import os
 import sys
 import tempfile
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -228,7 +228,7 @@ def _panel(rgb: np.ndarray) -> np.ndarray:
 
 
 @contextmanager
-def _quiet_stderr() -> Iterator[None]:
+def _quiet_stderr() -> Generator[None]:
     """FFmpeg prints, from C, that WebM has no four-letter tags; it finds the codec all the same."""
     sys.stderr.flush()
     kept = os.dup(2)

@@ -158,7 +158,7 @@ def servos(
     asked = {"single": single, "none": none, "outside": outside, "double": double, "duration_s": duration}
     settings = ServoSettings(
         seed=number,
-        **{name: value for name, value in asked.items() if value is not None},  # type: ignore[arg-type]
+        **{name: value for name, value in asked.items() if value is not None},  # ty: ignore[invalid-argument-type]
     )
     same_as_before(study, {"settings": asdict(settings), "commit": chosen})
     plan = plan_servos(settings)
@@ -192,7 +192,7 @@ def cameras(
     asked = {"single": single, "none": none, "outside": outside, "duration_s": duration}
     settings = CameraForgeSettings(
         seed=number,
-        **{name: value for name, value in asked.items() if value is not None},  # type: ignore[arg-type]
+        **{name: value for name, value in asked.items() if value is not None},  # ty: ignore[invalid-argument-type]
     )
     same_as_before(study, {"settings": asdict(settings), "commit": chosen})
     plan = plan_cameras(settings)

@@ -69,7 +69,7 @@ def replay_bag(options: ReplayOptions) -> int:
         make[name] = factory
     with Progress(console=console, transient=True) as progress:
         bar = progress.add_task("replaying", total=None)
-        report = replay(bag, make, COMPARED, lambda d, t: progress.update(bar, completed=d, total=t))
+        report = replay(bag, make, COMPARED, lambda d, t: progress.update(bar, completed=d, total=t))  # ty: ignore[invalid-argument-type]
     table = Table(title=f"replay of {bag}: {report.messages} messages, outputs {report.digest[:16]}")
     table.add_column("topic", no_wrap=True, overflow="fold")  # names are what people look for
     for column in ("recorded", "replayed", "largest difference", "sha256"):
@@ -113,7 +113,7 @@ def recorded_settings(bag: Path) -> dict[str, dict[str, object]]:
     given, _ = with_present_names(given)
     settings: dict[str, dict[str, object]] = {}
     for name, node in behaviour_nodes().items():
-        known = {f.name for f in dataclasses.fields(node.settings)}
+        known = {f.name for f in dataclasses.fields(node.settings)}  # ty: ignore[invalid-argument-type]
         settings[name] = {k: v for k, v in given.get(name, {}).items() if k in known}
     # Runs from before this was a setting, which are known by its absence, ended with the first such image.
     settings["supervisor"].setdefault("done_confirmations", 1)

@@ -95,7 +95,7 @@ def _named(pairs: dict[str, Any]) -> Intrinsics | None:
         pairs.get(a, pairs.get(b)) for a, b in (("fx", "f_x"), ("fy", "f_y"), ("cx", "ppx"), ("cy", "ppy"))
     ]
     if all(map(_is_number, alone)):
-        return Intrinsics(*map(float, alone))  # pyright: ignore[reportArgumentType]
+        return Intrinsics(*map(float, alone))
     for key, value in pairs.items():
         if key in MATRICES:
             numbers = value.get("data") if isinstance(value, dict) else value

@@ -33,5 +33,5 @@ def _add(found: dict[str, np.ndarray], name: str, value: Any) -> None:
 
 if __name__ == "__main__":
     content = io.BytesIO()
-    np.savez(content, **numbers(Path(sys.argv[1])))  # pyright: ignore[reportArgumentType]
+    np.savez(content, **numbers(Path(sys.argv[1])))  # ty: ignore[invalid-argument-type]
     sys.stdout.buffer.write(content.getvalue())

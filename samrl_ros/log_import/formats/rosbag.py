@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -140,7 +140,7 @@ def read_messages(path: Path, topic: str, where: str) -> Iterator[tuple[int, Any
 
 
 @contextmanager
-def _opened(path: Path, where: str, release: dict[str, str] = RELEASES[-1]) -> Iterator[Any]:
+def _opened(path: Path, where: str, release: dict[str, str] = RELEASES[-1]) -> Generator[Any]:
     """A reader of a ROS 1 bag, or of a rosbag2 folder in sqlite3."""
     import sqlite3
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml.constructor import ConstructorError
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.text_files import parse_yaml, read_text
@@ -19,7 +20,7 @@ class _Loader(yaml.SafeLoader):
 
 def _opencv_matrix(loader: _Loader, node: yaml.Node) -> Any:
     if not isinstance(node, yaml.MappingNode):
-        raise yaml.constructor.ConstructorError(None, None, "a matrix is no mapping", node.start_mark)
+        raise ConstructorError(None, None, "a matrix is no mapping", node.start_mark)
     return loader.construct_mapping(node, deep=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 from std_msgs.msg import String
@@ -109,7 +110,7 @@ class OperatorEpisodes:
             )
         else:
             asks, episode, text = "nothing", self.running, ""
-        content = {"asks": asks, "episode": episode, "text": text}
+        content: dict[str, Any] = {"asks": asks, "episode": episode, "text": text}
         if asks == "scene":
             content["start"] = {role: self._start[role].tolist() for role in ROLES}
         self._outbox.publish(REQUEST, String(data=json.dumps(content)))

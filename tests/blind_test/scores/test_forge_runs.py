@@ -57,7 +57,7 @@ def test_a_made_world_is_whole_and_its_oracle_is_what_the_scores_need(study: Stu
         arrays[f"{name}_measured"] = np.stack(columns, axis=1)
         arrays[f"{name}_nominal"] = getattr(nominal_run, name)
         arrays[f"{name}_with_effect"] = oracle[f"effect_{name}"]
-    np.savez(tmp_path / "resimulation.npz", **arrays)  # type: ignore[arg-type]
+    np.savez(tmp_path / "resimulation.npz", **arrays)
     found = shrinks_of(tmp_path / "resimulation.npz", oracle)
     assert found.oracle_shrink is not None and found.oracle_shrink > 0.2
     assert found.shrink == pytest.approx(found.oracle_shrink, abs=1e-6)

@@ -16,7 +16,7 @@ def _arm(**changes: object) -> ArmDescription:
         ("a", "b"),
         np.array([100.0, 200.0]),
         np.array([10.0, 5.0]),
-        tolerances=Tolerances(**changes),  # type: ignore[arg-type]
+        tolerances=Tolerances(**changes),
     )
     return ArmDescription("tool_arm", ("a", "b"), None, controller)
 

@@ -37,7 +37,7 @@ SCRIPT = (
 
 def _styled(monkeypatch: pytest.MonkeyPatch, **habits: object) -> None:
     def choose(*asked: object) -> Style:
-        return replace(choose_style(*asked), **habits)  # type: ignore[arg-type]
+        return replace(choose_style(*asked), **habits)
 
     monkeypatch.setattr(world, "choose_style", choose)
 

@@ -42,10 +42,10 @@ def _residuals(trace: Trace) -> dict[str, np.ndarray]:
     assert controller is not None
     command = world.world_command("tool_arm", 0, "B", DURATION)
     acceleration = np.gradient(trace.velocity, 0.001, axis=0)
-    law = controller.stiffness * (command.position - trace.position)  # type: ignore[operator]
-    law += controller.damping * (command.velocity - trace.velocity)  # type: ignore[operator]
+    law = controller.stiffness * (command.position - trace.position)
+    law += controller.damping * (command.velocity - trace.velocity)
     law += np.array([arm.model.gravity(q) for q in trace.position])
-    rotor = controller.armature * acceleration  # type: ignore[operator]
+    rotor = controller.armature * acceleration
     links = np.array(
         [
             arm.model.inverse_dynamics(q, v, a)

@@ -119,7 +119,7 @@ def test_a_world_that_runs_away_is_loud(monkeypatch: pytest.MonkeyPatch) -> None
     from samrl_core.blind_test.worlds import world
 
     def push(hooks: object, rng: object) -> None:
-        hooks.external.append(lambda t, q, v: 50.0 * v)  # type: ignore[attr-defined]
+        hooks.external.append(lambda t, q, v: 50.0 * v)  # ty: ignore[missing-attribute]
 
     monkeypatch.setattr(world, "_inject", lambda *_: Injection({}, push))
     with pytest.raises(DivergedError, match="range"):

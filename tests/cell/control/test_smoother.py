@@ -25,7 +25,7 @@ def run(smoother: JointSmoother, steps: int = 5000) -> list[tuple[np.ndarray, np
 
 
 def at_home(**options: float) -> JointSmoother:
-    smoother = JointSmoother(LIMITS, PERIOD, **options)  # type: ignore[arg-type]
+    smoother = JointSmoother(LIMITS, PERIOD, **options)
     smoother.reset(PANDA.home)
     return smoother
 

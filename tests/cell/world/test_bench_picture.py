@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ HAND = "package://franka_panda/meshes/visual/hand.obj"
 
 
 @contextmanager
-def world_of(instance: CellInstance, task: str = "peg_insertion") -> Iterator[PyBulletWorld]:
+def world_of(instance: CellInstance, task: str = "peg_insertion") -> Generator[PyBulletWorld]:
     world = PyBulletWorld(task_named(task), CELL, NOISELESS, instance=instance)
     try:
         world.reset(1)
@@ -82,7 +82,7 @@ def test_the_tables_plane_is_where_the_table_is() -> None:
     """Depth from straight above and at a slant; a camera beside the table measures the floor."""
     with world_of(instance_named("typical:1", CELL)) as world:
         eye, target = [0.5, 0.0, 0.5], [0.5, 1e-3, 0.0]
-        k: Intrinsics = world._real_camera._lens.ideal  # type: ignore[union-attr]
+        k: Intrinsics = world._real_camera._lens.ideal
         middle = painted(world, eye, target).depth[k.height // 2, k.width // 2]
         assert middle == pytest.approx(0.5, abs=2e-3)
         slanted = painted(world, [0.8, 0.2, 0.4], [0.5, 0.0, 0.0]).depth[k.height // 2, k.width // 2]
@@ -99,7 +99,7 @@ def test_a_table_as_high_as_made_is_seen_there_and_carries_what_lies_on_it() -> 
     assert height > 0.003
     for task, top in (("spatula_flipping_hard", height), ("spatula_flipping", 0.0)):
         with world_of(instance, task) as world:
-            k: Intrinsics = world._real_camera._lens.ideal  # type: ignore[union-attr]
+            k: Intrinsics = world._real_camera._lens.ideal
             depth = painted(world, [0.5, 0.0, 0.5], [0.5, 1e-3, 0.0]).depth[k.height // 2, k.width // 2]
             for _ in range(200):
                 world.advance()
@@ -117,7 +117,7 @@ def test_bodies_throw_shadows_away_from_the_light() -> None:
         light = np.array(true_light(world._settings.light_direction, world._instance))
         block = world.truth().body_position["hole_board"]
         away = -light[:2] / np.linalg.norm(light[:2])
-        shade = world._real_camera._bench.shadows()  # type: ignore[union-attr]
+        shade = world._real_camera._bench.shadows()
         corner = (TABLE_IN_WORLD.position - 0.5 * np.array(TABLE_SIZE))[:2]
 
         def darkness(place: np.ndarray) -> float:

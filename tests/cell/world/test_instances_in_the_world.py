@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ EVERY_TASK = pytest.mark.parametrize("name", sorted(TASKS))
 
 
 @contextmanager
-def world_of(task: str, instance: str) -> Iterator[PyBulletWorld]:
+def world_of(task: str, instance: str) -> Generator[PyBulletWorld]:
     world = PyBulletWorld(task_named(task), CELL, instance=instance_named(instance, CELL))
     try:
         yield world

@@ -36,7 +36,7 @@ def only(d: Diagnosis) -> dict[str, tuple[float, float, float]]:
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("make", [toss, slide, bounces])
-def test_bodies_within_tolerances_have_no_gap(make, seed: int) -> None:  # type: ignore[no-untyped-def]
+def test_bodies_within_tolerances_have_no_gap(make, seed: int) -> None:
     assert told(several(make, World(), COUNT, seed)).verdict == "no_gap"
 
 
@@ -180,7 +180,7 @@ def test_restitution_is_named_with_its_size() -> None:
     ],
     ids=["drag", "spin in air", "pushed"],
 )
-def test_what_no_effect_describes_is_refused(make, world: World) -> None:  # type: ignore[no-untyped-def]
+def test_what_no_effect_describes_is_refused(make, world: World) -> None:
     assert told(several(make, world, COUNT, 5)).verdict == "none_of_mine"
 
 

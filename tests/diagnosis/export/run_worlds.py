@@ -35,7 +35,7 @@ def write_logs(world: World, folder: Path) -> Path:
     folder.mkdir(parents=True)
     (folder / "arm.xml").write_text(world.nominal)
     for programme in "ABC":
-        np.savez(folder / f"{programme}.npz", **record(world, programme))  # pyright: ignore[reportArgumentType]
+        np.savez(folder / f"{programme}.npz", **record(world, programme))
     columns = ("position", "velocity", "commanded_effort", "target", "speed")
     mapping: dict[str, Any] = {
         "joints": list(world.joints),

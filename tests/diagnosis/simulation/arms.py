@@ -60,7 +60,7 @@ def description(
         joints,
         np.broadcast_to(stiffness, count).astype(float),
         np.broadcast_to(damping, count).astype(float),
-        **controller,  # type: ignore[arg-type]
+        **controller,
     )  # fmt: skip
     return ArmDescription("tool_arm", joints, urdf, control, tool)
 

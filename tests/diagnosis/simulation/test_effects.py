@@ -143,7 +143,7 @@ def test_neutral_is_exactly_nothing(loop: ClosedLoop, name: str) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_effect_shows_where_it_acts(loop: ClosedLoop, name: str) -> None:
-    found = _residuals(loop, _run(loop, PlantParameters(**CASES[name].values)))  # type: ignore[arg-type]
+    found = _residuals(loop, _run(loop, PlantParameters(**CASES[name].values)))
     shown = {channel for channel, size in found.items() if size > 1e-6}
     assert shown == CASES[name].shows, found
 
@@ -172,8 +172,8 @@ def test_parameters_that_only_modify_another_still_matter(loop: ClosedLoop) -> N
         partners = {key: value for key, value in case.values.items() if key != name}
         if not partners:
             continue
-        with_it = _run(loop, PlantParameters(**case.values))  # type: ignore[arg-type]
-        without = _run(loop, PlantParameters(**partners))  # type: ignore[arg-type]
+        with_it = _run(loop, PlantParameters(**case.values))
+        without = _run(loop, PlantParameters(**partners))
         assert np.abs(with_it.effort - without.effort).max() > 1e-7, name
 
 

@@ -62,7 +62,7 @@ class Problem:
     def value(self, **changed: Any) -> float:
         """The functional after changes of the plant, `command`, `start` or `speed`."""
         named = {key: changed.pop(key, getattr(self, key)) for key in ("command", "start", "speed")}
-        plant = replace(self.plant, **changed)  # type: ignore[arg-type]
+        plant = replace(self.plant, **changed)
         run = self.loop.rollout(named["command"], named["start"], named["speed"], [plant], DURATION)
         return float(_functional(self.weights, run)[0])
 
@@ -81,7 +81,7 @@ def _problem(
     about, start = ARMS[arm]
     if described is not None:
         about = replace(about, controller=described)
-    loop = ClosedLoop(LoopModel(about, **options))  # type: ignore[arg-type]
+    loop = ClosedLoop(LoopModel(about, **options))
     joints = len(start)
     rng = np.random.default_rng(5)
     shape = (1, int(DURATION / about.controller.period_s + 0.5) + 1, joints)

@@ -25,14 +25,14 @@ class _Loader(importlib.abc.Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         self._inner.exec_module(module)
-        make = module.make_world  # type: ignore[attr-defined]
+        make = module.make_world
 
         def make_watched(*arguments: Any, **named: Any) -> Any:
             from tests.faults.watched_world import WatchedWorld
 
             return WatchedWorld(make(*arguments, **named), os.environ["SAMRL_FAULTS_STEPS"])
 
-        module.make_world = make_watched  # type: ignore[attr-defined]
+        module.make_world = make_watched  # ty: ignore[missing-attribute]
 
 
 class _Finder(importlib.abc.MetaPathFinder):

@@ -181,7 +181,7 @@ def test_what_real2sim_found_is_begun_with_more_often() -> None:
     """Only how episodes began, and only what varies between starts."""
     task, recorded = task_named("spatula_flipping"), pushes()
     near = recorded.values[0].copy()
-    near[:2] = task.center_x + 0.004, -0.006  # pyright: ignore[reportAttributeAccessIssue]
+    near[:2] = task.center_x + 0.004, -0.006  # ty: ignore[missing-attribute]
     values = np.tile(near, (3, 1))
     values[2, 0] += 0.5  # outside the starts' range
     found = replace(

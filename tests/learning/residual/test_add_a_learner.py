@@ -47,10 +47,10 @@ def test_the_pages_learner_trains_and_is_evaluated_as_td3_is(registered: list[st
     }
     exec(registered[2], names)
     exec(registered[3], names)
-    before, after = (sum(names[name].successes) for name in ("before", "after"))  # type: ignore[attr-defined]
+    before, after = (sum(names[name].successes) for name in ("before", "after"))
     print(before, after)
     assert after > before + 6
-    names["run"].save_weights(tmp_path / "w.safetensors")  # type: ignore[attr-defined]
+    names["run"].save_weights(tmp_path / "w.safetensors")  # ty: ignore[not-callable]
     load_weights(tmp_path / "w.safetensors", "residual_actor", "toy", SMALL)
 
 

@@ -133,4 +133,4 @@ def test_readings_may_be_later_than_the_drive() -> None:
 )
 def test_impossible_wanderings_are_refused(changes: dict[str, object]) -> None:
     with pytest.raises(InputError, match="wander"):
-        replace(WanderSettings(), **changes)  # type: ignore[arg-type]
+        replace(WanderSettings(), **changes)

@@ -126,7 +126,7 @@ def test_impossible_records_are_refused(
     two: list[PushRecord], changes: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        replace(two[0], **changes)  # type: ignore[arg-type]
+        replace(two[0], **changes)
 
 
 @pytest.mark.parametrize("sizes", [(0.0, 0.01, 0.04), (0.05, -0.01, 0.04), (0.05, 0.01, 0.06)])

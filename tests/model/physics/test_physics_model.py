@@ -69,7 +69,7 @@ def test_backward_twice_gives_the_same() -> None:
 
 
 def body(**changes: object) -> PhysicsBody:
-    return replace(PhysicsBody("b", 0.1, 1e-4 * np.eye(3), (Joint(JointKind.FREE),)), **changes)  # type: ignore[arg-type]
+    return replace(PhysicsBody("b", 0.1, 1e-4 * np.eye(3), (Joint(JointKind.FREE),)), **changes)
 
 
 @pytest.mark.parametrize(

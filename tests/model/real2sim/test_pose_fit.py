@@ -189,7 +189,7 @@ def test_slope_of_the_loss(thread: Bench) -> None:
     colors = thread.model.initial_colors()
     misfit = Misfit(renderer, real, 1.0, 0.0)
     objective = PoseObjective(renderer, real, misfit, (np.zeros(20), np.full(20, 0.1)), 0.0)
-    truth = thread.task.values_of(thread.world.truth().chain_points)  # type: ignore[attr-defined]
+    truth = thread.task.values_of(thread.world.truth().chain_points)  # ty: ignore[missing-attribute]
     at = truth + 0.05 * np.sin(np.arange(20.0))
     slope = objective.fine(at, colors).gradient
     rng = np.random.default_rng(0)
@@ -281,7 +281,7 @@ def test_claimed_accuracy_of_the_thread_over_seeds(thread: Bench) -> None:
         image = thread.observe(seed)
         estimate = Real2Sim(thread.model).update(initial_estimate(thread.model), image)
         errors.append(thread.errors(estimate.values, image).mean())
-        e = estimate.values - thread.task.values_of(thread.world.truth().chain_points)  # type: ignore[attr-defined]
+        e = estimate.values - thread.task.values_of(thread.world.truth().chain_points)  # ty: ignore[missing-attribute]
         surprise.append(float(e @ np.linalg.solve(estimate.covariance, e)) / 20)
     print("median [mm]", 1e3 * np.median(errors), "surprise", np.median(surprise))
     assert np.median(errors) < 1.5e-3

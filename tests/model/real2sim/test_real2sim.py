@@ -23,13 +23,13 @@ BOARD = "hole_board"
 
 def observe(driver: CellDriver, seed: int) -> Observation:
     """The start view of a seed."""
-    driver.world.reset(seed)  # type: ignore[attr-defined]
+    driver.world.reset(seed)
     return driver.observe()
 
 
 def error(driver: CellDriver, estimate: Estimate) -> np.ndarray:
     """Against the truth, which only a test or an evaluation may read (2,) [m]."""
-    return estimate.values - driver.world.truth().body_position[BOARD][:2]  # type: ignore[attr-defined]
+    return estimate.values - driver.world.truth().body_position[BOARD][:2]
 
 
 def test_one_view_from_the_centre_of_the_range(model: Model, driver: CellDriver) -> None:
@@ -113,7 +113,7 @@ def test_gradient_of_the_loss(model: Model, driver: CellDriver) -> None:
     renderer = TargetRenderer(model, image.camera, image.tool_arm.position)
     misfit = Misfit(renderer, RealTarget.of(image, renderer.label), 1.0, 0.0)
     colors = model.initial_colors()
-    values = driver.world.truth().body_position[BOARD][:2] + [0.012, -0.009]  # type: ignore[attr-defined]
+    values = driver.world.truth().body_position[BOARD][:2] + [0.012, -0.009]
     _, gradient = misfit.fine(np.concatenate([values, colors.ravel()]))
     for k in range(2):
         h = np.eye(2)[k] * 1e-3
@@ -126,7 +126,7 @@ def test_cloud_moves_with_the_body(model: Model, driver: CellDriver) -> None:
     image = observe(driver, 8)
     renderer = TargetRenderer(model, image.camera, image.tool_arm.position)
     misfit = Misfit(renderer, RealTarget.of(image, renderer.label), 1.0, 1.0)
-    truth = driver.world.truth().body_position[BOARD][:2]  # type: ignore[attr-defined]
+    truth = driver.world.truth().body_position[BOARD][:2]
     away = np.clip(truth + [0.03, 0.03], [0.45, -0.05], [0.55, 0.05])
     value, slope = misfit.coarse(away)
     assert value == pytest.approx(np.linalg.norm(away - truth), rel=0.4)

@@ -62,7 +62,7 @@ class SpringPlate:
 def feel(plate: SpringPlate, values: np.ndarray) -> tuple[SurfaceTouch, int]:
     """The sense after its moves, and how many there were."""
     touch = SurfaceTouch(task(), CELL)
-    touch._sense = plate  # type: ignore[assignment]
+    touch._sense = plate  # ty: ignore[invalid-assignment]
     for count in range(40):
         touch.see(plate.observe(), values)
         down = touch.move(values, plate.read(None).tip)
@@ -97,7 +97,7 @@ def test_where_nothing_is_touched_it_is_taken_to_be_as_drawn() -> None:
 
 def test_what_pushes_under_the_pancake_is_no_plate() -> None:
     touch, plate, values = SurfaceTouch(task(), CELL), SpringPlate(-0.050, rim_x=0.440), values_of()
-    touch._sense = plate  # type: ignore[assignment]
+    touch._sense = plate  # ty: ignore[invalid-assignment]
     for _ in range(4):
         touch.see(plate.observe(), values)
         plate.move(np.array([0.0, 0.0, -0.005]))

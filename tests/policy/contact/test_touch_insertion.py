@@ -50,7 +50,7 @@ class Sight:
 
 
 def sight(stamp_ns: int, camera: Pose = HERE) -> Observation:
-    return Sight(stamp_ns, ArmReading(0, JOINTS, np.zeros(7), np.zeros(7)), camera)  # type: ignore[return-value]
+    return Sight(stamp_ns, ArmReading(0, JOINTS, np.zeros(7), np.zeros(7)), camera)  # ty: ignore[invalid-explicit-return]
 
 
 def test_the_hole_is_seen_from_the_tip_that_the_camera_sees(nothing_known: Estimate) -> None:
@@ -123,7 +123,7 @@ def test_a_typical_cells_peg_goes_in_gently_and_tells_how_wrong_the_images_were(
     for step in range(TASK.max_actions):
         for _ in range(200):
             world.advance()
-        move = touch.move(belief, offset_of(*wrong), Sight(step, world.read_arm("tool_arm")))  # type: ignore[arg-type]
+        move = touch.move(belief, offset_of(*wrong), Sight(step, world.read_arm("tool_arm")))
         if move.name == BOTTOM:
             break
         plant.displace_tool(move.displacement)

@@ -112,7 +112,7 @@ def test_residual_is_the_mean_over_what_may_be_shown() -> None:
     network = ResidualActor(LIMIT, generator())
     image, nominal = inputs("residual_actor")
     with torch.no_grad():
-        network.head[-1].weight.normal_(generator=generator())
+        network.head[-1].weight.normal_(generator=generator())  # ty: ignore[not-callable]
         features = network.encoder(image)
         assert torch.equal(network(image, nominal), network.of_features(features, nominal))
         network.keep_prob.fill_(0.25)
@@ -143,9 +143,9 @@ def test_residual_has_its_own_copy_of_an_encoder_that_stands_still() -> None:
     image, nominal = inputs("residual_actor")
     with torch.no_grad():
         features = encoder(image)
-        network.head[-1].weight.fill_(0.01)
+        network.head[-1].weight.fill_(0.01)  # ty: ignore[not-callable]
         assert torch.equal(network(image, nominal), network.of_features(features, nominal))
-        encoder.out.bias.add_(1.0)
+        encoder.out.bias.add_(1.0)  # ty: ignore[not-callable]
         assert torch.equal(network.encoder(image), features)
     assert [name for name, p in network.named_parameters() if p.requires_grad] == [
         f"head.{k}.{part}" for k in (0, 2, 4) for part in ("weight", "bias")

@@ -47,7 +47,7 @@ w.close()
 
 
 @pytest.mark.parametrize("seconds", [0.3, 1.7])
-def test_sigkill_loses_at_most_a_second(tmp_path: Path, child_environment, seconds: float) -> None:  # type: ignore[no-untyped-def]
+def test_sigkill_loses_at_most_a_second(tmp_path: Path, child_environment, seconds: float) -> None:
     folder = tmp_path / "killed"
     child = subprocess.Popen(
         [sys.executable, "-c", FOR_EVER, str(folder)],
@@ -79,7 +79,7 @@ def test_sigkill_loses_at_most_a_second(tmp_path: Path, child_environment, secon
     assert not whole.truncated and whole.has_metadata
 
 
-def test_disk_full_is_said_and_nothing_claims_to_be_complete(tmp_path: Path, child_environment) -> None:  # type: ignore[no-untyped-def]
+def test_disk_full_is_said_and_nothing_claims_to_be_complete(tmp_path: Path, child_environment) -> None:
     folder = tmp_path / "full"
     done = subprocess.run(
         [sys.executable, "-c", DISK_FULL, str(folder)],
@@ -97,7 +97,7 @@ def test_disk_full_is_said_and_nothing_claims_to_be_complete(tmp_path: Path, chi
     assert repair(folder, tmp_path / "whole").messages == bag.message_count
 
 
-def test_a_write_error_inside_close_leaves_no_metadata(tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_a_write_error_inside_close_leaves_no_metadata(tmp_path: Path, monkeypatch) -> None:
     from samrl_ros.bags import writer as module
 
     writer = module.BagWriter(tmp_path / "bag")

@@ -86,7 +86,7 @@ def plain(value: Any) -> Any:
 
 @pytest.mark.parametrize("name", TYPES)
 @pytest.mark.parametrize("little", [True, False])
-def test_equal_to_rosbags(typestore, name: str, little: bool) -> None:  # type: ignore[no-untyped-def]
+def test_equal_to_rosbags(typestore, name: str, little: bool) -> None:
     decoder = Decoders().get("/a", "cdr", schema_of(name))
     rng = np.random.default_rng(3)
     for _ in range(20):
@@ -97,7 +97,7 @@ def test_equal_to_rosbags(typestore, name: str, little: bool) -> None:  # type: 
 
 
 @pytest.mark.parametrize("name", TYPES[:4])
-def test_equal_to_mcap_ros2_support(typestore, name: str) -> None:  # type: ignore[no-untyped-def]
+def test_equal_to_mcap_ros2_support(typestore, name: str) -> None:
     schema = schema_of(name)
     ours, theirs = Decoders().get("/a", "cdr", schema), DecoderFactory().decoder_for("cdr", schema)
     assert theirs is not None
@@ -126,13 +126,13 @@ def test_every_number_aligned_after_a_byte(base: str) -> None:
     assert (list(message.pair), list(message.many), list(message.some)) == ([0, 1], [1], [])
 
 
-def test_values_do_not_need_ros(joints_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_values_do_not_need_ros(joints_cdr) -> None:
     message = Decoders().get("/a", "cdr", schema_of(TYPES[0]))(joints_cdr(5, 0.25))
     assert np.asarray(message.position).tolist() == [0.25] * 7
     assert message.name[0] == "panda_joint1" and message.header.stamp.nanosec == 5
 
 
-def test_every_cut_and_an_overlong_message_are_refused(joints_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_every_cut_and_an_overlong_message_are_refused(joints_cdr) -> None:
     decoder = Decoders().get("/a", "cdr", schema_of(TYPES[0]))
     data = joints_cdr(5, 0.25)
     for cut in range(len(data)):

@@ -16,7 +16,7 @@ from samrl_ros.bags.schemas import schema_text
 STRING = "std_msgs/msg/String"
 
 
-def foreign(string_cdr, schema: bytes | None = None, encoding: str = "ros2msg", **options) -> bytes:  # type: ignore[no-untyped-def]
+def foreign(string_cdr, schema: bytes | None = None, encoding: str = "ros2msg", **options) -> bytes:
     """A file of another writer: 60 messages of two topics, log times out of order now and then."""
     stream = io.BytesIO()
     writer = Writer(stream, **options)
@@ -50,7 +50,7 @@ VARIANTS = {
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_files_of_other_writers(tmp_path: Path, string_cdr, variant: str) -> None:  # type: ignore[no-untyped-def]
+def test_files_of_other_writers(tmp_path: Path, string_cdr, variant: str) -> None:
     file = tmp_path / "foreign.mcap"
     file.write_bytes(foreign(string_cdr, **VARIANTS[variant]))
     bag = open_bag(file)
@@ -67,7 +67,7 @@ def test_files_of_other_writers(tmp_path: Path, string_cdr, variant: str) -> Non
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_any_cut_yields_a_prefix(tmp_path: Path, string_cdr, variant: str) -> None:  # type: ignore[no-untyped-def]
+def test_any_cut_yields_a_prefix(tmp_path: Path, string_cdr, variant: str) -> None:
     data = foreign(string_cdr, **VARIANTS[variant])
     file = tmp_path / "cut.mcap"
     file.write_bytes(data)
@@ -88,14 +88,14 @@ def test_any_cut_yields_a_prefix(tmp_path: Path, string_cdr, variant: str) -> No
     assert max(kept) == 60 or variant == "one chunk"
 
 
-def test_a_folder_of_bags_names_them(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_a_folder_of_bags_names_them(small_bag) -> None:
     folder = small_bag()
     with pytest.raises(InputError, match=f"no .mcap file; inside it are .*{folder.name}.*: name one"):
         open_bag(folder.parent)
 
 
 @pytest.mark.parametrize("compression", ["zstd", "none"])
-def test_any_cut_of_our_own_bag(small_bag, compression: str) -> None:  # type: ignore[no-untyped-def]
+def test_any_cut_of_our_own_bag(small_bag, compression: str) -> None:
     folder = small_bag(compression=compression)
     whole = list(open_bag(folder).messages())
     (folder / "metadata.yaml").unlink()
@@ -111,7 +111,7 @@ def test_any_cut_of_our_own_bag(small_bag, compression: str) -> None:  # type: i
         assert bag.custom_data in ({}, {"task": "peg_insertion"})
 
 
-def test_flipped_bytes_are_refused_or_reported_never_a_crash(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_flipped_bytes_are_refused_or_reported_never_a_crash(small_bag) -> None:
     folder = small_bag()
     whole = {m.data for m in open_bag(folder).messages()}
     file = folder / "small_0.mcap"
@@ -131,7 +131,7 @@ def test_flipped_bytes_are_refused_or_reported_never_a_crash(small_bag) -> None:
     assert refused > 0
 
 
-def test_damage_in_the_middle_of_a_whole_file(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_damage_in_the_middle_of_a_whole_file(small_bag) -> None:
     folder = small_bag(compression="none")
     file = folder / "small_0.mcap"
     data = bytearray(file.read_bytes())
@@ -145,7 +145,7 @@ def test_damage_in_the_middle_of_a_whole_file(small_bag) -> None:  # type: ignor
     assert checked.lost_bytes > 0
 
 
-def test_zero_filled_tail_is_a_cut(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_zero_filled_tail_is_a_cut(small_bag) -> None:
     folder = small_bag(close=False)
     file = folder / "small_0.mcap"
     whole = open_bag(folder).message_count
@@ -173,7 +173,7 @@ def test_no_bag_at_all(tmp_path: Path) -> None:
         open_bag(tmp_path / "sql")
 
 
-def test_broken_or_foreign_metadata(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_broken_or_foreign_metadata(small_bag) -> None:
     folder = small_bag()
     file = folder / "metadata.yaml"
     good = file.read_text()
@@ -193,7 +193,7 @@ def test_broken_or_foreign_metadata(small_bag) -> None:  # type: ignore[no-untyp
         open_bag(folder)
 
 
-def test_missing_topics_are_listed(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_missing_topics_are_listed(small_bag) -> None:
     bag = open_bag(small_bag())
     assert require_topics(bag, ["/cell/phase"]) == ("/cell/phase",)
     with pytest.raises(InputError, match=r"lacks /x, /y; topics present: /cell/phase, /cell/tool_arm"):
@@ -214,7 +214,7 @@ def test_missing_topics_are_listed(small_bag) -> None:  # type: ignore[no-untype
         (b"", "ros2idl"),
     ],
 )
-def test_broken_schema_names_its_topic(tmp_path: Path, string_cdr, schema: bytes, encoding: str) -> None:  # type: ignore[no-untyped-def]
+def test_broken_schema_names_its_topic(tmp_path: Path, string_cdr, schema: bytes, encoding: str) -> None:
     file = tmp_path / "broken.mcap"
     file.write_bytes(foreign(string_cdr, schema=schema, encoding=encoding))
     bag = open_bag(file)

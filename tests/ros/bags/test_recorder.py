@@ -20,7 +20,7 @@ JOINTS = "sensor_msgs/msg/JointState"
 LATCHED = QoS(durability="transient_local", depth=1)
 
 
-def test_messages_before_the_clock_are_held(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_messages_before_the_clock_are_held(tmp_path: Path, string_cdr) -> None:
     rec = Recorder(BagWriter(tmp_path / "bag"))
     rec.on_raw("/tool", STRING, LATCHED, string_cdr("first"), None)
     rec.on_raw("/phase", STRING, QoS(), string_cdr("second"), None, 5)
@@ -39,7 +39,7 @@ def test_messages_before_the_clock_are_held(tmp_path: Path, string_cdr) -> None:
     assert open_bag(tmp_path / "bag").topic("/tool").qos == (LATCHED,)
 
 
-def test_without_any_clock_nothing_is_lost(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_without_any_clock_nothing_is_lost(tmp_path: Path, string_cdr) -> None:
     rec = Recorder(BagWriter(tmp_path / "bag"))
     rec.on_raw("/tool", STRING, LATCHED, string_cdr("only"), None)
     rec.close()
@@ -47,7 +47,7 @@ def test_without_any_clock_nothing_is_lost(tmp_path: Path, string_cdr) -> None: 
     assert [(m.data, r.log_time_ns) for r, m in open_bag(tmp_path / "bag").decoded()] == [("only", 0)]
 
 
-def test_a_graph_without_clock_does_not_fill_memory(tmp_path: Path, string_cdr, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_a_graph_without_clock_does_not_fill_memory(tmp_path: Path, string_cdr, monkeypatch) -> None:
     monkeypatch.setattr(recorder, "HELD_LIMIT", 3)
     rec = Recorder(BagWriter(tmp_path / "bag"))
     for _ in range(3):
@@ -58,7 +58,7 @@ def test_a_graph_without_clock_does_not_fill_memory(tmp_path: Path, string_cdr, 
     assert open_bag(tmp_path / "bag").message_count == 3
 
 
-def test_split(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_split(tmp_path: Path, string_cdr) -> None:
     rec = Recorder(BagWriter(tmp_path / "bag"))
     rec.on_raw("/a", STRING, QoS(), string_cdr("x"), 1)
     assert rec.split().endswith("bag_1.mcap")
@@ -67,7 +67,7 @@ def test_split(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-d
     assert [m.data for _, m in open_bag(tmp_path / "bag").decoded()] == ["x", "y"]
 
 
-def test_stamps_from_bytes(joints_cdr, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_stamps_from_bytes(joints_cdr, string_cdr) -> None:
     assert header_stamp_ns(JOINTS, joints_cdr(3_000_000_017, 0.0)) == 3_000_000_017
     assert header_stamp_ns(JOINTS, joints_cdr(0, 0.0)) is None
     assert header_stamp_ns(STRING, string_cdr("a long enough text")) is None
@@ -100,7 +100,7 @@ def test_bags_are_read_without_ros() -> None:
             assert not any(name.split(".")[0] in ("rclpy", "rosbags", "foxglove") for name in names), file
 
 
-def test_a_second_clock_is_told_and_counted(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_a_second_clock_is_told_and_counted(tmp_path: Path, string_cdr) -> None:
     told: list[str] = []
     with BagWriter(tmp_path / "bag") as writer:
         rec = Recorder(writer, told.append)

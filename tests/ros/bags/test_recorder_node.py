@@ -102,7 +102,7 @@ def count(thread: Any, topic: str, number: int) -> Callable[[], bool]:
     return lambda: thread.node.health.topics[topic].received >= number
 
 
-def test_record_with_simulated_time(record, node, tmp_path: Path, string_cdr, joints_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_record_with_simulated_time(record, node, tmp_path: Path, string_cdr, joints_cdr) -> None:
     speaker = Speaker(node)
     speaker.say(TOOL, string_cdr("{}"))  # before the recorder exists: latched
     thread = record(tmp_path / "bag")
@@ -125,7 +125,7 @@ def test_record_with_simulated_time(record, node, tmp_path: Path, string_cdr, jo
     assert bag.topic(TOOL).qos == (QoS(durability="transient_local", depth=1),)
 
 
-def test_services_start_stop_split(record, node, tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_services_start_stop_split(record, node, tmp_path: Path, string_cdr) -> None:
     from rclpy.executors import SingleThreadedExecutor
     from std_srvs.srv import Trigger
 
@@ -161,7 +161,7 @@ def test_services_start_stop_split(record, node, tmp_path: Path, string_cdr) -> 
     assert [m.data for _, m in open_bag(tmp_path / "bag_1").decoded()] == ["{}"]
 
 
-def test_folder_in_use_fails_the_node_and_keeps_the_folder(record, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_folder_in_use_fails_the_node_and_keeps_the_folder(record, tmp_path: Path) -> None:
     (tmp_path / "bag").mkdir()
     thread = record(tmp_path / "bag")
     wait_for(lambda: thread.failure, "the other side")
@@ -170,7 +170,7 @@ def test_folder_in_use_fails_the_node_and_keeps_the_folder(record, tmp_path: Pat
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_recorder_process_ended_by_a_signal(  # type: ignore[no-untyped-def]
+def test_recorder_process_ended_by_a_signal(
     node, tmp_path: Path, string_cdr, child_environment, number
 ) -> None:
     arguments = ["--ros-args", "-p", f"out:={tmp_path / 'bag'}", "-p", "use_sim_time:=true"]
@@ -198,7 +198,7 @@ def test_recorder_process_ended_by_a_signal(  # type: ignore[no-untyped-def]
     assert [m.data for _, m in bag.decoded([PHASE])][-1] == "59"
 
 
-def test_play_over_dds(node, tmp_path: Path, string_cdr, joints_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_play_over_dds(node, tmp_path: Path, string_cdr, joints_cdr) -> None:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
@@ -257,7 +257,7 @@ def test_play_over_dds(node, tmp_path: Path, string_cdr, joints_cdr) -> None:  #
     assert clocks == sorted(set(clocks), key=clocks.index)  # the recorded clock is not doubled
 
 
-def test_play_refuses_bad_rates_and_unknown_types(node, tmp_path: Path, small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_play_refuses_bad_rates_and_unknown_types(node, tmp_path: Path, small_bag) -> None:
     bag = open_bag(small_bag())
     for rate in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(LimitError, match="rate"):
@@ -281,7 +281,7 @@ except KeyboardInterrupt:
 """
 
 
-def test_ctrl_c_ends_the_player(small_bag, child_environment) -> None:  # type: ignore[no-untyped-def]
+def test_ctrl_c_ends_the_player(small_bag, child_environment) -> None:
     child = subprocess.Popen(
         [sys.executable, "-c", PLAY, str(small_bag())],
         env={**os.environ, **child_environment},

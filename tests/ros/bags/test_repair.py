@@ -24,7 +24,7 @@ def fingerprint(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("cut", [0.5, 0.9, 1.0])
-def test_repair_makes_a_complete_bag_and_leaves_the_source(small_bag, tmp_path: Path, cut: float) -> None:  # type: ignore[no-untyped-def]
+def test_repair_makes_a_complete_bag_and_leaves_the_source(small_bag, tmp_path: Path, cut: float) -> None:
     folder = small_bag(close=False)
     file = folder / "small_0.mcap"
     file.write_bytes(file.read_bytes()[: int(cut * file.stat().st_size)])
@@ -44,7 +44,7 @@ def test_repair_makes_a_complete_bag_and_leaves_the_source(small_bag, tmp_path: 
         assert len(list(reader.messages())) == report.messages
 
 
-def test_sound_bag_without_metadata_is_copied(small_bag, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_sound_bag_without_metadata_is_copied(small_bag, tmp_path: Path) -> None:
     folder = small_bag()
     (folder / "metadata.yaml").unlink()
     report = repair(folder, tmp_path / "whole")
@@ -52,7 +52,7 @@ def test_sound_bag_without_metadata_is_copied(small_bag, tmp_path: Path) -> None
     assert open_bag(tmp_path / "whole").has_metadata
 
 
-def test_repair_refuses(small_bag, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_repair_refuses(small_bag, tmp_path: Path) -> None:
     folder = small_bag()
     (tmp_path / "there").mkdir()
     with pytest.raises(InputError, match="exists already"):
@@ -66,7 +66,7 @@ def test_repair_refuses(small_bag, tmp_path: Path) -> None:  # type: ignore[no-u
     assert not (tmp_path / "whole").exists()
 
 
-def test_an_interrupted_repair_leaves_no_half_bag(small_bag, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_an_interrupted_repair_leaves_no_half_bag(small_bag, tmp_path: Path) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -95,7 +95,7 @@ def test_oddities_of_other_writers_are_copied(tmp_path: Path) -> None:
     assert bag.topics[0].serialization == "json" and bag.topics[0].definition.encoding == "jsonschema"
 
 
-def test_describe(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_describe(small_bag) -> None:
     described = describe(open_bag(small_bag()))
     assert described["messages"] == 200
     assert described["duration_s"] == pytest.approx(0.199)
@@ -105,7 +105,7 @@ def test_describe(small_bag) -> None:  # type: ignore[no-untyped-def]
     assert described["truncated"] is False and described["metadata"] is True
 
 
-def test_commands_and_their_exit_codes(small_bag, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_commands_and_their_exit_codes(small_bag, tmp_path: Path) -> None:
     folder = small_bag()
     run = CliRunner().invoke
     shown = run(bag_app, ["info", str(folder), "--json"])

@@ -59,7 +59,7 @@ def test_computed_hashes_equal_all_installed_ones() -> None:
     assert checked > 50
 
 
-def test_hashes_equal_those_of_rosbags(typestore) -> None:  # type: ignore[no-untyped-def]
+def test_hashes_equal_those_of_rosbags(typestore) -> None:
     for name in (
         "sensor_msgs/msg/JointState",
         "trajectory_msgs/msg/JointTrajectory",
@@ -74,7 +74,7 @@ def test_every_topic_of_the_cell_has_a_definition() -> None:
         assert described.text and described.type_hash.startswith("RIHS01_"), topic.name
 
 
-def test_without_ros_the_typestore_gives_the_same_fields_and_hash(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_without_ros_the_typestore_gives_the_same_fields_and_hash(monkeypatch) -> None:
     name = "trajectory_msgs/msg/JointTrajectory"
     expected, hashed = fields(name, schemas.message_text(name)), schemas.type_hash(name)
     monkeypatch.setattr(schemas, "_installed_text", lambda _: None)
@@ -83,7 +83,7 @@ def test_without_ros_the_typestore_gives_the_same_fields_and_hash(monkeypatch) -
     assert schemas.type_hash(name) == hashed
 
 
-def test_own_prefix_is_searched_first(tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_own_prefix_is_searched_first(tmp_path: Path, monkeypatch) -> None:
     folder = tmp_path / "share" / "my_msgs" / "msg"
     folder.mkdir(parents=True)
     (folder / "Pair.msg").write_bytes(b"float64 a\r\nfloat64 b\r\n")

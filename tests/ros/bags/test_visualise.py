@@ -91,7 +91,7 @@ def test_without_the_sdk_the_remedy_is_named() -> None:
 
 
 @pytest.mark.skipif(not INSTALLED, reason="needs Foxglove's SDK")
-def test_it_serves_and_refuses_a_taken_port(string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_it_serves_and_refuses_a_taken_port(string_cdr) -> None:
     with LiveView(port=0) as view:
         view.show("/cell/phase", "std_msgs/msg/String", string_cdr("approach"), 1_000)
         with socket.create_connection(("127.0.0.1", view.port), timeout=5):
@@ -101,7 +101,7 @@ def test_it_serves_and_refuses_a_taken_port(string_cdr) -> None:  # type: ignore
 
 
 @pytest.mark.skipif(not INSTALLED, reason="needs Foxglove's SDK")
-def test_a_latched_message_reaches_every_client_however_late(string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_a_latched_message_reaches_every_client_however_late(string_cdr) -> None:
     with LiveView(port=0) as view:
         robot, phase = string_cdr("<robot/>"), string_cdr("approach")
         view.show(

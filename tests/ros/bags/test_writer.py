@@ -22,7 +22,7 @@ JOINTS = "sensor_msgs/msg/JointState"
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_read_back_by_mcap_ros2_support(small_bag, compression: str) -> None:  # type: ignore[no-untyped-def]
+def test_read_back_by_mcap_ros2_support(small_bag, compression: str) -> None:
     folder = small_bag(compression=compression)
     with (folder / "small_0.mcap").open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -38,7 +38,7 @@ def test_read_back_by_mcap_ros2_support(small_bag, compression: str) -> None:  #
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_read_back_by_rosbags(small_bag, typestore, compression: str) -> None:  # type: ignore[no-untyped-def]
+def test_read_back_by_rosbags(small_bag, typestore, compression: str) -> None:
     with Reader(small_bag(compression=compression)) as reader:
         assert reader.message_count == 200
         texts = [
@@ -49,11 +49,11 @@ def test_read_back_by_rosbags(small_bag, typestore, compression: str) -> None:  
         latched = next(c for c in reader.connections if c.topic == "/cell/tool_arm/tool")
         assert reader.ros_distro == "jazzy"
     assert texts[:2] == ["{}", "phase 10"]
-    qos = latched.ext.offered_qos_profiles[0]  # type: ignore[union-attr]
+    qos = latched.ext.offered_qos_profiles[0]
     assert qos.durability.name.lower() == "transient_local"
 
 
-def test_metadata_version_9(small_bag) -> None:  # type: ignore[no-untyped-def]
+def test_metadata_version_9(small_bag) -> None:
     folder = small_bag()
     about = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert about["version"] == 9
@@ -80,7 +80,7 @@ def test_metadata_version_9(small_bag) -> None:  # type: ignore[no-untyped-def]
     assert inner == about
 
 
-def test_split_files_are_one_bag(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_split_files_are_one_bag(tmp_path: Path, string_cdr) -> None:
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/a", STRING)
         for part in range(12):
@@ -105,7 +105,7 @@ def test_silent_topic_is_listed(tmp_path: Path) -> None:
     assert (bag.message_count, bag.start_ns, bag.end_ns, bag.truncated) == (0, 0, 0, False)
 
 
-def test_close_twice_then_write_is_refused(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_close_twice_then_write_is_refused(tmp_path: Path, string_cdr) -> None:
     writer = BagWriter(tmp_path / "bag")
     writer.add_topic("/a", STRING)
     writer.close()
@@ -116,13 +116,13 @@ def test_close_twice_then_write_is_refused(tmp_path: Path, string_cdr) -> None: 
         writer.write("/a", 1, string_cdr("x"))
 
 
-def test_bad_input_is_refused(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_bad_input_is_refused(tmp_path: Path, string_cdr) -> None:
     with pytest.raises(InputError, match="zstd, lz4, none"):
         BagWriter(tmp_path / "x", compression="gzip")
     with pytest.raises(InputError, match="only evaluation"):
         BagWriter(tmp_path / "x", custom_data={"seed": "3"})
     with pytest.raises(InputError, match="must be text"):
-        BagWriter(tmp_path / "x", custom_data={"schema": 1})  # type: ignore[dict-item]
+        BagWriter(tmp_path / "x", custom_data={"schema": 1})
     assert not (tmp_path / "x").exists()
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/a", STRING)
@@ -164,7 +164,7 @@ def test_qos_of_older_bags_in_numbers() -> None:
         QoS(reliability="perhaps")
 
 
-def test_a_long_recording_takes_no_more_memory(tmp_path: Path, string_cdr) -> None:  # type: ignore[no-untyped-def]
+def test_a_long_recording_takes_no_more_memory(tmp_path: Path, string_cdr) -> None:
     """What mcap's writer would keep of every chunk until the end, 1.4 kB, is on disk."""
     chunks = 2000
     with BagWriter(tmp_path / "long", chunk_bytes=1) as writer:

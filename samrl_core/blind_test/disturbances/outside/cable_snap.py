@@ -19,13 +19,11 @@ def _make(site: Site, form: str, severity: float) -> Injection:
     i = site.joint
 
     def attach(hooks: Hooks, rng: np.random.Generator) -> None:
-        state = {"rest": None, "free_until": -1.0}
+        state: dict[str, float] = {"free_until": -1.0}
 
         def pull(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
             row = np.zeros_like(q)
-            if state["rest"] is None:
-                state["rest"] = float(q[i])
-            x = float(q[i]) - state["rest"]
+            x = float(q[i]) - state.setdefault("rest", float(q[i]))
             if abs(x) > travel:
                 state["rest"], state["free_until"] = float(q[i]), t + 0.3
                 x = 0.0

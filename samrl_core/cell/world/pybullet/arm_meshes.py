@@ -64,8 +64,8 @@ def coarse_mesh(file: Path, most_faces: int) -> tuple[np.ndarray, np.ndarray, np
     normals = np.stack(
         [np.bincount(cell[faces].ravel(), np.repeat(normal[:, k], 3), len(joined)) for k in range(3)], axis=1
     )
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return joined, normals, _faces_between(cell[faces])
+    lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return joined, normals / lengths, _faces_between(cell[faces])
 
 
 def _faces_between(corners: np.ndarray) -> np.ndarray:

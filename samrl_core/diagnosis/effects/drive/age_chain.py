@@ -53,12 +53,12 @@ class AgeChain:
 
 @wp.kernel(enable_backward=False, module="unique")
 def _smooth(
-    e: wp.array3d(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
-    moves: wp.array3d(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
-    g: wp.array3d(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
-    work: wp.array3d(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
-    counts: wp.array3d(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
-    logs: wp.array(dtype=wp.float64),  # pyright: ignore[reportInvalidTypeForm]
+    e: wp.array3d(dtype=wp.float64),
+    moves: wp.array3d(dtype=wp.float64),
+    g: wp.array3d(dtype=wp.float64),
+    work: wp.array3d(dtype=wp.float64),
+    counts: wp.array3d(dtype=wp.float64),
+    logs: wp.array(dtype=wp.float64),
 ):
     c = wp.tid()
     frames = e.shape[1]

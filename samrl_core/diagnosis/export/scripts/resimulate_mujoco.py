@@ -9,7 +9,6 @@ Per control period: the command, interpolated; the law of law.json, or the model
 where these are the controller; MuJoCo's steps. Other joints are held at zero. Contacts are off.
 """
 
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
 from __future__ import annotations
 
 import json

@@ -10,7 +10,6 @@ force. Per control period: the command, interpolated; the law of law.json; PyBul
 held at zero.
 """
 
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
 from __future__ import annotations
 
 import sys
@@ -64,13 +63,10 @@ class BulletArm:
                 physicsClientId=self.client,
             )
         self.joints = [names[name] for name in law["joints"]]
-        found = {j.get("name"): j.find("dynamics") for j in root.findall("joint")}
-        self.friction = [
-            0.0 if found[n] is None else float(found[n].get("friction", 0)) for n in law["joints"]
-        ]
-        self.damping = np.array(
-            [0.0 if found[n] is None else float(found[n].get("damping", 0)) for n in law["joints"]]
-        )
+        stated = {j.get("name"): d.attrib for j in root.findall("joint") for d in j.findall("dynamics")}
+        dynamics = [stated.get(name, {}) for name in law["joints"]]
+        self.friction = [float(d.get("friction", 0)) for d in dynamics]
+        self.damping = np.array([float(d.get("damping", 0)) for d in dynamics])
         for i, d in zip(self.joints, self.damping, strict=True):
             pybullet.changeDynamics(self.body, i, jointDamping=float(d), physicsClientId=self.client)
         self.limit = np.array([np.inf if x is None else x for x in law["effort_limit"]])

@@ -4,7 +4,6 @@ Mitsuba renders one triple of channels at a time, so that colour and position ar
 vertex attributes: emitted where nothing is lit, as the reflectance of a diffuse surface where it is.
 """
 # The library's stubs lack or misstate these.
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
 """The chain in MuJoCo, C, float64: forward, and gradients by its own finite differences of a step."""
 # The library's stubs lack or misstate these.
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 
 from __future__ import annotations
 

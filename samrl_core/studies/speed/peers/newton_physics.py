@@ -4,7 +4,6 @@ Newton keeps matrices on the solver object that its backward pass reads, so ever
 own; with one for all, gradients over several steps are wrong without any warning.
 """
 # The library's stubs lack or misstate these.
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
 """Earth Mover's Distance of two equal clouds by POT (exact) and by GeomLoss (Sinkhorn), with gradients."""
 # The library's stubs lack or misstate these.
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 
 from __future__ import annotations
 

@@ -44,7 +44,12 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "samrl_core/blind_test/engines/",  # third engine of sealed worlds
         "samrl_core/studies/speed/",
     ),
-    "jinja2": ("samrl_core/diagnosis/report/", "samrl_core/diagnosis/history/", "samrl_ros/cell/report/"),
+    "jinja2": (
+        "samrl_core/common/templates.py",
+        "samrl_core/diagnosis/report/",
+        "samrl_core/diagnosis/history/",
+        "samrl_ros/cell/report/",
+    ),
     "pandas": ("samrl_ros/log_import/",),
     "pydantic": ("samrl_core/common/validation.py", "samrl_core/diagnosis/report/", "samrl_ros/log_import/"),
     "plotly": ("samrl_core/diagnosis/report/", "samrl_core/diagnosis/history/", "samrl_ros/cell/report/"),

@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.instance.cell_instance import FILE, instance_named, read_instance_file
 from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.tasks.task import Task
@@ -22,13 +23,16 @@ PHOTOGRAPH = "bench.png"
 _JOINTS = {arm_topic(role, "joint_states"): role for role in ROLES}
 
 
-def write_bench_photograph(folder: Path, task: Task, cell: CellSpec) -> Path:
+def write_bench_photograph(
+    folder: Path, task: Task, cell: CellSpec, correction: CellCorrection = NO_CORRECTION
+) -> Path:
     """Photograph where bag and evaluation truth say that arms and bodies ended.
 
     Args:
         folder: of the run; gets `bench.png`.
         task: that was run.
         cell: the nominal one.
+        correction: that the run had; the bag has joints less the zeros that it takes off.
 
     Raises:
         InputError: the run has no truth of an ending, no joint states, or no cell instance.
@@ -43,7 +47,10 @@ def write_bench_photograph(folder: Path, task: Task, cell: CellSpec) -> Path:
     if not endings or len(last) < len(ROLES):
         raise InputError(f"{folder} has no episode that ended, or no joint states; nothing to photograph")
     ending = ending_of(endings[-1])
-    encoders = {role: arm_reading(m, cell.arm(role).joint_names).position for role, m in last.items()}
+    encoders = {}
+    for role, message in last.items():
+        names = cell.arm(role).joint_names
+        encoders[role] = arm_reading(message, names).position + correction.zeros(names, role)
     state = BenchState(encoders, ending.body_in_world, chain_angles_of(task, ending))
     image = photograph_bench(task, cell, instance, state)
     done, png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))

@@ -168,7 +168,7 @@ def prepare(options: CellOptions) -> Path:
     elif given := [n for n in ("observe", "hand_eye", "bases", "sim_time") if getattr(options, n)]:
         raise InputError(f"--{given[0].replace('_', '-')} is for a real cell; give --hardware as well")
     if options.correction is not None:
-        read_correction(options.correction)
+        read_correction(options.correction).require_joints(cell_named(options.cell))
     if not options.observe and (options.policy == "learned" or options.strategy == "q"):
         _require_weights(options)
     if options.residual is not None:

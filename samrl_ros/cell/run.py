@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from samrl_core.cell.calibration.cell_correction import correction_of
 from samrl_core.cell.instance.cell_instance import NOMINAL, InstanceName
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
@@ -296,7 +297,8 @@ def _photograph(options: CellOptions, task: Task, console: Console) -> None:
     if options.hardware or InstanceName.parse(options.instance).level == NOMINAL:
         return
     try:
-        written = write_bench_photograph(options.out, task, cell_named(options.cell))
+        correction = correction_of(str(options.correction or ""))
+        written = write_bench_photograph(options.out, task, cell_named(options.cell), correction)
     except InputError as error:
         console.print(f"[yellow]no photograph:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return

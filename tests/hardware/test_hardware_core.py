@@ -14,6 +14,7 @@ pytest.importorskip("rclpy")
 
 from sensor_msgs.msg import JointState
 
+from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import task_named
@@ -40,14 +41,21 @@ LIMITS = HardwareLimits(0.1, 0.012, observe_only=False, judged=True, publish_tf=
 class Rig(KeptWords):
     """The core with arms that stand where they are put; time goes on by joint states."""
 
-    def __init__(self, limits: HardwareLimits = LIMITS) -> None:
+    def __init__(self, limits: HardwareLimits = LIMITS, correction: CellCorrection = NO_CORRECTION) -> None:
         super().__init__()
         self.sent: list[tuple[str, Any]] = []
         self.now_ns = BEGAN_NS
         self.position = {role: START[role].copy() for role in ROLES}
         self.velocity = {role: np.zeros(7) for role in ROLES}
         self.core = HardwareCore(
-            self, CELL, TASK, ARMS, limits, lambda: 1e-9 * self.now_ns, lambda r, m: self.sent.append((r, m))
+            self,
+            CELL,
+            TASK,
+            ARMS,
+            limits,
+            lambda: 1e-9 * self.now_ns,
+            lambda r, m: self.sent.append((r, m)),
+            correction,
         )
 
     def joint_state(self, role: str) -> JointState:
@@ -96,6 +104,24 @@ def test_nothing_is_passed_on_and_nothing_moves_before_the_preflight() -> None:
     rig.go_on(0.1)
     rig.command()
     assert rig.core.is_checking and not rig.sent and not rig.on(arm_topic("tool_arm", "joint_states"))
+
+
+def test_a_joints_zero_is_taken_off_what_is_heard_and_put_onto_what_is_sent() -> None:
+    """The driver's first joint reads 0.02 rad too much, and is told as much more."""
+    zero = 0.02 * np.eye(7)[0]
+    rig = Rig(correction=CellCorrection(encoder_zeros={"tool_arm": {SPEC.joint_names[0]: 0.02}}))
+    rig.position["tool_arm"] = START["tool_arm"] + zero
+    rig.in_an_episode()
+    heard = rig.on(arm_topic("tool_arm", "joint_states"))[-1]
+    np.testing.assert_allclose(heard.position, START["tool_arm"], atol=1e-12)
+    for _ in range(10):
+        still = np.zeros(7)
+        value = ArmCommand(rig.now_ns + 40_000_000, START["tool_arm"], still, still, still)
+        rig.core.on_command("tool_arm", to_message.command(value, SPEC.joint_names), "manipulator")
+        rig.go_on(0.004)
+    role, sent = rig.sent[-1]
+    assert role == "tool_arm"
+    np.testing.assert_allclose(sent.points[0].positions, START["tool_arm"] + zero, atol=1e-9)
 
 
 def test_drivers_that_were_disturbed_are_watched_anew() -> None:

@@ -199,3 +199,18 @@ def test_a_correction_is_announced_and_goes_into_the_images() -> None:
     kept = np.isfinite(read) & np.isfinite(depth)
     assert kept.mean() > 0.3
     np.testing.assert_allclose(depth[kept], (read[kept] - 0.02) / 1.1, atol=1e-4)
+
+
+def test_a_joints_zero_is_taken_off_the_joint_states() -> None:
+    from samrl_core.cell.calibration.cell_correction import CellCorrection
+    from samrl_ros.contract.topics import arm_topic
+    from samrl_ros.nodes.bridge.bridge_core import BridgeCore, BridgeRates
+
+    cell, task, hears = cell_named(), task_named("peg_insertion"), KeptWords()
+    world = make_world("mock", task, cell)
+    found = CellCorrection(encoder_zeros={"camera_arm": {cell.camera_arm.joint_names[2]: 0.01}})
+    bridge = BridgeCore(hears, world, cell, task, BridgeRates(), 0.1, None, lambda: 0.0, found)
+    bridge.start_episode(0, 0)
+    said = hears.on(arm_topic("camera_arm", "joint_states"))[-1].position
+    away = world.read_arm("camera_arm").position - np.array(said)
+    np.testing.assert_allclose(away, 0.01 * np.eye(len(said))[2], atol=1e-9)

@@ -1,8 +1,10 @@
 """What a diagnosis found a cell to differ by from its description, put right where its sensors come in.
 
-Poses change the calibration that is announced. Depth and lens change the images themselves: depth is
-converted, and images are resampled to the described pinhole, so that model, networks and bags stay of one
-camera. A covariance says how well the corrections are known; `seen_error` says what that means at a place.
+Poses change the calibration that is announced. Zeros of encoders change joint readings and commands where a
+driver's come in and go out: the cell's arms stay as described, and a simulated cell's truth is not touched.
+Depth and lens change the images themselves: depth is converted, and images are resampled to the described
+pinhole, so that model, networks and bags stay of one camera. A covariance says how well the corrections are
+known; `seen_error` says what that means at a place.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import numpy as np
 
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.camera import Intrinsics
-from samrl_core.cell.types.observation import Frame
+from samrl_core.cell.types.observation import ArmCommand, ArmReading, Frame
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
@@ -34,6 +36,8 @@ NUMBERS = {  # largest size that is still a camera of the kind that was describe
     "k1": 1.0, "k2": 1.0, "p1": 0.05, "p2": 0.05,
 }  # fmt: skip
 LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
+ENCODER_ZERO = 0.1  # largest zero error of a joint that is corrected [rad]
+ARMS = ("camera_arm", "tool_arm")
 TWIST = ("x", "y", "z", "rx", "ry", "rz")  # of a pose: position in its parent's axes, rotation in its own
 
 
@@ -100,8 +104,12 @@ class CellCorrection:
     which share the true focal lengths are longer, `cx` and `cy` by which share of width and height the
     principal point lies further; `k1`, `k2`, `p1`, `p2` are Brown's.
 
+    Zeros of encoders by role and joint: what the joint reads less what it is [rad]. How well they are known
+    is not part of the covariance.
+
     Raises:
-        InputError: an unknown number, or one that is not finite or beyond `NUMBERS`.
+        InputError: an unknown number or arm, or a number that is not finite, beyond `NUMBERS` or beyond
+            `ENCODER_ZERO`.
     """
 
     camera_in_flange: Pose | None = None
@@ -109,6 +117,7 @@ class CellCorrection:
     numbers: Mapping[str, float] = field(default_factory=dict[str, float])
     effects: tuple[str, ...] = ()  # `family@place` that they come from
     covariance: CorrectionCovariance = EXACT
+    encoder_zeros: Mapping[str, Mapping[str, float]] = field(default_factory=dict[str, Mapping[str, float]])
 
     def __post_init__(self) -> None:
         for name in self.numbers:
@@ -116,6 +125,7 @@ class CellCorrection:
                 raise InputError(f"a cell has no {name!r} to correct; it has {', '.join(NUMBERS)}")
         if beyond := find_beyond(self.numbers):
             raise InputError(beyond)
+        _check_zeros(self.encoder_zeros)
         poses = [name for name in POSES if getattr(self, name) is not None]
         corrected = {*self.numbers, *(one for pose in poses for one in twist_names(pose))}
         if foreign := [name for name in self.covariance.of if name not in corrected]:
@@ -124,7 +134,8 @@ class CellCorrection:
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to correct."""
-        return not (self.numbers or self.camera_in_flange or self.tool_base_in_camera_base)
+        poses = self.camera_in_flange or self.tool_base_in_camera_base
+        return not (self.numbers or poses or self.encoder_zeros)
 
     def cell(self, cell: CellSpec) -> CellSpec:
         """The cell with its camera and the camera arm's base where they were found.
@@ -137,6 +148,35 @@ class CellCorrection:
             base = cell.tool_base_in_world @ self.tool_base_in_camera_base.inverse()
             cell = replace(cell, camera_base_in_world=base)
         return cell
+
+    def require_joints(self, cell: CellSpec) -> None:
+        """Check that the cell has the joints whose zeros are corrected.
+
+        Raises:
+            InputError: an arm lacks one; names it and those that are there.
+        """
+        for role, of_arm in self.encoder_zeros.items():
+            names = cell.arm(role).joint_names
+            if missing := [name for name in of_arm if name not in names]:
+                raise InputError(
+                    f"the correction has a zero of joint {missing[0]}, the {role} of {cell.name} has "
+                    f"{', '.join(names)}; use the correction of this cell"
+                )
+
+    def reading(self, reading: ArmReading, names: Sequence[str], role: str) -> ArmReading:
+        """An arm's reading, joints in the order of `names`, as encoders without zero errors give it."""
+        zeros = self.zeros(names, role)
+        return replace(reading, position=reading.position - zeros) if zeros.any() else reading
+
+    def command(self, command: ArmCommand, names: Sequence[str], role: str) -> ArmCommand:
+        """What an arm's driver is to be sent so that the arm, and not its reading, follows the command."""
+        zeros = self.zeros(names, role)
+        return replace(command, position=command.position + zeros) if zeros.any() else command
+
+    def zeros(self, names: Sequence[str], role: str) -> np.ndarray:
+        """What the joints of an arm read too much (J,) [rad], in the order of `names`."""
+        of_arm = self.encoder_zeros.get(role, {})
+        return np.array([of_arm.get(name, 0.0) for name in names])
 
     def frame(self, frame: Frame, intrinsics: Intrinsics) -> Frame:
         """A frame as the described camera would have given it; pixels that it did not see have no depth.
@@ -165,6 +205,18 @@ class CellCorrection:
     @cached_property
     def _lenses(self) -> dict[Intrinsics, LensPlaces]:
         return {}
+
+
+def _check_zeros(zeros: Mapping[str, Mapping[str, float]]) -> None:
+    for role, of_arm in zeros.items():
+        if role not in ARMS:
+            raise InputError(f"a cell has no arm {role!r} whose zeros to correct; it has {', '.join(ARMS)}")
+        for joint, zero in of_arm.items():
+            if not (math.isfinite(zero) and abs(zero) <= ENCODER_ZERO):
+                raise InputError(
+                    f"zero of {joint} is {zero:g} rad, must be within +-{ENCODER_ZERO:g} rad; beyond that "
+                    "set the joint's zero in its drive"
+                )
 
 
 def find_beyond(numbers: Mapping[str, float]) -> str:
@@ -231,6 +283,8 @@ def as_data(correction: CellCorrection) -> dict[str, Any]:
         if pose is not None:
             data[name] = {"position": pose.position.tolist(), "quat_xyzw": pose.quat_xyzw.tolist()}
     data["numbers"] = dict(correction.numbers)
+    if correction.encoder_zeros:
+        data["encoder_zeros"] = {role: dict(of_arm) for role, of_arm in correction.encoder_zeros.items()}
     if (known := correction.covariance).of:
         data["covariance"] = {"of": list(known.of), "matrix": known.matrix.tolist()}
     return data
@@ -252,11 +306,17 @@ def correction_from(data: Any, where: str) -> CellCorrection:
         effects = tuple(str(name) for name in data.get("effects", ()))
         covariance = _covariance(data["covariance"]) if "covariance" in data else EXACT
         values = {name: float(value) for name, value in numbers.items()}
-        return CellCorrection(**poses, numbers=values, effects=effects, covariance=covariance)
+        zeros = {
+            str(role): {str(joint): float(zero) for joint, zero in of_arm.items()}
+            for role, of_arm in data.get("encoder_zeros", {}).items()
+        }
+        return CellCorrection(
+            **poses, numbers=values, effects=effects, covariance=covariance, encoder_zeros=zeros
+        )
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        what = "a pose or the covariance"
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        what = "a pose, a zero or the covariance"
         raise InputError(f"{where}: {what} cannot be read ({error!r}); let --apply write it anew") from error
 
 

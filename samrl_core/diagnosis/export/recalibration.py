@@ -65,16 +65,21 @@ class Recalibration:
     known: tuple[tuple[tuple[str, ...], np.ndarray], ...] = ()  # numbers found together, their covariance
     of_numbers: tuple[str, ...] = ()  # `family@place` that they come from
     refused: tuple[Advice, ...] = ()  # found, but nothing that a cell puts right, and why
+    zeros: Mapping[str, Mapping[str, float]] = field(default_factory=dict[str, Mapping[str, float]])
+    # what a joint reads too much [rad], by arm's role and joint
+    of_zeros: tuple[str, ...] = ()  # `family@place` that they come from
 
     @property
     def cell(self) -> CellCorrection:
         """All of it that a cell can put right where its sensors come in; may be empty."""
         poses = {t.calibration[1]: t for t in self.transforms if t.calibration is not None}
-        effects = (*(t.effect for t in poses.values()), *self.of_numbers)
+        effects = (*(t.effect for t in poses.values()), *self.of_numbers, *self.of_zeros)
         found = {name: t.found for name, t in poses.items()}
         of_poses = ((twist_names(name), t.covariance) for name, t in poses.items())
         covariance = CorrectionCovariance.of_blocks((*of_poses, *self.known))
-        return CellCorrection(**found, numbers=self.numbers, effects=effects, covariance=covariance)
+        return CellCorrection(
+            **found, numbers=self.numbers, effects=effects, covariance=covariance, encoder_zeros=self.zeros
+        )
 
 
 def write_recalibration(found: Recalibration, folder: Path) -> list[Path]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from samrl_core.cell.calibration.cell_correction import LENS, find_beyond
+from samrl_core.cell.calibration.cell_correction import ENCODER_ZERO, LENS, find_beyond
 from samrl_core.cell.types.pose import Pose
 from samrl_core.diagnosis.export.recalibration import Advice, CorrectedTransform, Recalibration
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
@@ -40,11 +40,22 @@ def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
     known: list[tuple[tuple[str, ...], np.ndarray]] = []
     of_numbers: list[str] = []
     refused: list[Advice] = []
+    zeros: dict[str, dict[str, float]] = {}
+    of_zeros: list[str] = []
     for h, amplitudes, covariance in chosen.parts():
         if h.effect.family in TRANSFORMS:
             transforms.append(_transform(h, amplitudes, covariance, first))
             continue
         statements.append(Advice(h.name, _statement(h, amplitudes, first)))
+        if h.effect.family == "encoder_offset":
+            arm, index = first.joint_of(h.place)
+            joint, zero = first.joints[arm][index], h.form.parameters(first, h.shape, amplitudes)["e"]
+            if abs(zero) > ENCODER_ZERO:
+                limit = f"{joint} is off by {zero:g} rad, a cell corrects up to {ENCODER_ZERO:g} rad"
+                refused.append(Advice(h.name, f"{limit}: set the joint's zero in its drive"))
+                continue
+            zeros.setdefault(f"{arm}_arm", {})[joint] = zero
+            of_zeros.append(h.name)
         if names := NUMBERS_OF.get(h.effect.family):
             values = h.form.parameters(first, h.shape, amplitudes)
             of_effect = {names[key]: value for key, value in values.items() if key in names}
@@ -65,6 +76,8 @@ def recalibration(chosen: Fit, trials: Sequence[ImageTrial]) -> Recalibration:
         tuple(known),
         tuple(of_numbers),
         tuple(refused),
+        zeros,
+        tuple(of_zeros),
     )
 
 

@@ -10,6 +10,7 @@ from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorre
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import Observation
+from samrl_core.cell.world.corrected_world import corrected_world
 from samrl_core.cell.world.tool_motion import ToolMotion
 from samrl_core.cell.world.world import SimulatedWorld
 from samrl_core.common.errors import InputError
@@ -39,7 +40,7 @@ class WorldPlant:
         """
         if not 0.0 <= think_s < math.inf:
             raise InputError(f"think_s is {think_s} s, must be 0 or more and finite")
-        self._world = world
+        self._world = world = corrected_world(world, correction, cell)
         cell = correction.cell(cell)
         self._driver = CellDriver(world, cell, task.scene(cell).tool, correction)
         self._motion = ToolMotion(world, task, cell, period_s)

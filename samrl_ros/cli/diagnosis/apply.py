@@ -34,6 +34,11 @@ def apply(found: Correction | Recalibration | None, diagnosis: Diagnosis, report
     lines = [f"applied: {t.name}, from {t.effect}" for t in found.transforms]
     by_name = ", ".join(f"{name} {value:.5g}" for name, value in found.numbers.items())
     lines += [f"applied: {by_name}, from {', '.join(found.of_numbers)}"] if found.numbers else []
+    zeros = (one for of_arm in found.zeros.values() for one in of_arm.items())
+    lines += [
+        f"applied: {joint} reads {zero:.5f} rad too much, from {effect}"
+        for (joint, zero), effect in zip(zeros, found.of_zeros, strict=True)
+    ]
     lines += [f"not applied: {r.effect}: {r.says}" for r in found.refused]
     lines += [f"for your own code: {s.effect}: {s.says}" for s in found.statements]
     return [*lines, *(str(path) for path in written)]

@@ -22,6 +22,7 @@ from samrl_core.cell.robots.robot import ROLES, CellSpec
 from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import Frame
+from samrl_core.cell.world.corrected_world import corrected_world
 from samrl_core.cell.world.evaluation import TruthLog
 from samrl_core.cell.world.world import SimulatedWorld
 from samrl_core.common.errors import InputError
@@ -61,7 +62,7 @@ class BridgeCore:
         correction: CellCorrection = NO_CORRECTION,
     ) -> None:
         self._outbox = outbox
-        self._world = world
+        self._world = corrected_world(world, correction, cell)
         self._cell = correction.cell(cell)  # as it is announced; the world has a truth of its own
         self._correction = correction
         self._task = task

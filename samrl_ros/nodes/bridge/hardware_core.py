@@ -67,6 +67,7 @@ class HardwareCore:
         send: Callable[[str, Any], None],
         correction: CellCorrection = NO_CORRECTION,
     ) -> None:
+        correction.require_joints(cell)
         cell = correction.cell(cell)
         self._correction = correction
         self._outbox, self._cell, self._task, self._drivers = outbox, cell, task, drivers
@@ -216,7 +217,9 @@ class HardwareCore:
             return
         spec, joints = self._cell.arm(role), driver.joints or {}
         converted = adapter.joint_state(message, joints, spec)
-        reading = from_message.arm_reading(converted, spec.joint_names)
+        heard = from_message.arm_reading(converted, spec.joint_names)
+        reading = self._correction.reading(heard, spec.joint_names, role)
+        converted.position = reading.position.tolist()
         if stamp_ns < self._silent_until_ns.get(role, stamp_ns):
             self._readings[role] = reading
             return
@@ -241,8 +244,9 @@ class HardwareCore:
             return
         point = self.guards.tick(role, reading, self._robot_s(role))
         if self.guards.is_in_charge(role, point):
-            limits = self._cell.arm(role).limits
-            self._send(role, adapter.controller_trajectory(point, driver.joints or {}, limits))
+            spec = self._cell.arm(role)
+            sent = self._correction.command(point, spec.joint_names, role)
+            self._send(role, adapter.controller_trajectory(sent, driver.joints or {}, spec.limits))
             self.sent += 1
 
     def _hear_camera(self, stream: str, message: Any) -> None:

@@ -203,3 +203,32 @@ def test_a_lens_that_a_camera_may_have_is_corrected_and_a_stranger_one_is_named(
     assert find_beyond({"k1": 0.53, "k2": -0.2}) == ""
     assert "k2 is -1.2, must be within +-1" in find_beyond({"k1": 0.53, "k2": -1.2})
     assert "p1 is nan" in find_beyond({"p1": float("nan")})
+
+
+def test_a_file_holds_zeros_of_encoders(tmp_path: Path) -> None:
+    zeros = {"camera_arm": {CELL.camera_arm.joint_names[5]: 0.015}}
+    write_correction(tmp_path / "cell.json", CellCorrection(encoder_zeros=zeros))
+    read = read_correction(tmp_path / "cell.json")
+    assert read.encoder_zeros == zeros and not read.is_empty
+    names = CELL.camera_arm.joint_names
+    assert read.zeros(names, "camera_arm").tolist() == [0.0] * 5 + [0.015] + [0.0] * (len(names) - 6)
+    assert not read.zeros(CELL.tool_arm.joint_names, "tool_arm").any()
+
+
+@pytest.mark.parametrize(
+    ("zeros", "says"),
+    [
+        ({"camera_arm": {"joint": 0.2}}, "must be within .*set the joint's zero"),
+        ({"camera_arm": {"joint": float("nan")}}, "must be within"),
+        ({"third_arm": {"joint": 0.01}}, "no arm 'third_arm'.*camera_arm, tool_arm"),
+        ({"camera_arm": [0.01]}, "cannot be read"),
+        ([0.01], "cannot be read"),
+    ],
+)
+def test_zeros_that_no_cell_has_are_refused(zeros: object, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "cell.json"
+    path.write_text(
+        json.dumps({"schema": 1, "kind": "cell_correction", "numbers": {}, "encoder_zeros": zeros})
+    )
+    with pytest.raises(InputError, match=says):
+        read_correction(path)

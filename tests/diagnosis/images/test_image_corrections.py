@@ -68,3 +68,23 @@ def test_where_nothing_is_left_no_correction_is_written(tmp_path: Path) -> None:
     found = named(lens_distortion=(1.4, -0.1))
     assert found.cell.is_empty
     assert write_recalibration(found, tmp_path) == [tmp_path / "corrected.yaml"]
+
+
+@pytest.mark.parametrize(("zero", "written"), [(0.015, True), (0.15, False)])
+def test_a_joints_zero_is_applied_up_to_what_a_cell_corrects(
+    zero: float, written: bool, tmp_path: Path
+) -> None:
+    (effect,) = (e for e in IMAGE_EFFECTS if e.family == "encoder_offset")
+    joints = {"camera": ("c1", "c2"), "tool": ("t1",)}
+    trial = SimpleNamespace(recording=RECORDING, joints=joints, joint_of=lambda _: ("camera", 1))
+    (form,) = effect.forms(cast(Any, trial), cast(Any, SimpleNamespace(name="joint:c2")))
+    h = SimpleNamespace(effect=effect, form=form, shape={}, place="joint:c2", name="encoder_offset@joint:c2")
+    fit = SimpleNamespace(parts=lambda: [(h, np.array([zero]), np.eye(1))])
+    found = recalibration(cast(Any, fit), cast(Any, [trial]))
+    lines = "; ".join(apply(found, cast(Diagnosis, SimpleNamespace(verdict="effect")), tmp_path))
+    if not written:
+        assert found.cell.is_empty and "not applied: encoder_offset@joint:c2: c2 is off by 0.15 rad" in lines
+        return
+    assert "applied: c2 reads 0.01500 rad too much, from encoder_offset@joint:c2" in lines
+    read = read_correction(tmp_path / "apply" / "cell.json")
+    assert read.encoder_zeros == {"camera_arm": {"c2": zero}} and read.effects == (h.name,)

@@ -32,6 +32,7 @@ from samrl_core.model.task_dynamics.settings import ContactSettings, TaskPhysics
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics, TaskState
 
 CameraPose = tuple[torch.Tensor, torch.Tensor]  # rotation (3, 3) and translation (3,), world to camera
+CACHED_SIZES = 4  # of parts of other sizes than drawn, whose dynamics are kept: some 10 MB each
 
 
 class Model:
@@ -237,7 +238,7 @@ class Model:
         return renderer(vertices, color, target, rotation, translation), window
 
     def dynamics_at(self, values: np.ndarray) -> TaskDynamics:
-        """The dynamics of parts as large as the values (P,) have them; what was built is kept.
+        """The dynamics of parts as large as the values (P,) have them; the sizes met last are kept.
 
         Raises:
             InputError: as of `dynamics`.
@@ -245,10 +246,14 @@ class Model:
         task = self.task.as_believed(values)
         if task is self.task or task == self.task:
             return self.dynamics
-        if task not in self._dynamics_of:
+        found = self._dynamics_of.pop(task, None)
+        if found is None:
             contact = ContactSettings(table_height=self.settings.table_height)
-            self._dynamics_of[task] = dynamics_of(task, self.cell, TaskPhysicsSettings(contact=contact))
-        return self._dynamics_of[task]
+            found = dynamics_of(task, self.cell, TaskPhysicsSettings(contact=contact))
+        self._dynamics_of[task] = found  # behind the others: the first is the one not asked for the longest
+        if len(self._dynamics_of) > CACHED_SIZES:
+            self._dynamics_of.pop(next(iter(self._dynamics_of)))
+        return found
 
     @property
     def dynamics(self) -> TaskDynamics:

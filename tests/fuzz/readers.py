@@ -41,6 +41,7 @@ from samrl_ros.nodes.registry import all_settings
 from samrl_ros.recordings import load_recordings
 from samrl_ros.recordings.joint_messages import JOINT_STATE, decode_topic, encode_text, encode_topic
 from samrl_ros.recordings.nominal_texts import TOLERANCE_FILE, parse_controller, parse_tool, read_tolerances
+from tests.fuzz.depth_and_frames import DEPTH_AND_FRAMES
 from tests.fuzz.files_of_cells import FILES_OF_CELLS
 from tests.fuzz.log_files import (
     columns,
@@ -364,4 +365,5 @@ READERS: tuple[Reader, ...] = (
     *OTHER_KINDS,
     *FILES_OF_CELLS,
     *TRACKS_OF_BODIES,
+    *DEPTH_AND_FRAMES,
 )

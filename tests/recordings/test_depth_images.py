@@ -101,6 +101,8 @@ def test_raw_numbers_that_fit_no_unit_are_asked_for(tmp_path: Path) -> None:
         (lambda f: Image.new("L", (9, 9), 7).save(f / "a_0.3m.png"), "a picture of 8 bits"),
         (lambda f: save(f / "a_0.3m.png", np.ones((9, 9))), "put images of one camera and one size"),
         (lambda f: (f / "a_0.3m.png").write_bytes(b"\x89PNG"), "cannot be read as an image"),
+        (lambda f: (f / "a_0.3m.pgm").write_bytes(b"P5\n100000 100000\n65535\n"), "OpenCV refuses"),
+        (lambda f: np.savez((f / "a_0.3m.npy").open("wb")), "a picture of 8 bits"),
     ],
 )  # fmt: skip
 def test_images_that_are_no_depth_are_refused(tmp_path: Path, spoil, message: str) -> None:
@@ -109,6 +111,14 @@ def test_images_that_are_no_depth_are_refused(tmp_path: Path, spoil, message: st
     with pytest.raises(InputError, match=message):
         read_devices([tmp_path / "wall"], [])
     assert run(["diagnose", str(tmp_path / "wall"), "--out", str(tmp_path / "report")]) == 3
+
+
+def test_an_array_that_is_called_an_archive_is_read_as_one(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    np.save((tmp_path / "run.npz").open("wb"), np.stack([wall(rng, 0.5), wall(rng, 1.0)]))
+    (tmp_path / "tape.csv").write_text("tape_cm\n50\n100\n")
+    draft = draft_any([tmp_path / "run.npz"], None, None)
+    assert draft.sources["log"]["images"]["per_metre"] == 1.0
 
 
 def test_nothing_but_zeros_is_refused(tmp_path: Path) -> None:

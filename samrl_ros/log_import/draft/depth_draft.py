@@ -24,6 +24,7 @@ from samrl_ros.log_import.draft.reading_draft import says_truth
 from samrl_ros.log_import.draft.text_layout import stated_options, text_options
 from samrl_ros.log_import.formats.depth_images import (
     STACKS,
+    arrays_in,
     distance_in,
     image_files,
     images_in,
@@ -219,8 +220,8 @@ def _per_metre(
 def _intrinsics(path: Path, cameras: list[Any], width: int, height: int, draft: Draft) -> Intrinsics:
     where = "sources.log.images"
     if path.suffix.lower() == ".npz":
-        with np.load(path, allow_pickle=False) as arrays:
-            found = [k for name in arrays.files if (k := of_matrix(arrays[name])) is not None]
+        matrices = arrays_in(path, "the log").values()
+        found = [k for each in matrices if (k := of_matrix(each)) is not None]
         if found:
             draft.note(where, f"intrinsics: a matrix in {path.name}")
             return found[0]

@@ -12,7 +12,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeGuard
 
 import cv2
 import numpy as np
@@ -139,19 +138,19 @@ def is_depth_file(file: Path) -> bool:
     return _is_depth(_image(file, "the log"))
 
 
-def _is_depth(image: np.ndarray | dict[str, np.ndarray]) -> TypeGuard[np.ndarray]:
-    return (
-        isinstance(image, np.ndarray)
-        and image.ndim == 2
-        and image.dtype.kind in "uif"
-        and image.dtype.itemsize > 1
-    )
+def _is_depth(image: np.ndarray) -> bool:
+    return image.ndim == 2 and image.dtype.kind in "uif" and image.dtype.itemsize > 1
 
 
-def _image(file: Path, where: str) -> np.ndarray | dict[str, np.ndarray]:
+def _image(file: Path, where: str) -> np.ndarray:
     if file.suffix.lower() == ".npy":
-        return _array(file, where)
-    image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        return next(iter(arrays_in(file, where).values()), np.zeros(0))
+    try:
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise InputError(
+            f"{where}: {file.name} states a size that OpenCV refuses ({error.err}); is it whole?"
+        ) from error
     if image is None:
         raise InputError(f"{where}: {file.name} cannot be read as an image; is it whole?")
     return image
@@ -171,21 +170,24 @@ def stack_of(path: Path, where: str) -> np.ndarray | None:
     """Images (N, H, W) of a .npy or .npz; None where it holds none."""
     if path.suffix.lower() not in STACKS:
         return None
-    loaded = _array(path, where)
-    arrays = loaded.values() if isinstance(loaded, dict) else [loaded]
     fits = [
         a
-        for a in arrays
+        for a in arrays_in(path, where).values()
         if a.ndim == 3 and a.dtype.kind in "uif" and a.dtype != np.uint8 and min(a.shape[1:]) > NARROWEST
     ]
     return fits[0] if len(fits) == 1 else None
 
 
-def _array(path: Path, where: str) -> np.ndarray | dict[str, np.ndarray]:
+def arrays_in(path: Path, where: str) -> dict[str, np.ndarray]:
+    """Arrays of a .npy or .npz by name; that of a .npy, whatever its file is called, has none.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     try:
         loaded = np.load(path, allow_pickle=False)
         if isinstance(loaded, np.ndarray):
-            return loaded
+            return {"": loaded}
         with loaded:
             return {name: loaded[name] for name in loaded.files}
     except UNREADABLE as error:

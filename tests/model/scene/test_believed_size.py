@@ -8,7 +8,7 @@ import pytest
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
-from samrl_core.model.model import Model
+from samrl_core.model.model import CACHED_SIZES, Model
 from samrl_core.model.real2sim.prediction import predictions
 from samrl_core.model.real2sim.real2sim import initial_estimate
 
@@ -57,6 +57,13 @@ def test_physics_have_the_believed_size_to_two_millimetres(model: Model) -> None
     np.testing.assert_allclose(values[:5], VALUES[:5], atol=1e-9)
     assert values[SIZE] == pytest.approx(0.84)
     assert model.dynamics_at(VALUES) is dynamics and dynamics is not model.dynamics
+    believed_sizes = [np.array([*VALUES[:SIZE], value, *VALUES[6:]]) for value in np.arange(0.8, 1.17, 0.04)]
+    for values in believed_sizes:
+        model.dynamics_at(values)
+    assert len(model._dynamics_of) == CACHED_SIZES  # the sizes of all episodes would take 100 MB
+    assert model.dynamics_at(VALUES) is not dynamics
+    kept = model.dynamics_at(believed_sizes[-1])
+    assert model.dynamics_at(believed_sizes[-1]) is kept
     for size in [p for p in TASK.parameters() if p.name == "pancake_size"]:
         for value in (size.lower, size.upper):  # any that a fit may say can be built
             TASK.as_believed(np.array([*VALUES[:SIZE], value, *VALUES[6:]]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -14,9 +16,10 @@ from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.types.scene import Box, Cylinder
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.physics.signed_distance import signed_distance
+from samrl_core.model.physics.state import PhysicsAction, PhysicsState
 from samrl_core.model.task_dynamics.choose import dynamics_of
 from samrl_core.model.task_dynamics.peg_dynamics import PegDynamics
-from samrl_core.model.task_dynamics.rigid_task_dynamics import TaskPhysics
+from samrl_core.model.task_dynamics.rigid_task_dynamics import FINER, TaskPhysics
 from samrl_core.model.task_dynamics.settings import ContactSettings, TaskPhysicsSettings
 from samrl_core.model.task_dynamics.solids import part_at, ring_of, solids_of
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics, TaskState
@@ -150,6 +153,7 @@ def test_what_a_step_cannot_solve_shorter_ones_do(
     start = dynamics.start(np.array([0.512, 0.0, 0.006, 0.0, 0.0]), np.array([0.459, 0.0, 0.0012]))
     push = (0.005, 0.0, 0.0)
     usual = dynamics.read(moved(dynamics, start, push).q[0].numpy())[0]
+    at_once = max(steps for _, steps in dynamics.physics._workspaces)
 
     def fails(*_: object) -> None:
         raise SolveError("as if")
@@ -158,9 +162,36 @@ def test_what_a_step_cannot_solve_shorter_ones_do(
     finer = dynamics.read(moved(dynamics, start, push).q[0].numpy())[0]
     assert usual[0] > 0.513
     np.testing.assert_allclose(finer, usual, atol=2e-4)
+    # All of them at once would need eight times the memory, for good.
+    assert max(steps for _, steps in dynamics._finer._workspaces) <= at_once
     monkeypatch.setattr(dynamics._finer, "rollout", fails)
     with pytest.raises(SolveError, match="as if"):
         moved(dynamics, start, push)
+
+
+def test_shorter_steps_in_parts_are_those_of_one_rollout(physics: dict[str, TaskPhysics]) -> None:
+    """The same states, and gradients through all parts."""
+    dynamics = physics["spatula_flipping"]
+    start = dynamics.start(np.array([0.512, 0.0, 0.006, 0.0, 0.0]), np.array([0.459, 0.0, 0.0012]))
+    actions = dynamics.physics.no_action(1, 16)
+    velocity = torch.zeros_like(actions.velocity)
+    velocity[:, 0, 0] = 0.05
+    parameters = dynamics._repeated(1, start.rest)
+    found = []
+    for parts in (True, False):
+        given = velocity.clone().requires_grad_(True)
+        if parts:
+            begin = PhysicsState(start.q, start.v)
+            path = dynamics._finely(begin, replace(actions, velocity=given), parameters)
+        else:
+            finer = PhysicsAction(*(x.repeat_interleave(FINER, dim=0) for x in (given, actions.wrench)))
+            whole = dynamics._finer.rollout(PhysicsState(start.q, start.v), finer, parameters)
+            path = PhysicsState(whole.q[::FINER], whole.v[::FINER])
+        found.append((path.q, path.v, torch.autograd.grad(path.q[-1].sum(), given)[0]))
+    for one, other in zip(*found, strict=True):
+        assert one.shape == other.shape
+        torch.testing.assert_close(one, other, rtol=1e-9, atol=1e-12)
+    assert found[0][0][-1, 0, 0] > start.q[0, 0] + 0.001
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from collections.abc import Callable
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # mallopt(3)
 _ARENAS = 2  # heaps in a process; by default 8 per core, each with its own holes
-_LARGE = 1 << 20  # arrays from this size on are given back when they are freed [bytes]
+_LARGE = 1 << 17  # arrays from this size on are given back when they are freed [bytes]
+_HEAP_END = 4 << 20  # free memory at the end of the heap that is kept [bytes]
 TRIM_S = 10.0  # wall time from one look for free pages between smaller arrays to the next
 
 
@@ -30,8 +31,10 @@ class FreedMemory:
     """Makes glibc return freed arrays to the system, which it would keep for later; elsewhere does nothing.
 
     By default it raises its limit for that to 32 MB with the first large array, and puts those below between
-    small objects that stay: the view planner's heap grew by 290 MB an hour, of which none was in use. Whole
-    pages that are free between smaller arrays are given back every `every_s` seconds until `stop`: a process
+    small objects that stay: the view planner's heap grew by 290 MB an hour, of which none was in use. Images
+    that a node keeps for some seconds (50 and 66 kB) stay on the heap; what a rendering works in (460 kB an
+    image) must not lie between them, or the heap takes hours to find its size. It costs a tenth of the time
+    that views and updates take, in pages. Whole pages that are free between smaller arrays are given back every `every_s` seconds until `stop`: a process
     with a thread left ends without Python's own end, and Fast DDS then leaves its shared memory behind.
     """
 
@@ -46,7 +49,7 @@ class FreedMemory:
         for name, value in (
             (_M_ARENA_MAX, _ARENAS),
             (_M_MMAP_THRESHOLD, _LARGE),
-            (_M_TRIM_THRESHOLD, 4 * _LARGE),
+            (_M_TRIM_THRESHOLD, _HEAP_END),
         ):
             mallopt(name, value)
         trim.argtypes = [ctypes.c_size_t]

@@ -102,7 +102,7 @@ def test_raw_numbers_that_fit_no_unit_are_asked_for(tmp_path: Path) -> None:
         (lambda f: save(f / "a_0.3m.png", np.ones((9, 9))), "put images of one camera and one size"),
         (lambda f: (f / "a_0.3m.png").write_bytes(b"\x89PNG"), "cannot be read as an image"),
         (lambda f: (f / "a_0.3m.pgm").write_bytes(b"P5\n100000 100000\n65535\n"), "OpenCV refuses"),
-        (lambda f: np.savez((f / "a_0.3m.npy").open("wb")), "a picture of 8 bits"),
+        (lambda f: np.savez((f / "depth_0.3m.npy").open("wb")), "a picture of 8 bits"),
     ],
 )  # fmt: skip
 def test_images_that_are_no_depth_are_refused(tmp_path: Path, spoil, message: str) -> None:

@@ -13,7 +13,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
-from samrl_ros.log_import.formats.depth_images import distance_in
+from samrl_ros.log_import.formats.depth_images import distance_in, is_depth_file
 from samrl_ros.log_import.formats.intrinsics import Intrinsics, read_cameras
 from tests.recordings.depth_cameras import (
     CX,
@@ -102,7 +102,6 @@ def test_raw_numbers_that_fit_no_unit_are_asked_for(tmp_path: Path) -> None:
         (lambda f: save(f / "a_0.3m.png", np.ones((9, 9))), "put images of one camera and one size"),
         (lambda f: (f / "a_0.3m.png").write_bytes(b"\x89PNG"), "cannot be read as an image"),
         (lambda f: (f / "a_0.3m.pgm").write_bytes(b"P5\n100000 100000\n65535\n"), "OpenCV refuses"),
-        (lambda f: np.savez((f / "depth_0.3m.npy").open("wb")), "a picture of 8 bits"),
     ],
 )  # fmt: skip
 def test_images_that_are_no_depth_are_refused(tmp_path: Path, spoil, message: str) -> None:
@@ -119,6 +118,8 @@ def test_an_array_that_is_called_an_archive_is_read_as_one(tmp_path: Path) -> No
     (tmp_path / "tape.csv").write_text("tape_cm\n50\n100\n")
     draft = draft_any([tmp_path / "run.npz"], None, None)
     assert draft.sources["log"]["images"]["per_metre"] == 1.0
+    np.savez((tmp_path / "empty.npy").open("wb"))  # and an archive that is called an array
+    assert not is_depth_file(tmp_path / "empty.npy")
 
 
 def test_nothing_but_zeros_is_refused(tmp_path: Path) -> None:

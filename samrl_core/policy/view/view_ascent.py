@@ -12,11 +12,11 @@ from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.pose import Pose
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
 from samrl_core.policy.view.sensing_value import Networks, SensingValue
 from samrl_core.policy.view.view_planning import ViewChoice, ViewScore
-from samrl_core.policy.view.view_reach import ViewReach
+from samrl_core.policy.view.view_reach import ViewReach, bounds_of
 from samrl_core.policy.view.view_search import (
     Answer,
     Request,
@@ -47,8 +47,21 @@ class ViewAscent:
         self._reach = ViewReach(cell, task, self._settings.reach)
 
     def prepare(self) -> None:
-        """Solve the reachable views now (seconds) instead of in the first plan."""
+        """Solve the reachable views and compile the networks now (seconds) instead of in the first plans.
+
+        torch keeps what it compiled for each number of images, some MB: met one by one in a run, these look
+        like a leak for minutes.
+
+        Raises:
+            InputError: networks whose answer is not finite.
+        """
         _ = self._reach.views
+        s, joints = self._settings, self._model.task.start_joints(self._cell)["tool_arm"]
+        value = SensingValue(self._model, self._networks, initial_estimate(self._model), joints)
+        middle = np.mean(bounds_of(self._region), axis=0)
+        asked = [(1, False), (s.initial_views, False), *((count, True) for count in range(1, s.starts + 1))]
+        for count, with_gradient in asked:
+            self._answer(Request(np.tile(middle, (count, 1)), with_gradient), value)
 
     def plan(
         self, estimate: Estimate, tool_arm_position: np.ndarray, camera_arm_position: np.ndarray

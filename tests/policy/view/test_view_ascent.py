@@ -80,6 +80,25 @@ def with_settings(ascent: ViewAscent, q: Any, **changes: Any) -> ViewAscent:
     return found
 
 
+def test_what_a_plan_asks_of_the_networks_is_compiled_before(
+    ascent: ViewAscent, joints: dict[str, np.ndarray]
+) -> None:
+    """torch keeps what it compiles for each number of images, with and without gradient."""
+    asked: list[tuple[int, bool]] = []
+
+    class Counting(SmoothQ):
+        def forward(self, image: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
+            asked.append((len(image), image.requires_grad))
+            return super().forward(image, action)
+
+    counting = with_settings(ascent, Counting(), initial_views=2, starts=3)
+    counting.prepare()
+    prepared = set(asked)
+    asked.clear()
+    counting.plan(initial_estimate(ascent._model), joints["tool_arm"], joints["camera_arm"])
+    assert len(asked) > 3 and set(asked) <= prepared
+
+
 def test_a_viewpoint_is_the_pose_that_looks_at_the_target(model: Model) -> None:
     """One convention for images, grid and arm, there and back."""
     region = model.task.view_region()

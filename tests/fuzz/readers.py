@@ -84,7 +84,7 @@ def _mapping() -> bytes:
     content = {
         "joints": ["j"],
         "urdf": URDF,
-        "controller": {"stiffness": [100.0], "damping": [5.0]},
+        "controller": {"stiffness": [100.0], "damping": [5.0], "between_commands": "held"},
         "tool": {"mass": 1.0, "center_of_mass": [0, 0, 0.1]},
         "tolerances": {"mass": 0.02},
         "constants": {"k": [1.0, 2.0]},
@@ -157,7 +157,7 @@ def _controller() -> str:
         "period_s": 0.001,
     }
     more = {"gravity": [0, 0, -9.81], "effort_limit": [9], "armature": [0.1], "tolerances": {"mass": 0.02}}
-    return json.dumps({**about, "type": "joint_impedance", "gravity_compensation": True, **more})
+    return json.dumps({**about, "gravity_compensation": True, "between_commands": "held", **more})
 
 
 def _decode(path: Path) -> None:

@@ -33,8 +33,8 @@ class FreedMemory:
     By default it raises its limit for that to 32 MB with the first large array, and puts those below between
     small objects that stay: the view planner's heap grew by 290 MB an hour, of which none was in use. Images
     that a node keeps for some seconds (50 and 66 kB) stay on the heap; what a rendering works in (460 kB an
-    image) must not lie between them, or the heap takes an hour to find its size. It costs a tenth of the time
-    that views and updates take, in pages.
+    image) must not lie between them, or the heap takes an hour to find its size. It costs a tenth of the
+    processor time of an update and a fifth of a view's, in pages.
 
     Whole pages that are free between smaller arrays are given back every `every_s` seconds until `stop`: a
     process with a thread left ends without Python's own end, and Fast DDS then leaves its shared memory.

@@ -56,6 +56,7 @@ class Form(ABC, Generic[T]):
     """
 
     deviation: ClassVar[float] = 0.05  # relative, of every parameter: no formula is the thing itself
+    may_vanish: ClassVar[tuple[int, ...]] = ()  # amplitudes that are never negative, and may be zero
 
     name: str = ""  # as printed; empty where an effect has one form only
     place: Place

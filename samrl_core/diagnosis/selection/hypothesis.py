@@ -136,15 +136,21 @@ class Evidence:
             - sum(np.log(h.tried) + h.cost for h in hypotheses)
         )
         covariance = spread[:, None] * linalg.cho_solve(factor, np.eye(total)) * spread
-        amplitudes = mean + spread * step
-        parts = tuple(amplitudes[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
-        # What only one recording has reached (a tight spot, say) is possible if it is in that one.
-        possible = all(
+        free = mean + spread * step
+        for amplitudes, loss in _at_borders(hypotheses, starts, free, covariance):
+            parts = tuple(amplitudes[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
+            if self._are_possible(hypotheses, parts):
+                return Fit(tuple(hypotheses), parts, covariance, log_evidence - loss)
+        parts = tuple(free[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
+        return Fit(tuple(hypotheses), parts, covariance, -np.inf)
+
+    def _are_possible(self, hypotheses: Sequence[Hypothesis], parts: Sequence[np.ndarray]) -> bool:
+        """Whether each amplitude is: what only one recording has reached (a tight spot, say), if in that one."""
+        return all(
             any(h.form.is_admissible(t, h.shape, a) for t in self.likelihood.trials)
             and not implausible(h, self.likelihood.trials[0], a)
             for h, a in zip(hypotheses, parts, strict=True)
         )
-        return Fit(tuple(hypotheses), parts, covariance, log_evidence if possible else -np.inf)
 
     def remainder(self, fit: Fit) -> np.ndarray:
         """Residuals (N,) after a fit."""
@@ -204,6 +210,27 @@ class Evidence:
             options={"maxfev": evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 0.05},
         )
         return best
+
+
+def _at_borders(
+    hypotheses: Sequence[Hypothesis], starts: np.ndarray, free: np.ndarray, covariance: np.ndarray
+) -> Iterator[tuple[np.ndarray, float]]:
+    """Amplitudes (p,) that may be best, and what they lose [nat]: the free ones, then those on a border.
+
+    Where no amplitude may be negative and the free best one is, the best possible one is zero, and the others
+    follow: the posterior is a Gaussian. A shape that is only nearly right often puts it there; without it the
+    search would never begin.
+    """
+    yield free, 0.0
+    vanish = [
+        int(starts[i]) + k for i, h in enumerate(hypotheses) for k in h.form.may_vanish if len(h.mean) > 1
+    ]
+    found = []
+    for k in vanish:
+        if free[k] < 0.0:
+            follow = covariance[:, k] / covariance[k, k]
+            found.append((free - follow * free[k], 0.5 * float(free[k] ** 2 / covariance[k, k])))
+    yield from sorted(found, key=lambda item: item[1])
 
 
 def implausible(h: Hypothesis, trial: Observed, amplitudes: np.ndarray) -> bool:

@@ -50,9 +50,8 @@ class StribeckFriction(DriveEffect):
         widest = min(max(0.03, 0.05 * fastest), widest_turn(trial, place.joints, 0.1))
         slowest = max(min(0.6, fastest), 0.04) if fastest < FAST else 1.5 * fastest
         limits = {"v": (5e-4, max(widest, 0.011)), "vs": (0.01, slowest)}
-        turns = [0.004]
-        if fastest > FAST:  # a sign that turns too soon is mended by a drop that is none
-            turns.append(0.6 * limits["v"][1])
+        # A sign that turns too soon is mended by a drop that is none, and the search does not leave it.
+        turns = [0.004, 0.6 * limits["v"][1]]
         grid = tuple({"v": v, "vs": vs} for vs in speeds or [0.03] for v in turns)
         exponents = tuple({**shape, "d": d} for d in (2.0, 1.0) for shape in grid)
         names = ("Fc", "drop")
@@ -70,6 +69,8 @@ class StribeckFriction(DriveEffect):
 
 class FallingForm(DriveForm):
     """A level and a drop towards it."""
+
+    may_vanish = (0,)
 
     @abstractmethod
     def fall(self, x: np.ndarray, shape: Shape) -> np.ndarray:

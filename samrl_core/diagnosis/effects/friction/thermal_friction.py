@@ -85,6 +85,8 @@ class ThermalFriction(DriveEffect):
 class WarmingForm(DriveForm):
     """A warm level, and a rise above it that is lost as the drive warms up."""
 
+    may_vanish = (0,)
+
     @abstractmethod
     def cold(self, motion: RecordedMotion, joint: int, shape: Shape) -> np.ndarray:
         """Share (F,) of the rise that is left."""

@@ -57,7 +57,8 @@ class RecordedMotion(SignalBand):
         rate = 1.0 / (period * stride)
         # Accelerations that are twice differenced from positions are noise from a lower frequency on.
         differenced = states.velocity is None
-        super().__init__(rate, min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0))
+        band = min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0)
+        super().__init__(rate, band, float(ticks[-1] - ticks[0]))
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
         self.raw_position, self.raw_velocity, self.raw_effort = (

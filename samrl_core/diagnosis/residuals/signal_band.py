@@ -10,25 +10,33 @@ from scipy import interpolate, signal
 from samrl_core.diagnosis.residuals.signal_noise import regular
 
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
+EDGE_PERIODS = 5.0  # of the band: a filter bends signals until so long after the start, and before the end
+MOST_OF_IT = 0.04  # of a recording, at most, that is lost so at either end
 TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
 
 
 class SignalBand:
     """Filters of signals at `full` rate (F, ...) and their band-limited samples (N, ...)."""
 
-    def __init__(self, rate: float, band: float) -> None:
+    def __init__(self, rate: float, band: float, duration: float) -> None:
         """Design the filters.
 
         Args:
             rate: of full-rate signals [Hz].
             band: what is compared reaches up to here [Hz].
+            duration: of the recording [s].
         """
         self.rate, self.band = rate, band
         self.dynamic = rate > TRACKING_RATE_HZ
         self.step = max(1, round(rate / (4.0 * band))) if self.dynamic else 1
         self._band_filter = signal.butter(3, band, fs=rate, output="sos") if self.dynamic else None
         self._smooth_filter = signal.butter(3, min(SMOOTH_HZ, rate / 3.0), fs=rate, output="sos")
-        self.edge = int(np.ceil(1.0 * rate / band)) if self.dynamic else 1  # samples lost to the filter
+        self.edge = 1  # samples lost to the filter at either end
+        if self.dynamic:
+            # What lies before a recording is its mirror image to the filter: at rest in the mean. A machine that
+            # begins in mid-motion seems not to accelerate there, while its torque says that it does.
+            lost = min(EDGE_PERIODS / band, max(1.0 / band, MOST_OF_IT * duration))
+            self.edge = int(np.ceil(lost * rate))
 
     @cached_property
     def dt(self) -> float:

@@ -33,8 +33,8 @@ class SignalBand:
         self._smooth_filter = signal.butter(3, min(SMOOTH_HZ, rate / 3.0), fs=rate, output="sos")
         self.edge = 1  # samples lost to the filter at either end
         if self.dynamic:
-            # What lies before a recording is its mirror image to the filter: at rest in the mean. A machine that
-            # begins in mid-motion seems not to accelerate there, while its torque says that it does.
+            # To the filter a recording goes on as its mirror image. A machine that begins in mid-motion does not
+            # accelerate there, says the filtered position, while the torque says that it does.
             lost = min(EDGE_PERIODS / band, max(1.0 / band, MOST_OF_IT * duration))
             self.edge = int(np.ceil(lost * rate))
 

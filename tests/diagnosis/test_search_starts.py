@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -31,7 +32,8 @@ def test_a_level_that_may_not_be_negative_is_zero_at_best(level: float, possible
     evidence = Evidence(Likelihood([trial]), 2.0)
     h = hypothesis(evidence.likelihood, STRIBECK, form, FALL)
     assert h is not None
-    found = evidence.fit([h])
+    found = evidence.fit([h], at_borders=True)
+    assert bool(np.isfinite(evidence.fit([h]).log_evidence)) is possible
     assert found.amplitudes[0][1] > 0.5 * size and np.isfinite(found.log_evidence)
     if possible:
         assert found.amplitudes[0][0] > 0.1 * size
@@ -55,15 +57,17 @@ def stand_in(family: str) -> Hypothesis:
 class FarFromTheGrid:
     """Evidence of families in the order of their names; the last one's shapes are far from the grid."""
 
-    def fit(self, hypotheses: list[Hypothesis]) -> Fit:
+    def fit(self, hypotheses: Sequence[Hypothesis], at_borders: bool = False) -> Fit:
         """What a family is worth on the grid."""
         (h,) = hypotheses
-        return Fit((h,), (np.zeros(0),), np.zeros((0, 0)), 100.0 - int(h.effect.family))
+        worth = 1000.0 if h.shape else 100.0 - int(h.effect.family)
+        return Fit((h,), (np.zeros(0),), np.zeros((0, 0)), worth)
 
-    def refine(self, fit: Fit, index: int) -> Fit:
+    def refine(self, fit: Fit, index: int, at_borders: bool = False) -> Fit:
         """What it is worth once its shapes are searched."""
-        last = int(fit.hypotheses[index].effect.family) == 2 * REFINED
-        return replace(fit, log_evidence=1000.0) if last else fit
+        h = fit.hypotheses[index]
+        last = int(h.effect.family) == 2 * REFINED
+        return self.fit([replace(h, shape={"found": 1.0})]) if last else fit
 
 
 def test_every_family_has_its_shapes_searched_however_it_stands_on_the_grid() -> None:

@@ -220,6 +220,14 @@ class Likelihood:
         """Standard deviation of the inner product of residuals (N,) with what tolerances make."""
         return float(np.linalg.norm(np.sqrt(self._strength) * (self._basis.T @ y)))
 
+    def tolerance_gram(self) -> np.ndarray:
+        """U^T U (columns, columns) of what tolerances make per standard deviation, in units of the noise."""
+        return (self._directions * self._strength) @ self._directions.T
+
+    def tolerance_moment(self, projected: np.ndarray) -> np.ndarray:
+        """U^T x (columns, ...) of what has a projection (k, ...) on the tolerances' basis."""
+        return (self._directions * np.sqrt(self._strength)) @ projected
+
     def of_tolerances(self, sizes: np.ndarray) -> np.ndarray:
         """Residuals (N,) that tolerances of such sizes (columns,) make in these recordings."""
         return self._basis @ (np.sqrt(self._strength) * (self._directions.T @ sizes))

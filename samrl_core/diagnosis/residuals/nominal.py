@@ -38,16 +38,25 @@ def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns,
 
     `widened` times the stated tolerances.
     """
-    out: list[tuple[Columns, float]] = []
+    return [(columns, std) for columns, std, _ in _tolerances(trial, widened)]
+
+
+def friction_turns(trial: Trial) -> list[float | None]:
+    """Of each of these columns: width [rad/s] of the tolerated friction's sign; None of all others."""
+    return [turn for *_, turn in _tolerances(trial, 1.0)]
+
+
+def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, float | None]]:
+    out: list[tuple[Columns, float, float | None]] = []
     plausible = trial.recording.arm.tolerances
     motion, tolerances = trial.motion, plausible.scaled(widened * plausible.deviation)
     ones, joints = np.ones((1, len(motion.time))), range(trial.joints)
     flat = np.ones((1, len(trial)))
     if "tracking" in trial.channels:
-        out += [(trial.tracking(j, flat), OFFSET_TRACKING) for j in joints]
+        out += [(trial.tracking(j, flat), OFFSET_TRACKING, None) for j in joints]
         stamp = max(tolerances.stamp, 0.5 / motion.rate)
         for j in joints:
-            out.append((trial.tracking(j, motion.derivative(motion.q[:, j])[None]), stamp))
+            out.append((trial.tracking(j, motion.derivative(motion.q[:, j])[None]), stamp, None))
         return out
     rigid = trial.rigid
     assert rigid is not None
@@ -57,14 +66,14 @@ def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns,
     viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / speed
     stated = joint_dynamics(trial.recording.arm)
     for j in joints:
-        out.append((trial.drive(j, ones), offset[j]))
-        out.append((trial.sensor(j, flat), offset[j]))
+        out.append((trial.drive(j, ones), offset[j], None))
+        out.append((trial.sensor(j, flat), offset[j], None))
         velocity = motion.sure_velocity[:, j]
         # Nobody states how sharply the remaining friction turns; several widths span what it may be.
         out += [
-            (trial.drive(j, smooth_sign(velocity, w)[None]), OF_A_WIDTH * coulomb[j]) for w in FLOOR_WIDTHS
+            (trial.drive(j, smooth_sign(velocity, w)[None]), OF_A_WIDTH * coulomb[j], w) for w in FLOOR_WIDTHS
         ]
-        out.append((trial.drive(j, velocity[None]), viscous[j]))
+        out.append((trial.drive(j, velocity[None]), viscous[j], None))
         if stated.friction[j] > 0:  # nor is it stated of the friction that the model has
             shapes = [smooth_sign(velocity, w) for w in FLOOR_WIDTHS]
             turn = smooth_sign(velocity, NOMINAL_SIGN)
@@ -72,19 +81,22 @@ def tolerance_columns(trial: Trial, widened: float = 1.0) -> list[tuple[Columns,
             ahead = velocity + AHEAD_S * motion.sure_acceleration[:, j]
             shapes += [smooth_sign(ahead, w) for w in (NOMINAL_SIGN, *FLOOR_WIDTHS[4:])]
             out += [
-                (trial.drive(j, (x - turn)[None]), OF_A_WIDTH * float(stated.friction[j])) for x in shapes
+                (trial.drive(j, (x - turn)[None]), OF_A_WIDTH * float(stated.friction[j]), None)
+                for x in shapes
             ]
         if trial.rotor[j] > 0:
             rotor = motion.sure_acceleration[:, j][None]
-            out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j]))
+            out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j], None))
+    others: list[tuple[Columns, float]] = []
     if {"link", "dynamics"} & set(trial.channels):
-        out += _bodies(trial, tolerances)
-        out += [(trial.link(axis[None]), tolerances.base_tilt) for axis in trial.tilt]
+        others += _bodies(trial, tolerances)
+        others += [(trial.link(axis[None]), tolerances.base_tilt) for axis in trial.tilt]
         for j in joints:
             soft = trial.link(trial.deflection(j, trial.transmitted[None, :, j]))
-            out.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
-    out += _stamps(trial, tolerances) + _motors(trial, tolerances)
-    return [(columns, std) for columns, std in out if std > 0]
+            others.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
+    others += _stamps(trial, tolerances) + _motors(trial, tolerances)
+    out += [(columns, std, None) for columns, std in others]
+    return [item for item in out if item[1] > 0]
 
 
 def _per_joint(value: float | tuple[float, ...], trial: Trial) -> np.ndarray:

@@ -102,8 +102,11 @@ class Evidence:
         """`correlation_time` in samples: how many count as one."""
         self.likelihood, self.correlation_time = likelihood, correlation_time
 
-    def fit(self, hypotheses: Sequence[Hypothesis]) -> Fit:
-        """Posterior amplitudes and log evidence of a set."""
+    def fit(self, hypotheses: Sequence[Hypothesis], at_borders: bool = False) -> Fit:
+        """Posterior amplitudes and log evidence of a set.
+
+        `at_borders` takes what is possible next to an impossible optimum, where a search may begin.
+        """
         k = self.correlation_time
         sizes = [len(h.mean) for h in hypotheses]
         starts = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
@@ -137,7 +140,8 @@ class Evidence:
         )
         covariance = spread[:, None] * linalg.cho_solve(factor, np.eye(total)) * spread
         free = mean + spread * step
-        for amplitudes, loss in _at_borders(hypotheses, starts, free, covariance):
+        tried = _at_borders(hypotheses, starts, free, covariance) if at_borders else [(free, 0.0)]
+        for amplitudes, loss in tried:
             parts = tuple(amplitudes[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True))
             if self._are_possible(hypotheses, parts):
                 return Fit(tuple(hypotheses), parts, covariance, log_evidence - loss)
@@ -176,7 +180,7 @@ class Evidence:
                             out.append(replace(h, tried=tried))
         return out
 
-    def refine(self, fit: Fit, index: int, evaluations: int = 30) -> Fit:
+    def refine(self, fit: Fit, index: int, evaluations: int = 30, at_borders: bool = False) -> Fit:
         """Search the shape of one hypothesis of a set, the others held; never returns a worse fit."""
         start = fit.hypotheses[index]
         names = [n for n in start.form.refine if n in start.shape]
@@ -194,7 +198,7 @@ class Evidence:
                 return 1e12
             others = list(fit.hypotheses)
             others[index] = replace(h, tried=start.tried, as_good=start.as_good)
-            trial_fit = self.fit(others)
+            trial_fit = self.fit(others, at_borders)
             if trial_fit.log_evidence > best.log_evidence:
                 best = trial_fit
             outside = float(np.sum((logs - inside) ** 2))
@@ -218,8 +222,7 @@ def _at_borders(
     """Amplitudes (p,) that may be best, and what they lose [nat]: the free ones, then those on a border.
 
     Where no amplitude may be negative and the free best one is, the best possible one is zero, and the others
-    follow: the posterior is a Gaussian. A shape that is only nearly right often puts it there; without it the
-    search would never begin.
+    follow: the posterior is a Gaussian. A shape that is only nearly right often puts it there.
     """
     yield free, 0.0
     vanish = [

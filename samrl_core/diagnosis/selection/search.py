@@ -22,7 +22,7 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
     best: dict[str, dict[str, Fit]] = {}
     evidences: dict[str, list[float]] = {}
     for h in pool:
-        fit, forms = evidence.fit([h]), best.setdefault(h.name, {})
+        fit, forms = evidence.fit([h], at_borders=True), best.setdefault(h.name, {})
         evidences.setdefault(h.name, []).append(fit.log_evidence)
         if h.form.name not in forms or fit.log_evidence > forms[h.form.name].log_evidence:
             forms[h.form.name] = fit
@@ -37,22 +37,28 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
         family = forms[0].hypotheses[0].effect.family
         # Shapes that lie far from the grid's hide a family: its best place is searched, whatever it is worth yet.
         if k >= REFINED and family in seen:
-            rest.append(forms[0])
+            rest.append(_possible(evidence, forms[0]))
             continue
         seen.add(family)
         top.append(_refined(evidence, forms))
-    return _inside_first(sorted([*top, *rest], key=lambda f: -f.log_evidence))
+    possible = [f for f in (*top, *rest) if np.isfinite(f.log_evidence)]
+    return _inside_first(sorted(possible, key=lambda f: -f.log_evidence))
 
 
 def _refined(evidence: Evidence, forms: Sequence[Fit]) -> Fit:
     """The best fit of a family at a place, its shapes searched in each form that may turn out best."""
     least = forms[0].log_evidence - (1.0 - ALSO) * abs(forms[0].log_evidence)
-    found = [evidence.refine(f, 0) for f in forms if f.log_evidence >= least]
+    found = [evidence.refine(f, 0, at_borders=True) for f in forms if f.log_evidence >= least]
     found.sort(key=lambda f: -f.log_evidence)
     if len(forms) > 1 and len(found) < len(forms) and on_bound(found[0].hypotheses[0]):
         # Another form of the same family may say the same without its bound.
         found.append(evidence.refine(forms[len(found)], 0))
-    return _inside_first(found)[0]
+    return _inside_first(sorted((_possible(evidence, f) for f in found), key=lambda f: -f.log_evidence))[0]
+
+
+def _possible(evidence: Evidence, fit: Fit) -> Fit:
+    """The fit without a border: where its search did not leave that, it is another formula's."""
+    return replace(evidence.fit(fit.hypotheses), hypotheses=fit.hypotheses)
 
 
 def _with_shapes_as_good(forms: dict[str, Fit], evidences: Sequence[float]) -> dict[str, Fit]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.selection.bounded_tolerances import evidence_beyond
 from samrl_core.diagnosis.selection.contenders import NEXT, Contender, contend, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
@@ -201,7 +202,12 @@ def _stands_wide(evidence: Evidence, fit: Fit, settings: SelectionSettings) -> b
     wide = Evidence(Likelihood(evidence.likelihood.trials, WIDE), evidence.correlation_time)
     made = [hypothesis(wide.likelihood, h.effect, h.form, h.shape) for h in fit.hypotheses]
     there = [replace(m, tried=h.tried) for m, h in zip(made, fit.hypotheses, strict=True) if m is not None]
-    return bool(there) and wide.fit(there).log_evidence >= settings.wide_threshold
+    if not there:
+        return False
+    if wide.fit(there).log_evidence >= settings.wide_threshold:
+        return True
+    beyond = evidence_beyond(evidence, fit, WIDE)
+    return beyond is not None and beyond >= settings.wide_threshold
 
 
 def _grow(

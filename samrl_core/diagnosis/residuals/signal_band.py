@@ -10,7 +10,7 @@ from scipy import interpolate, signal
 from samrl_core.diagnosis.residuals.signal_noise import regular
 
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
-EDGE_PERIODS = 5.0  # of the band: a filter bends signals until so long after the start, and before the end
+EDGE_PERIODS = 2.5  # of the band: so long after the start, and before the end, a filter bends signals
 MOST_OF_IT = 0.04  # of a recording, at most, that is lost so at either end
 TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
 
@@ -33,8 +33,8 @@ class SignalBand:
         self._smooth_filter = signal.butter(3, min(SMOOTH_HZ, rate / 3.0), fs=rate, output="sos")
         self.edge = 1  # samples lost to the filter at either end
         if self.dynamic:
-            # To the filter a recording goes on as its mirror image. A machine that begins in mid-motion does not
-            # accelerate there, says the filtered position, while the torque says that it does.
+            # To the filter a recording goes on as its mirror image. A machine that begins in mid-motion does
+            # not accelerate there, says the filtered position, while the torque says that it does.
             lost = min(EDGE_PERIODS / band, max(1.0 / band, MOST_OF_IT * duration))
             self.edge = int(np.ceil(lost * rate))
 

@@ -1,9 +1,9 @@
 """What an effect explains that tolerances cannot, if they end somewhere.
 
 A tolerance is a half width, and the likelihood takes it as a Gaussian: cheap, and right as long as data say
-little. Where they say much, its tails do what no machine does. An encoder that is off by 0.08 rad is then called
-a torque offset of six times what was stated. Here tolerances end, and the most probable ones within their ends
-are found with the effect and without it: least squares with bounds (Stark and Parker 1995).
+little. Where they say much, its tails do what no machine does. An encoder that is off by 0.08 rad is then
+called a torque offset of six times what was stated. Here tolerances end, and the most probable ones within
+their ends are found with the effect and without it: least squares with bounds (Stark and Parker 1995).
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ class Evidence:
         return Fit(tuple(hypotheses), parts, covariance, -np.inf)
 
     def _are_possible(self, hypotheses: Sequence[Hypothesis], parts: Sequence[np.ndarray]) -> bool:
-        """Whether each amplitude is: what only one recording has reached (a tight spot, say), if in that one."""
+        """Whether each amplitude is; what only one recording has reached (a tight spot, say), if in that."""
         return all(
             any(h.form.is_admissible(t, h.shape, a) for t in self.likelihood.trials)
             and not implausible(h, self.likelihood.trials[0], a)

@@ -11,7 +11,6 @@ from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypo
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 NEARLY = 0.9  # of the best evidence
-ALSO = 0.7  # of a family's best evidence before its shapes are searched: forms with more are searched too
 ADDITIONS = 6  # further effects that are refined and scored
 ONSETS = 17  # times that are tried first
 CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
@@ -35,7 +34,7 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
     top, rest, seen = [], [], set()
     for k, forms in enumerate(ranked):
         family = forms[0].hypotheses[0].effect.family
-        # Shapes that lie far from the grid's hide a family: its best place is searched, whatever it is worth yet.
+        # Shapes far from the grid's hide a family: its best place is searched, whatever it is worth yet.
         if k >= REFINED and family in seen:
             rest.append(_possible(evidence, forms[0]))
             continue
@@ -46,14 +45,13 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
 
 
 def _refined(evidence: Evidence, forms: Sequence[Fit]) -> Fit:
-    """The best fit of a family at a place, its shapes searched in each form that may turn out best."""
-    least = forms[0].log_evidence - (1.0 - ALSO) * abs(forms[0].log_evidence)
-    found = [evidence.refine(f, 0, at_borders=True) for f in forms if f.log_evidence >= least]
-    found.sort(key=lambda f: -f.log_evidence)
-    if len(forms) > 1 and len(found) < len(forms) and on_bound(found[0].hypotheses[0]):
+    """The best fit of a family at a place, the shapes of its best form searched."""
+    first = _possible(evidence, evidence.refine(forms[0], 0, at_borders=True))
+    if len(forms) > 1 and (on_bound(first.hypotheses[0]) or not np.isfinite(first.log_evidence)):
         # Another form of the same family may say the same without its bound.
-        found.append(evidence.refine(forms[len(found)], 0))
-    return _inside_first(sorted((_possible(evidence, f) for f in found), key=lambda f: -f.log_evidence))[0]
+        second = _possible(evidence, evidence.refine(forms[1], 0, at_borders=True))
+        first = _inside_first(sorted([first, second], key=lambda f: -f.log_evidence))[0]
+    return first
 
 
 def _possible(evidence: Evidence, fit: Fit) -> Fit:

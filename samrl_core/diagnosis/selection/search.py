@@ -11,6 +11,8 @@ from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypo
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 NEARLY = 0.9  # of the best evidence
+SEARCHES = 5  # of a family's shapes, at most, each from where the last one ended: a play lies far from its grid
+HARDLY_MORE = 0.02  # of the evidence
 ADDITIONS = 6  # further effects that are refined and scored
 ONSETS = 17  # times that are tried first
 CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
@@ -46,12 +48,21 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
 
 def _refined(evidence: Evidence, forms: Sequence[Fit]) -> Fit:
     """The best fit of a family at a place, the shapes of its best form searched."""
-    first = _possible(evidence, evidence.refine(forms[0], 0, at_borders=True))
+    first = _possible(evidence, _searched(evidence, forms[0]))
     if len(forms) > 1 and (on_bound(first.hypotheses[0]) or not np.isfinite(first.log_evidence)):
         # Another form of the same family may say the same without its bound.
-        second = _possible(evidence, evidence.refine(forms[1], 0, at_borders=True))
+        second = _possible(evidence, _searched(evidence, forms[1]))
         first = _inside_first(sorted([first, second], key=lambda f: -f.log_evidence))[0]
     return first
+
+
+def _searched(evidence: Evidence, fit: Fit) -> Fit:
+    """The fit with its shapes searched until a search hardly finds more."""
+    for _ in range(SEARCHES):
+        before, fit = fit.log_evidence, evidence.refine(fit, 0, at_borders=True)
+        if fit.log_evidence - before < max(1.0, HARDLY_MORE * abs(fit.log_evidence)):
+            break
+    return fit
 
 
 def _possible(evidence: Evidence, fit: Fit) -> Fit:

@@ -15,7 +15,7 @@ from samrl_core.diagnosis.residuals.basis_functions import play
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
-GAPS = (2e-4, 8e-4, 3e-3)  # [rad]
+GAPS = (2e-4, 8e-4, 3e-3, 1.2e-2)  # [rad]; a search that begins narrow does not reach a wide one
 FLANK = 300.0  # [1/rad] stiffness of a tooth over effort limit, before it is searched
 DAMPING_S = 0.002  # of stiffness
 LEAST_GAP = 8e-5  # [rad] below it a gap is smaller than what encoders of arms resolve

@@ -11,7 +11,7 @@ from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypo
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 NEARLY = 0.9  # of the best evidence
-SEARCHES = 5  # of a family's shapes, at most, each from where the last one ended: a play lies far from its grid
+SEARCHES = 5  # of a family's shapes, at most, each from where the last one ended: the grid may be far off
 HARDLY_MORE = 0.02  # of the evidence
 ADDITIONS = 6  # further effects that are refined and scored
 ONSETS = 17  # times that are tried first

@@ -63,7 +63,7 @@ class FarFromTheGrid:
         worth = 1000.0 if h.shape else 100.0 - int(h.effect.family)
         return Fit((h,), (np.zeros(0),), np.zeros((0, 0)), worth)
 
-    def refine(self, fit: Fit, index: int, at_borders: bool = False) -> Fit:
+    def refine(self, fit: Fit, index: int, evaluations: int = 30, at_borders: bool = False) -> Fit:
         """What it is worth once its shapes are searched."""
         h = fit.hypotheses[index]
         last = int(h.effect.family) == 2 * REFINED

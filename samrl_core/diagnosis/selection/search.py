@@ -12,14 +12,18 @@ from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypo
 REFINED = 6  # rivals whose shapes are searched before they are compared
 NEARLY = 0.9  # of the best evidence
 SEARCHES = 5  # of a family's shapes, at most, each from where the last one ended: the grid may be far off
+SHAPES_TRIED = 30  # by each of them; half as many where a family is far behind
 HARDLY_MORE = 0.02  # of the evidence
 ADDITIONS = 6  # further effects that are refined and scored
 ONSETS = 17  # times that are tried first
 CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 
 
-def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
-    """The best single fit of each family and place; the first few refined."""
+def best_singles(evidence: Evidence, pool: Sequence[Hypothesis], everywhere: bool = True) -> list[Fit]:
+    """The best single fit of each family and place; the first few refined.
+
+    `everywhere` refines every family at its best place: shapes far from the grid's hide one.
+    """
     best: dict[str, dict[str, Fit]] = {}
     evidences: dict[str, list[float]] = {}
     for h in pool:
@@ -36,30 +40,31 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis]) -> list[Fit]:
     top, rest, seen = [], [], set()
     for k, forms in enumerate(ranked):
         family = forms[0].hypotheses[0].effect.family
-        # Shapes far from the grid's hide a family: its best place is searched, whatever it is worth yet.
-        if k >= REFINED and family in seen:
+        if k < REFINED:
+            top.append(_refined(evidence, forms, SHAPES_TRIED, SEARCHES if everywhere else 1))
+        elif everywhere and family not in seen:
+            top.append(_refined(evidence, forms, SHAPES_TRIED // 2, SEARCHES))
+        else:
             rest.append(_possible(evidence, forms[0]))
-            continue
         seen.add(family)
-        top.append(_refined(evidence, forms))
     possible = [f for f in (*top, *rest) if np.isfinite(f.log_evidence)]
     return _inside_first(sorted(possible, key=lambda f: -f.log_evidence))
 
 
-def _refined(evidence: Evidence, forms: Sequence[Fit]) -> Fit:
+def _refined(evidence: Evidence, forms: Sequence[Fit], tried: int, searches: int) -> Fit:
     """The best fit of a family at a place, the shapes of its best form searched."""
-    first = _possible(evidence, _searched(evidence, forms[0]))
+    first = _possible(evidence, _searched(evidence, forms[0], tried, searches))
     if len(forms) > 1 and (on_bound(first.hypotheses[0]) or not np.isfinite(first.log_evidence)):
         # Another form of the same family may say the same without its bound.
-        second = _possible(evidence, _searched(evidence, forms[1]))
+        second = _possible(evidence, _searched(evidence, forms[1], tried, searches))
         first = _inside_first(sorted([first, second], key=lambda f: -f.log_evidence))[0]
     return first
 
 
-def _searched(evidence: Evidence, fit: Fit) -> Fit:
-    """The fit with its shapes searched until a search hardly finds more."""
-    for _ in range(SEARCHES):
-        before, fit = fit.log_evidence, evidence.refine(fit, 0, at_borders=True)
+def _searched(evidence: Evidence, fit: Fit, tried: int, searches: int) -> Fit:
+    """The fit with its shapes searched, so many tried each time, until a search hardly finds more."""
+    for _ in range(searches):
+        before, fit = fit.log_evidence, evidence.refine(fit, 0, tried, at_borders=True)
         if fit.log_evidence - before < max(1.0, HARDLY_MORE * abs(fit.log_evidence)):
             break
     return fit

@@ -115,12 +115,12 @@ def select(
         if found is not None and len(found) > 4:
             least = threshold(found, settings.threshold)
     progress("refining")
-    singles = best_singles(evidence, pool)
+    singles = best_singles(evidence, pool, everywhere=False)
     # The correlation that remains under the best explanation is the one that counts.
     if singles and singles[0].log_evidence > least:
         left = evidence.remainder(singles[0])
         evidence.correlation_time = max(2.0, min(likelihood.correlation_time(left), 25.0))
-        singles = best_singles(evidence, pool)
+    singles = best_singles(evidence, pool)
     k = evidence.correlation_time
     excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
     singles = _standing_first(evidence, singles, least, settings)

@@ -335,9 +335,11 @@ def _keep_visited(options: CellOptions, task: Task, console: Console) -> None:
 
 def _line(episode: dict[str, Any], by_touch: bool) -> str:
     success = {True: "success", False: "failure", None: "not judged"}[episode["success"]]
+    # What stands where it should may have been pressed too hard on its way.
+    force = f", largest force {episode['peak_contact_force_N']:.1f} N" if success == "failure" else ""
     return (
-        f"  episode {episode['episode']} (seed {episode['seed']}): {success}, {episode['actions']} actions, "
-        f"{_how_near(episode, by_touch)}, {len(episode['views'])} views considered, "
+        f"  episode {episode['episode']} (seed {episode['seed']}): {success}{force}, {episode['actions']} "
+        f"actions, {_how_near(episode, by_touch)}, {len(episode['views'])} views considered, "
         f"{episode['wall_time_s']:.0f} s"
     )
 

@@ -113,7 +113,7 @@ def diagnose(
         for r in group
     )
     empty = Diagnosis(
-        "not_testable", (kind.nothing,), (), (), (), (), None,
+        "not_testable", (kind.why_nothing(trials),), (), (), (), (), None,
         None, 0.0, untestable, inputs, settings.seed, _version(), kind.system(first),
         notes=tuple(notes),
     )  # fmt: skip

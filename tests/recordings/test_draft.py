@@ -184,6 +184,17 @@ def test_a_foreign_bag_is_read_without_a_mapping(tmp_path: Path) -> None:
         read_foreign(path, None, None, Effort.ask)
 
 
+def test_numbered_columns_stand_beside_named_ones(tmp_path: Path) -> None:
+    names = tuple(f"joint_{k}" for k in NUMBERS)
+    columns = {"t": MOTION.time, **by_joint("{}_rad", MOTION.position, names)}
+    columns |= by_joint("dq{}", MOTION.velocity, NUMBERS) | by_joint("tau{}_Nm", MOTION.effort, NUMBERS)
+    path = write_csv(tmp_path / "a.csv", columns)
+    draft = draft_mapping([path], urdf_of(names), "arm.urdf", Effort.drive)
+    assert not draft.unused and not draft.questions
+    assert draft.channels["states"]["velocity"] != "derivative"
+    assert draft.channels["commanded_effort"]["effort"]["unit"] == "N m"
+
+
 def test_a_velocity_that_is_none_is_not_taken(tmp_path: Path) -> None:
     columns = {"t": MOTION.time, **by_joint("pos_rad{}", MOTION.position, NUMBERS)}
     path = write_csv(tmp_path / "a.csv", columns | by_joint("vel{}", MOTION.effort, NUMBERS))

@@ -19,6 +19,7 @@ from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.motion import FAST_HZ
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import (
     Trial,
@@ -58,6 +59,16 @@ class Arms(Kind[ArmRecording]):
     ) -> tuple[list[Observed], list[Observed]]:
         made = arm_trials(fit, held_out)
         return list(made[0]), list(made[1])
+
+    def why_nothing(self, trials: Sequence[Observed]) -> str:
+        for trial in as_arms(trials):
+            motion = trial.motion
+            if trial.rigid is not None and not motion.dynamic and motion.has_torque:
+                return (
+                    f"{trial.recording.name} has {motion.rate:.3g} Hz and moves faster than that tells, so"
+                    f" its accelerations are not known: log at {FAST_HZ:.0f} Hz or more, or move slower"
+                )
+        return self.nothing
 
     def system(self, trial: Observed) -> str:
         return as_arms([trial])[0].recording.arm.role

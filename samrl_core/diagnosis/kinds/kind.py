@@ -41,7 +41,7 @@ class Kind(ABC, Generic[R]):
     effects: tuple[Effect[Any], ...]
     elsewhere: ClassVar[dict[str, str]]  # families of such a system that these recordings never show, and why
     shown_by: str  # what is recorded, as it is spoken
-    nothing: str  # why a recording without any channel cannot be used
+    nothing: str  # why recordings without any channel cannot be used
     chance: ClassVar[float] = 0.0  # of a false name, as in `SelectionSettings`; 0 unless noise is calibrated
 
     @abstractmethod
@@ -51,6 +51,10 @@ class Kind(ABC, Generic[R]):
     @abstractmethod
     def trials(self, fit: Sequence[R], held_out: Sequence[R]) -> tuple[list[Observed], list[Observed]]:
         """Residuals of fitted and held-out recordings. Raises `InputError`."""
+
+    def why_nothing(self, trials: Sequence[Observed]) -> str:
+        """Why these trials, which have no channel, cannot be used."""
+        return self.nothing
 
     @abstractmethod
     def system(self, trial: Observed) -> str:

@@ -19,9 +19,9 @@ import numpy as np
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
-from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.residuals.motion import FAST_HZ, RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.signal_noise import unknown_acceleration, white_noise
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
@@ -167,6 +167,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2)
         color["link"] = _color(motion, link_noise, level)
         sigma["link"] = _spread(level, residual["link"])
+        sigma["link"] = _unknown_wider(sigma["link"], motion, rigid)
     elif u is not None:
         residual["dynamics"] = u - rotor - model
         moved = link_noise + armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
@@ -174,6 +175,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2)
         color["dynamics"] = _color(motion, moved, level)
         sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
+        sigma["dynamics"] = _unknown_wider(sigma["dynamics"], motion, rigid)
         if motion.computed:
             sigma["dynamics"] = _past_wider(_edges_wider(sigma["dynamics"], motion), motion, scale)
     return Equations(motion, residual, sigma, law, lag, model, color)
@@ -282,6 +284,17 @@ def _acceleration_noise(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
     some = motion.q[:: max(1, len(motion.q) // 20)]
     mass = np.mean(rigid.mass_matrix(some) ** 2, axis=0)
     return np.sqrt(mass @ variance)
+
+
+def _unknown_wider(sigma: np.ndarray, motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
+    """A slow log knows some accelerations no better than half of its samples would."""
+    if motion.rate > FAST_HZ:
+        return sigma
+    read, order = (motion.raw_velocity, 1) if motion.raw_velocity is not None else (motion.raw_position, 2)
+    assert read is not None
+    unknown = np.abs(motion.reduce(unknown_acceleration(read, motion.rate, order)))
+    mass = np.abs(rigid.mass_matrix(motion.q)) + np.diag(armature(motion.recording.arm))
+    return np.hypot(sigma, np.einsum("nij,nj->ni", mass, unknown))
 
 
 def _resolution(position: np.ndarray) -> np.ndarray:

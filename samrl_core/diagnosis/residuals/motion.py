@@ -28,6 +28,7 @@ from samrl_core.diagnosis.residuals.signal_noise import (
     highest_sure_frequency,
     quantum,
     regular,
+    tells_accelerations,
     white_noise,
     without_differences,
 )
@@ -38,7 +39,8 @@ DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
 MAX_RATE_HZ = 1000.0
 SLOW_PERIOD_S = 0.003  # of a controller, from which on it matters when within it a torque acts
 SAME_PERIOD = 0.75  # of a log's: a controller that is faster sends torques that are not logged
-LEAST_SURE_HZ = 1.0  # up to which a motion counts as one
+FAST_HZ = 60.0  # a log of such a rate follows what arms do; a slower one must show that it does
+LEAST_SURE_HZ = 1.0  # up to which a motion counts as one, or a fiftieth of a slower log's rate
 
 
 class RecordedMotion(SignalBand):
@@ -58,7 +60,8 @@ class RecordedMotion(SignalBand):
         # Accelerations that are twice differenced from positions are noise from a lower frequency on.
         differenced = states.velocity is None
         band = min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0)
-        super().__init__(rate, band, float(ticks[-1] - ticks[0]))
+        dynamic = rate > FAST_HZ or (self.has_torque and tells_accelerations(states, rate))
+        super().__init__(rate, band, float(ticks[-1] - ticks[0]), dynamic)
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
         self.raw_position, self.raw_velocity, self.raw_effort = (
@@ -95,6 +98,11 @@ class RecordedMotion(SignalBand):
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def has_torque(self) -> bool:
+        """Whether a torque was recorded, of the drives or behind the gears."""
+        return self.recording.commanded_effort is not None or self.recording.states.effort is not None
 
     @cached_property
     def command(self) -> JointSignal | None:
@@ -366,7 +374,8 @@ class RecordedMotion(SignalBand):
             return x
         out = x.copy()
         for j in cut:
-            low = signal.butter(3, max(float(highest[j]), LEAST_SURE_HZ), fs=self.rate, output="sos")
+            least = min(LEAST_SURE_HZ, self.rate / 50.0)
+            low = signal.butter(3, max(float(highest[j]), least), fs=self.rate, output="sos")
             out[:, j] = signal.sosfiltfilt(low, x[:, j])
         return out
 

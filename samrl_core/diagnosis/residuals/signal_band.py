@@ -12,22 +12,22 @@ from samrl_core.diagnosis.residuals.signal_noise import regular
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 EDGE_PERIODS = 2.5  # of the band: so long after the start, and before the end, a filter bends signals
 MOST_OF_IT = 0.04  # of a recording, at most, that is lost so at either end
-TRACKING_RATE_HZ = 60.0  # below it no accelerations are formed: only tracking can be compared
 
 
 class SignalBand:
     """Filters of signals at `full` rate (F, ...) and their band-limited samples (N, ...)."""
 
-    def __init__(self, rate: float, band: float, duration: float) -> None:
+    def __init__(self, rate: float, band: float, duration: float, dynamic: bool) -> None:
         """Design the filters.
 
         Args:
             rate: of full-rate signals [Hz].
             band: what is compared reaches up to here [Hz].
             duration: of the recording [s].
+            dynamic: whether accelerations are formed; else only tracking can be compared.
         """
         self.rate, self.band = rate, band
-        self.dynamic = rate > TRACKING_RATE_HZ
+        self.dynamic = dynamic
         self.step = max(1, round(rate / (4.0 * band))) if self.dynamic else 1
         self._band_filter = signal.butter(3, band, fs=rate, output="sos") if self.dynamic else None
         self._smooth_filter = signal.butter(3, min(SMOOTH_HZ, rate / 3.0), fs=rate, output="sos")

@@ -5,12 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
+from scipy import ndimage, signal
+from scipy.interpolate import make_interp_spline
 
 from samrl_core.cell.types.arm_recording import JointSignal
 
 DIFFERENCED = 1e-6  # of the largest velocity: rounding of what is the same
 SURE_SPAN_S = 2.0  # of the spectra that tell a motion from noise
+SURE_SAMPLES = 64  # of them, at least
+SLOWEST_HZ = 8.0  # no log below it tells accelerations
+NEARBY = 11  # samples over which an acceleration that is not known is spread by the band
+FOLLOWED = 0.2  # of what accelerations are made of may stay unknown between every other sample
 STANDS_OUT = 6.0  # times the power of noise: chance does not reach it in a spectrum of a few averages
 
 
@@ -65,10 +70,50 @@ def quantum(position: np.ndarray) -> np.ndarray:
 
 def highest_sure_frequency(x: np.ndarray, noise: np.ndarray, rate: float) -> np.ndarray:
     """Frequency (J,) [Hz] up to which readings (F, J) stand out of white noise (J,) of known deviation."""
-    length = min(len(x), round(SURE_SPAN_S * rate))
+    length = min(len(x), max(round(SURE_SPAN_S * rate), SURE_SAMPLES))
     frequency, power = signal.welch(x, fs=rate, nperseg=length, axis=0, detrend="linear")
     above = power > STANDS_OUT * noise**2 * 2.0 / rate
     return np.array([frequency[column][-1] if column.any() else 0.0 for column in above.T])
+
+
+def tells_accelerations(states: JointSignal, rate: float) -> bool:
+    """Whether a slow log moves so slowly that its samples tell accelerations; one reading may be coarse."""
+    if rate < SLOWEST_HZ:
+        return False
+    readings = ((states.position, 2), (states.velocity, 1))
+    return any(follows(read, order) for read, order in readings if read is not None)
+
+
+def follows(x: np.ndarray, order: int) -> bool:
+    """Whether every other sample of readings (F, J) at a regular rate tells those between.
+
+    What a spline of half the samples misses is above a quarter of the rate, or noise; either would be in the
+    accelerations. All joints together, so that one at rest does not speak with its noise.
+
+    Args:
+        x: positions or velocities.
+        order: of their differences that accelerations are made of: 2 or 1.
+    """
+    if len(x) < 32:
+        return False
+    known = np.arange(0, len(x), 2)
+    between = make_interp_spline(known, x[known], k=7)(np.arange(1, known[-1], 2))
+    missed = (between - x[1 : known[-1] : 2])[4:-4]  # a spline's ends are worse than what it joins
+    steps = np.diff(x, n=order, axis=0)
+    return float(np.sqrt(np.mean(missed**2))) < FOLLOWED * float(np.sqrt(np.mean(steps**2)))
+
+
+def unknown_acceleration(x: np.ndarray, rate: float, order: int) -> np.ndarray:
+    """What every other sample of readings (F, J) would make another acceleration (F, J), nearby at most.
+
+    Readings and order as in `follows`. A start or a stop within a sample's time is told so, in a log that is
+    slow enough for the rest.
+    """
+    ticks = np.arange(len(x))
+    whole = make_interp_spline(ticks, x, k=7)(ticks, nu=order)
+    halves = [make_interp_spline(ticks[k::2], x[k::2], k=7)(ticks, nu=order) for k in (0, 1)]
+    missed = np.max([np.abs(half - whole) for half in halves], axis=0) * rate**order
+    return np.asarray(ndimage.maximum_filter1d(missed, NEARBY, axis=0))
 
 
 def white_noise(x: np.ndarray, rate: float) -> np.ndarray:

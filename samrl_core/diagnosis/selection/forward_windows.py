@@ -26,6 +26,8 @@ from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 WINDOW_S = 0.4
 MOST_WINDOWS = 16  # of a recording, spread evenly
 LONGEST_STEP_S = 0.002
+LONGEST_HELD_S = 1.0 / 60.0  # an effort; between samples of a slower log it runs straight
+SHORT_HELD_S = 0.005
 BY_THE_LAW = ("stiffness_scale", "damping_scale", "command_delay", "command_cutoff")  # fields of a controller
 
 
@@ -55,7 +57,11 @@ def drive_forward(
     """
     motion, arm = trial.motion, trial.recording.arm
     assert trial.rigid is not None and motion.raw_commanded is not None and motion.raw_position is not None
-    zeros, period = np.zeros(trial.joints), 1.0 / motion.rate
+    period = 1.0 / motion.rate
+    every = (
+        int(np.ceil(period / SHORT_HELD_S)) if period > LONGEST_HELD_S else 1
+    )  # steps from sample to sample
+    zeros, period = np.zeros(trial.joints), period / every
     law = ArmController(
         arm.joints, zeros, zeros, period, gravity_compensation=False,
         gravity=tuple(trial.rigid.gravity_vector), effort_limit=np.full(trial.joints, np.inf),
@@ -72,8 +78,7 @@ def drive_forward(
     for start in np.linspace(edge, last, count).astype(int):
         part = slice(start, start + length + 1)
         time = motion.time[part] - motion.time[start]
-        idle = np.zeros((length + 1, trial.joints))
-        driven = JointSignal(time, idle, idle, None, motion.raw_commanded[part])
+        driven = _driven(time, motion.raw_commanded[part], every)
         early = onset is not None and motion.time[start] - motion.time[0] < onset
         runs = loop.rollout(
             driven,
@@ -81,6 +86,7 @@ def drive_forward(
             motion.full_velocity[start],
             [nominal if early else plant for plant in plants.values()],
             float(time[-1]),
+            record_every=every,
             keep_diverged=True,
         )
         kept = min(len(runs.time), length + 1)
@@ -96,6 +102,14 @@ def drive_forward(
         {name: {q: np.concatenate(x) for q, x in parts.items()} for name, parts in simulated.items()},
         _scales(trial),
     )
+
+
+def _driven(time: np.ndarray, effort: np.ndarray, every: int) -> JointSignal:
+    """Logged efforts (N, J) as a controller gives them that tracks nothing, `every` times between samples."""
+    fine = np.interp(np.arange((len(time) - 1) * every + 1) / every, np.arange(len(time)), time)
+    given = np.stack([np.interp(fine, time, column) for column in effort.T], axis=1)
+    idle = np.zeros_like(given)
+    return JointSignal(fine, idle, idle, None, given)
 
 
 def _scales(trial: Trial) -> dict[str, np.ndarray]:

@@ -104,10 +104,10 @@ def split_names(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[t
         is its own stem, with an empty label.
     """
     candidates = {name: _stems(name, joints) for name in names}
-    members = Counter(stem for found in candidates.values() for stem, _ in found)
+    members = Counter(stem for found in candidates.values() for stem in {stem for stem, _ in found})
     grouped: dict[str, list[tuple[str, str]]] = {}
     for name in names:
-        best = max(candidates[name], key=lambda pair: members[pair[0]], default=("", ""))
+        best = max(candidates[name], key=lambda p: (p[1] in joints, members[p[0]]), default=("", ""))
         named = best[1] in joints
         stem, label = best if named or members[best[0]] > 1 else (name, "")
         grouped.setdefault(stem, []).append((label, name))

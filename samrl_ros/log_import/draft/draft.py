@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +77,7 @@ def draft_mapping(
     ]
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
+    found = [_label_by_name(each, order) for each in found]
     draft.recordings += _recordings_of_runs(runs, draft) if runs else _recordings(files)
     unit = _position_unit(position, draft)
     time = add_source(position.part, "states", draft)
@@ -91,6 +94,24 @@ def draft_mapping(
         for source in draft.sources.values():
             source["file"] = f"{{name}}{runs[0].suffix}"
     return draft
+
+
+def _label_by_name(each: NamedBlock, order: Sequence[str]) -> NamedBlock:
+    """A block whose columns are numbered, labelled as the positions are: `joint1_pos` stands beside `tau1`.
+
+    Numbers are those that the joints' names end with; what a log of one joint numbers or not is of that one.
+    """
+    labels = each.block.labels
+    if set(order) <= set(labels) or any(label and not label.isdecimal() for label in labels):
+        return each
+    number = {m[1]: joint for joint in order if (m := re.search(r"(\d+)\D*$", joint))}
+    if len(order) == len(labels) == 1:
+        named = tuple(order)
+    elif len(number) == len(order) and set(number) == set(labels):
+        named = tuple(number[label] for label in labels)
+    else:
+        return each
+    return replace(each, block=replace(each.block, labels=named))
 
 
 def _runs(parts: Sequence[LogPart]) -> list[Path]:

@@ -1,0 +1,77 @@
+"""Industrial arms log at ten samples a second: enough where the motion is slower, and then only."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+from samrl_core.diagnosis.residuals.signal_noise import follows
+from samrl_ros.log_import.draft.guess import Effort
+from samrl_ros.log_import.foreign import read_foreign
+
+MASS, LENGTH, G, RATE_HZ = 2.0, 0.6, 9.81, 10.0
+INERTIA = MASS * LENGTH**2 / 3
+URDF = (
+    '<robot name="p"><link name="base"/><link name="rod"><inertial>'
+    f'<origin xyz="0 0 {-LENGTH / 2}"/><mass value="{MASS}"/><inertia ixx="{MASS * LENGTH**2 / 12}" ixy="0"'
+    f' ixz="0" iyy="{MASS * LENGTH**2 / 12}" iyz="0" izz="1e-4"/></inertial></link>'
+    '<joint name="q1" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>'
+    '<limit lower="-3" upper="3" effort="20" velocity="3"/></joint></robot>'
+)
+LIBRARY = DiagnosisSettings(
+    library={"viscous_friction", "coulomb_friction", "payload", "torque_rate_limit", "torque_saturation"}
+)
+
+
+def swing(path: Path, coulomb: float, seed: int, pace: float = 1.0) -> ArmRecording:
+    """A driven pendulum that tracks three sines below 0.4 Hz, times `pace`."""
+    rng = np.random.default_rng(seed)
+    speed, phase = pace * 2 * np.pi * rng.uniform(0.08, 0.4, 3), rng.uniform(0, 2 * np.pi, 3)
+    time = np.arange(0.0, 60.0, 1.0 / RATE_HZ)
+
+    def torque(t: float, q: float, v: float) -> float:
+        wanted = 0.3 * np.sin(speed * t + phase).sum()
+        return 120.0 * (wanted - q) + 14.0 * (0.3 * (speed * np.cos(speed * t + phase)).sum() - v)
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        lost = coulomb * np.tanh(y[1] / 0.01) + 0.5 * MASS * G * LENGTH * np.sin(y[0])
+        return [y[1], (torque(t, *y) - lost) / INERTIA]
+
+    q, v = solve_ivp(rate, (0.0, 60.0), [0.0, 0.0], t_eval=time, method="LSODA", rtol=1e-8, atol=1e-9).y
+    sent = [torque(*row) for row in zip(time, q, v, strict=True)]
+    rows = np.column_stack([time, q, v, sent])
+    rows[:, 1:] += rng.standard_normal((len(time), 3)) * [2e-5, 1e-3, 0.05]
+    np.savetxt(path, rows, delimiter=",", header="time,q1_rad,dq1_rad_s,tau1_Nm", comments="", fmt="%.7f")
+    return read_foreign(path, URDF, None, Effort.drive)[0]
+
+
+@pytest.mark.parametrize("coulomb", [0.0, pytest.param(1.2, marks=pytest.mark.thorough)])
+def test_a_slow_motion_is_diagnosed(coulomb: float, tmp_path: Path) -> None:
+    fit, held_out = (swing(tmp_path / f"{k}.csv", coulomb, k) for k in (1, 2))
+    diagnosis, _ = diagnose([fit], [held_out], LIBRARY)
+    if not coulomb:
+        assert diagnosis.verdict == "no_gap", diagnosis.reasons
+        return
+    (effect,) = diagnosis.effects
+    assert (effect.family, effect.place) == ("coulomb_friction", "joint:q1")
+    assert effect.parameters["Fc"].value == pytest.approx(coulomb, rel=0.1)
+
+
+def test_a_motion_that_outruns_its_log_is_not(tmp_path: Path) -> None:
+    fit, held_out = (swing(tmp_path / f"{k}.csv", 0.0, k, pace=8.0) for k in (1, 2))
+    diagnosis, _ = diagnose([fit], [held_out], LIBRARY)
+    assert diagnosis.verdict == "not_testable"
+    assert "10 Hz" in diagnosis.reasons[0]
+
+
+@pytest.mark.parametrize(("frequency", "told"), [(0.7, True), (1.5, True), (4.0, False)])
+def test_half_the_samples_tell_the_others(frequency: float, told: bool) -> None:
+    time = np.arange(0.0, 30.0, 0.1)[:, None]
+    assert follows(np.sin(2 * np.pi * frequency * time), 2) == told
+    assert follows(np.cos(2 * np.pi * frequency * time), 1) == told
+    assert not follows(np.random.default_rng(0).standard_normal((300, 1)), 1)

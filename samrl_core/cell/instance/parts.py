@@ -12,6 +12,10 @@ _ISO = "ISO 2768-m: +-0.1 mm up to 6 mm, +-0.2 mm up to 30 mm; a printed part +-
 _FIXTURE = "ASSUMPTION: a fixture set up with a ruler; careless: put down and taped"
 _FOOD = "ASSUMPTION: a pancake or a thread is not a standard part"
 _PLATE = "ASSUMPTION: plates of 5 to 15 mm laid on one bench, drawn with 10 mm; careless: whatever lies there"
+_SHAKEN = (
+    "Ko and Hu 2020: cooks shake a wok three times a second; at +-2.5 cm that is 0.5 m/s, and a pancake that"
+    " goes on with it slides by 3 cm at a friction of 0.4; half of it for who shakes half as wide"
+)
 _FRICTION = "ASSUMPTION: tables of dry friction spread by a third for the same pair"
 
 
@@ -68,4 +72,12 @@ class Parts:
         0.005,
         0.010,
         _PLATE,
+    )
+    slide: float = difference(
+        "way of a loose part when what it lies on is shaken once, where a task has that",
+        "m",
+        "share",
+        0.030,
+        0.045,
+        _SHAKEN,
     )

@@ -59,6 +59,7 @@ def _flipping() -> Task:
         small_radius=0.040,
         blade_width=0.030,
         surface_deviation=0.0029,
+        shaken=True,
         usual_policy="touch",
         force_limit=BENDING_FORCE,
         max_actions=58,

@@ -66,11 +66,21 @@ class ViewRegion:
 
 
 @dataclass(frozen=True, eq=False)
+class Slide:
+    """What is done to a body that nothing touches: it slides once, as what it lies on is shaken."""
+
+    body: str
+    way: np.ndarray  # (2,) in world's x and y, until friction has stopped it [m]
+    after: float  # it begins when the tool's tip has come so far from where it started [m]
+
+
+@dataclass(frozen=True, eq=False)
 class EpisodeStart:
-    """Sampled start of an episode."""
+    """Sampled start of an episode, and what else is bound to happen in it."""
 
     body_in_world: dict[str, Pose]  # of the bodies that do not stand at their nominal pose
     chain_angles: np.ndarray  # (2 K,) of the tool's chain, hanging at rest; x and y joint of each link [rad]
+    slides: tuple[Slide, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +225,11 @@ class Task(ABC):
     def sample_start(self, rng: np.random.Generator) -> EpisodeStart:
         """A random start; the simulated world calls it on reset."""
         values = self.start_values(rng)
-        return EpisodeStart(self.body_poses(values), self.chain_angles(values))
+        return EpisodeStart(self.body_poses(values), self.chain_angles(values), self.sample_slides(rng))
+
+    def sample_slides(self, rng: np.random.Generator) -> tuple[Slide, ...]:
+        """What will slide in an episode; only as made."""
+        return ()
 
     @abstractmethod
     def succeeded(self, ending: Ending) -> bool:

@@ -20,7 +20,7 @@ from samrl_core.cell.tasks.spatula_flipping.arc import Arc
 from samrl_core.cell.tasks.spatula_flipping.pancake import lip_body, pancake_body
 from samrl_core.cell.tasks.spatula_flipping.tool import hand_with_spatula
 from samrl_core.cell.tasks.start import checked_tip, middle_view, require_origin, start_joints
-from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion, camera_specs
+from samrl_core.cell.tasks.task import Ending, ParameterSpec, Slide, SubGoal, Task, ViewRegion, camera_specs
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Scene, Tool
 from samrl_core.common.errors import InputError
@@ -29,6 +29,8 @@ PANCAKE = "pancake"
 LIP = "lip"
 _SIZES = 0.04  # steps of a pancake's size that a physics of its own is built for [-]
 _ACROSS = 0.15  # its centre is believed within +- this of the middle, in y [m]
+_SHAKEN_ASLANT = math.radians(20.0)  # a shaken pan moves within so much of world's y [rad]
+_SHAKEN_AFTER = (0.010, 0.025)  # of the edge from its start: it has 35 mm to go until it touches [m]
 _TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
 
@@ -88,6 +90,8 @@ class SpatulaFlipping(Task):
     size: float = 1.0  # `pancake_radius` over the drawn one; see `as_believed` [-]
     surface: float = 0.0  # height of the table's top [m]
     surface_deviation: float = 0.0  # of what it may be in a cell, 0: it is as drawn [m]
+    shaken: bool = False  # somebody shakes what the pancake lies on, once, before the blade is under it
+    slide: float = 0.0  # that it slides by then; as made [m]
     force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
 
     def __post_init__(self) -> None:
@@ -171,6 +175,7 @@ class SpatulaFlipping(Task):
             blade_friction=self.blade_friction * math.exp(parts.friction[1]),
             lip_friction=self.lip_friction * math.exp(parts.friction[2]),
             surface=self.surface + (parts.surface if self.surface_deviation > 0.0 else 0.0),
+            slide=parts.slide if self.shaken else 0.0,
         )
 
     def parameters(self) -> tuple[ParameterSpec, ...]:
@@ -326,6 +331,14 @@ class SpatulaFlipping(Task):
         nominal[:2] += offset
         nominal[5:6] = self.size
         return nominal
+
+    def sample_slides(self, rng: np.random.Generator) -> tuple[Slide, ...]:
+        """The pancake, to either side: the arms stand before and behind, who shakes the pan beside it."""
+        if self.slide == 0.0:
+            return ()
+        side, turn = rng.choice([-1.0, 1.0]), rng.uniform(-_SHAKEN_ASLANT, _SHAKEN_ASLANT)
+        way = side * self.slide * np.array([math.sin(turn), math.cos(turn)])
+        return (Slide(PANCAKE, way, rng.uniform(*_SHAKEN_AFTER)),)
 
     @property
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:

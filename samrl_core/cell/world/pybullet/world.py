@@ -32,6 +32,7 @@ from samrl_core.cell.world.pybullet.chain import PyBulletChain
 from samrl_core.cell.world.pybullet.impedance import impedance_effort
 from samrl_core.cell.world.pybullet.looks import arm_meshes, build_clutter, casters_of
 from samrl_core.cell.world.pybullet.real_camera import RealCamera
+from samrl_core.cell.world.pybullet.slides import Slides
 from samrl_core.cell.world.sensor_noise import RgbdSensor
 from samrl_core.cell.world.settings import WorldSettings
 from samrl_core.cell.world.table import TABLE_FRICTION, build_table
@@ -108,6 +109,7 @@ class PyBulletWorld(SimulatedWorld):
             self._bodies = PyBulletBodies(
                 self._client, self._scene.bodies, Path(self._folder.name), self._settings
             )
+            self._slides = Slides(self._client, self._scene.bodies, self._bodies.index, self._settings)
             tool_arm, chain = self._arms["tool_arm"], self._scene.tool.chain
             self._chain = PyBulletChain(
                 self._client,
@@ -167,6 +169,7 @@ class PyBulletWorld(SimulatedWorld):
             self._efforts[role] = self._models[role].gravity(self._start[role])
         self._chain.place(start.chain_angles, self._tip_in_world())
         self._first_contact_ns, self._peak_force = -1, 0.0
+        self._slides.begin(start.slides, self._tip_in_world().position)
         self._measure()
 
     def command(self, role: str, command: ArmCommand) -> None:
@@ -198,6 +201,8 @@ class PyBulletWorld(SimulatedWorld):
             self._arms[role].push(drive.torque(effort))
         if self._scene.tool.chain:
             self._chain.push(self._tip_in_world())
+        if self._slides.waiting:
+            self._slides.start_those_due(self._tip_in_world().position)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._time_ns += self._period_ns
         self._bodies.watch()

@@ -29,8 +29,8 @@ PANCAKE = "pancake"
 LIP = "lip"
 _SIZES = 0.04  # steps of a pancake's size that a physics of its own is built for [-]
 _ACROSS = 0.15  # its centre is believed within +- this of the middle, in y [m]
-_SHAKEN_ASLANT = math.radians(20.0)  # a shaken pan moves within so much of world's y [rad]
-_SHAKEN_AFTER = (0.010, 0.025)  # of the edge from its start: it has 35 mm to go until it touches [m]
+_SHAKEN_ASLANT = math.radians(10.0)  # a shaken pan moves within so much of world's y [rad]
+_SHAKEN_AFTER = (0.006, 0.015)  # when the edge is so far from its start, not yet at any pancake [m]
 _TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
 

@@ -32,6 +32,7 @@ class PredictionSettings:
     held_error: float = 0.05  # standard deviation of what contact holds, in scales of the parameters [-]
     jump: float = 6.0  # farther from each other, in scales, two ends are different things that may happen [-]
     most: int = 3  # predictions at most
+    moved: float = 5e-4  # a body that was to go farther has been moved by contact [m]
     other_spread: float = 2.0  # standard deviation of the less likely ones, in scales [-]
 
 
@@ -106,6 +107,7 @@ def predictions(
     # What keeps its own error is untouched; what does not is held by contact, as well as the model knows it.
     held = np.clip(np.abs(1.0 - np.diag(jacobian)), 1e-6, 1.0)
     unknown = (s.model_error * change) ** 2 + (s.held_error * scale * held) ** 2
+    unknown += (_contact_spread(specs, change, s) * scale) ** 2
     covariance = jacobian @ estimate.covariance @ jacobian.T + np.diag(unknown)
     lower, upper = np.array([p.lower for p in specs]), np.array([p.upper for p in specs])
     # A disc that turns over jumps from one end of its range to the other: no deviation exceeds half of it.
@@ -120,6 +122,21 @@ def predictions(
             loose += np.diag(np.where(stays, 0.0, s.other_spread * scale) ** 2)
             found.append(replace(estimate, values=np.clip(other, lower, upper), covariance=loose))
     return tuple(found)
+
+
+def _contact_spread(
+    specs: tuple[ParameterSpec, ...], change: np.ndarray, settings: PredictionSettings
+) -> np.ndarray:
+    """Standard deviation (P,) in scales of where a body comes to lie that the tool moves by contact.
+
+    Where the camera's error is a parameter, an image that shows the body beside its prediction would be put
+    down to both. But a contact slides and rolls otherwise than the model has it, step by step to the same
+    side; the camera does not move meanwhile. So the image's word is about the body alone.
+    """
+    place = np.array([p.kind == "state" and p.unit == "m" for p in specs])
+    moved = np.abs(change[place]).max(initial=0.0) > settings.moved
+    loose = bool(moved) and any(p.kind == "camera" for p in specs)
+    return np.where(place & loose, settings.other_spread, 0.0)
 
 
 def loosened_by(estimate: Estimate, specs: tuple[ParameterSpec, ...], seen: SeenError) -> Estimate:

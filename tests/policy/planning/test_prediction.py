@@ -117,6 +117,27 @@ def test_a_fall_tells_nothing_new_of_size_and_camera() -> None:
     assert (np.sqrt(np.diag(found[-1].covariance))[:5] > scale[:5]).all()
 
 
+def test_what_contact_moves_tells_nothing_of_the_camera() -> None:
+    """Where it comes to lie is for the image to say; a pancake that nothing touches is as well known as before."""
+    task = task_named("spatula_flipping_hard")
+    assert isinstance(task, SpatulaFlipping)
+    scale = np.array([p.scale for p in task.parameters()])
+    values = np.array([0.512, 0.003, 0.006, 0.0, 0.0, 1.0, 0.001, -0.001, 0.002])
+    before = estimate(task, values, 0.1)
+    dynamics, along = dynamics_of(task.as_believed(values), CELL), np.array([0.012, 0.0, 0.0])
+    start = np.array([0.456, 0.003, task.low])
+    (pushed,) = predictions(dynamics, task.parameters(), before, start, start + along)
+    (beside,) = predictions(dynamics, task.parameters(), before, start - 2.5 * along, start - 1.5 * along)
+    assert pushed.values[0] > values[0] + 0.004
+    gain = {
+        name: one.covariance[7, 7] / (one.covariance[1, 1] + one.covariance[7, 7])
+        for name, one in (("pushed", pushed), ("beside", beside))
+    }
+    assert gain["pushed"] < 1e-3 and gain["beside"] > 0.02
+    assert (np.sqrt(np.diag(pushed.covariance))[:3] > 2.0 * scale[:3]).all()
+    np.testing.assert_allclose(np.sqrt(np.diag(pushed.covariance))[6:], 0.1 * scale[6:], rtol=1e-6)
+
+
 def test_where_nothing_moves_nothing_changes() -> None:
     """A tool at rest, or a block that is screwed to the table."""
     task = PegInsertion()

@@ -83,3 +83,25 @@ def test_a_fit_that_does_not_cover_its_image_paints_no_face(model: Model) -> Non
     assert after.why_stopped in ("iteration_limit", "diverged")
     np.testing.assert_array_equal(after.colors, known.colors)
     np.testing.assert_array_equal(after.color_variance, known.color_variance)
+
+
+@pytest.mark.thorough
+def test_a_pancake_that_slid_meanwhile_is_found_where_it_lies() -> None:
+    """One image tells it, and puts none of the way down to the camera."""
+    drawn = instance_named("typical:0", CELL)
+    world = PyBulletWorld(ON_A_PLATE, CELL, instance=drawn)
+    plant, model = WorldPlant(world, ON_A_PLATE, CELL), Model(ON_A_PLATE, CELL)
+    real2sim, estimate = Real2Sim(model), initial_estimate(model)
+    plant.begin(3)
+    for _ in range(2):
+        estimate = real2sim.update(estimate, plant.observe())
+    places = [world.truth().body_position["pancake"]]
+    for _ in range(4):
+        plant.displace_tool(np.array([0.0, 0.0, 0.004]))
+    after = real2sim.update(estimate, plant.observe())
+    places.append(world.truth().body_position["pancake"])
+    world.close()
+    slid, seen = places[1] - places[0], after.values - estimate.values
+    assert drawn.parts.slide > 0.015 and np.linalg.norm(slid) == pytest.approx(drawn.parts.slide, rel=0.1)
+    np.testing.assert_allclose(seen[:2], slid[:2], atol=0.002)
+    np.testing.assert_allclose(seen[CAMERA], 0.0, atol=0.001)

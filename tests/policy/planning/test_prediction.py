@@ -118,7 +118,7 @@ def test_a_fall_tells_nothing_new_of_size_and_camera() -> None:
 
 
 def test_what_contact_moves_tells_nothing_of_the_camera() -> None:
-    """Where it comes to lie is for the image to say; a pancake that nothing touches is as well known as before."""
+    """Where it comes to lie the image has to say; untouched it is as well known as before."""
     task = task_named("spatula_flipping_hard")
     assert isinstance(task, SpatulaFlipping)
     scale = np.array([p.scale for p in task.parameters()])

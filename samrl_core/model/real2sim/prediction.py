@@ -107,8 +107,8 @@ def predictions(
     # What keeps its own error is untouched; what does not is held by contact, as well as the model knows it.
     held = np.clip(np.abs(1.0 - np.diag(jacobian)), 1e-6, 1.0)
     unknown = (s.model_error * change) ** 2 + (s.held_error * scale * held) ** 2
-    unknown += (_contact_spread(specs, change, s) * scale) ** 2
     covariance = jacobian @ estimate.covariance @ jacobian.T + np.diag(unknown)
+    covariance = _considered(covariance, specs, change, s)
     lower, upper = np.array([p.lower for p in specs]), np.array([p.upper for p in specs])
     # A disc that turns over jumps from one end of its range to the other: no deviation exceeds half of it.
     shrink = np.minimum(1.0, 0.5 * (upper - lower) / np.sqrt(np.diag(covariance)))
@@ -124,19 +124,28 @@ def predictions(
     return tuple(found)
 
 
-def _contact_spread(
-    specs: tuple[ParameterSpec, ...], change: np.ndarray, settings: PredictionSettings
+def _considered(
+    covariance: np.ndarray, specs: tuple[ParameterSpec, ...], change: np.ndarray, settings: PredictionSettings
 ) -> np.ndarray:
-    """Standard deviation (P,) in scales of where a body comes to lie that the tool moves by contact.
+    """The covariance (P, P) of a belief by which an image of what contact moved says nothing of the camera.
 
-    Where the camera's error is a parameter, an image that shows the body beside its prediction would be put
-    down to both. But a contact slides and rolls otherwise than the model has it, step by step to the same
-    side; the camera does not move meanwhile. So the image's word is about the body alone.
+    A contact slides, rolls and tips otherwise than the model has it, step by step to the same side, and would
+    pass for an error of the camera, which does not move meanwhile. So the camera's error is considered and
+    not estimated (Schmidt 1966): the body lies where the image will show it, less that error.
     """
     place = np.array([p.kind == "state" and p.unit == "m" for p in specs])
-    moved = np.abs(change[place]).max(initial=0.0) > settings.moved
-    loose = bool(moved) and any(p.kind == "camera" for p in specs)
-    return np.where(place & loose, settings.other_spread, 0.0)
+    camera = np.array([p.kind == "camera" for p in specs])
+    if place.sum() != camera.sum() or np.abs(change[place]).max(initial=0.0) <= settings.moved:
+        return covariance
+    found = covariance.copy()
+    state = np.array([p.kind == "state" for p in specs])
+    found[np.ix_(state, ~state)] = found[np.ix_(~state, state)] = 0.0
+    found[place] = found[:, place] = 0.0
+    found[place] = -found[camera]
+    found[:, place] = found[place].T
+    spread = settings.other_spread * np.array([p.scale for p in specs])[place]
+    found[np.ix_(place, place)] = covariance[np.ix_(camera, camera)] + np.diag(spread**2)
+    return found
 
 
 def loosened_by(estimate: Estimate, specs: tuple[ParameterSpec, ...], seen: SeenError) -> Estimate:

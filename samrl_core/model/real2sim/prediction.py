@@ -108,7 +108,6 @@ def predictions(
     held = np.clip(np.abs(1.0 - np.diag(jacobian)), 1e-6, 1.0)
     unknown = (s.model_error * change) ** 2 + (s.held_error * scale * held) ** 2
     covariance = jacobian @ estimate.covariance @ jacobian.T + np.diag(unknown)
-    covariance = _considered(covariance, specs, change, s)
     lower, upper = np.array([p.lower for p in specs]), np.array([p.upper for p in specs])
     # A disc that turns over jumps from one end of its range to the other: no deviation exceeds half of it.
     shrink = np.minimum(1.0, 0.5 * (upper - lower) / np.sqrt(np.diag(covariance)))
@@ -124,28 +123,51 @@ def predictions(
     return tuple(found)
 
 
-def _considered(
-    covariance: np.ndarray, specs: tuple[ParameterSpec, ...], change: np.ndarray, settings: PredictionSettings
-) -> np.ndarray:
-    """The covariance (P, P) of a belief by which an image of what contact moved says nothing of the camera.
+def moved_by_contact(
+    before: Estimate,
+    after: Estimate,
+    specs: tuple[ParameterSpec, ...],
+    settings: PredictionSettings | None = None,
+) -> bool:
+    """Whether the tool was to move a body between an estimate and the prediction from it.
 
-    A contact slides, rolls and tips otherwise than the model has it, step by step to the same side, and would
-    pass for an error of the camera, which does not move meanwhile. So the camera's error is considered and
-    not estimated (Schmidt 1966): the body lies where the image will show it, less that error.
+    Of a target whose place, x, y and z, is estimated beside the camera's shift; else False.
     """
-    place = np.array([p.kind == "state" and p.unit == "m" for p in specs])
-    camera = np.array([p.kind == "camera" for p in specs])
-    if place.sum() != camera.sum() or np.abs(change[place]).max(initial=0.0) <= settings.moved:
-        return covariance
-    found = covariance.copy()
-    state = np.array([p.kind == "state" for p in specs])
-    found[np.ix_(state, ~state)] = found[np.ix_(~state, state)] = 0.0
-    found[place] = found[:, place] = 0.0
-    found[place] = -found[camera]
-    found[:, place] = found[place].T
-    spread = settings.other_spread * np.array([p.scale for p in specs])[place]
-    found[np.ix_(place, place)] = covariance[np.ix_(camera, camera)] + np.diag(spread**2)
-    return found
+    s, place = settings or PredictionSettings(), _place(specs)
+    if place.sum() != sum(p.kind == "camera" for p in specs) or not place.any():
+        return False
+    return bool(np.abs((after.values - before.values)[place]).max() > s.moved)
+
+
+def camera_kept(before: Estimate, after: Estimate, specs: tuple[ParameterSpec, ...]) -> Estimate:
+    """An update by an image of what contact has moved, with the camera's shift as it was before.
+
+    A contact slides, rolls and tips otherwise than the model has it, step by step to the same side, and a
+    tool that sits askew in the hand covers other parts of the target. Both would pass for an error of the
+    camera, which does not move meanwhile. So its shift is considered and not estimated (Schmidt 1966): the
+    body lies where the image shows it, less that shift.
+
+    Args:
+        before: what was believed before the image.
+        after: the update from it.
+        specs: `Task.parameters`, with a place and a camera's shift (`moved_by_contact`).
+    """
+    place, camera = _place(specs), np.array([p.kind == "camera" for p in specs])
+    lower, upper = np.array([p.lower for p in specs]), np.array([p.upper for p in specs])
+    shown = np.eye(len(specs))  # place and shift of an estimate to where the image shows the body, and back
+    shown[np.ix_(place, camera)] = np.eye(3)
+    values = shown @ after.values
+    values[camera] = before.values[camera]
+    covariance = shown @ after.covariance @ shown.T
+    covariance[camera] = covariance[:, camera] = 0.0
+    covariance[np.ix_(camera, camera)] = before.covariance[np.ix_(camera, camera)]
+    back = 2.0 * np.eye(len(specs)) - shown
+    values, covariance = np.clip(back @ values, lower, upper), back @ covariance @ back.T
+    return replace(after, values=values, covariance=0.5 * (covariance + covariance.T))
+
+
+def _place(specs: tuple[ParameterSpec, ...]) -> np.ndarray:
+    return np.array([p.kind == "state" and p.unit == "m" for p in specs])
 
 
 def loosened_by(estimate: Estimate, specs: tuple[ParameterSpec, ...], seen: SeenError) -> Estimate:

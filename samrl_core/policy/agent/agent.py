@@ -17,8 +17,10 @@ from samrl_core.common.errors import InputError, SolveError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.prediction import (
     CameraErrors,
+    camera_kept,
     likeliest,
     loosened_by,
+    moved_by_contact,
     predictions,
     seen_from_elsewhere,
 )
@@ -167,7 +169,10 @@ class Agent:
             found = self._predictions(observation)
             several = len(found) > 1
             updates = [self._real2sim.update(one, observation, compared=several) for one in found]
-            self.estimate = likeliest(updates)
+            before, self.estimate = self.estimate, likeliest(updates)
+            specs = self.model.task.parameters()
+            if any(moved_by_contact(before, one, specs) for one in found):
+                self.estimate = camera_kept(before, self.estimate, specs)
         else:
             self.estimate = replace(self.estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")
         return self.estimate

@@ -14,7 +14,13 @@ from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError
-from samrl_core.model.real2sim.prediction import PredictionSettings, likeliest, predictions
+from samrl_core.model.real2sim.prediction import (
+    PredictionSettings,
+    camera_kept,
+    likeliest,
+    moved_by_contact,
+    predictions,
+)
 from samrl_core.model.real2sim.real2sim import Estimate
 from samrl_core.model.task_dynamics.choose import dynamics_of
 
@@ -118,25 +124,36 @@ def test_a_fall_tells_nothing_new_of_size_and_camera() -> None:
 
 
 def test_what_contact_moves_tells_nothing_of_the_camera() -> None:
-    """Where it comes to lie the image has to say; untouched it is as well known as before."""
+    """It lies where the image shows it, less the shift that was believed; untouched it tells as before."""
     task = task_named("spatula_flipping_hard")
     assert isinstance(task, SpatulaFlipping)
-    scale = np.array([p.scale for p in task.parameters()])
+    specs = task.parameters()
+    scale = np.array([p.scale for p in specs])
     values = np.array([0.512, 0.003, 0.006, 0.0, 0.0, 1.0, 0.001, -0.001, 0.002])
     before = estimate(task, values, 0.1)
     dynamics, along = dynamics_of(task.as_believed(values), CELL), np.array([0.012, 0.0, 0.0])
     start = np.array([0.456, 0.003, task.low])
-    (pushed,) = predictions(dynamics, task.parameters(), before, start, start + along)
-    (beside,) = predictions(dynamics, task.parameters(), before, start - 2.5 * along, start - 1.5 * along)
-    assert pushed.values[0] > values[0] + 0.004
-    for one, moved in ((pushed, True), (beside, False)):
-        shown = one.covariance[:3, 6:] + one.covariance[6:, 6:]  # of the place in the image, with the camera
-        aslant = one.covariance[3:5, 6:]
-        assert np.linalg.eigvalsh(one.covariance).min() > 0
-        np.testing.assert_allclose(one.covariance, one.covariance.T)
-        np.testing.assert_allclose(np.sqrt(np.diag(one.covariance))[5:], 0.1 * scale[5:], rtol=1e-6)
-        assert bool(np.abs(shown).max() < 1e-12 and np.abs(aslant).max() < 1e-12) is moved
-    assert (np.sqrt(np.diag(pushed.covariance))[:3] > 2.0 * scale[:3]).all()
+    (pushed,) = predictions(dynamics, specs, before, start, start + along)
+    (beside,) = predictions(dynamics, specs, before, start - 2.5 * along, start - 1.5 * along)
+    assert moved_by_contact(before, pushed, specs) and not moved_by_contact(before, beside, specs)
+    fit = np.array([0.520, 0.012, 0.007, 0.1, 0.0, 0.98, 0.004, -0.006, 0.001])
+    known = 1e-8 * np.eye(9) + np.diag([0, 0, 0, 1e-6, 1e-6, 1e-6, 0, 0, 0])
+    kept = camera_kept(before, replace(before, values=fit, covariance=known), specs)
+    np.testing.assert_allclose(kept.values[6:], values[6:])
+    np.testing.assert_allclose(kept.values[:3] + kept.values[6:], fit[:3] + fit[6:], atol=1e-12)
+    np.testing.assert_allclose(kept.values[3:6], fit[3:6])
+    np.testing.assert_allclose(np.sqrt(np.diag(kept.covariance))[6:], 0.1 * scale[6:])
+    assert np.linalg.eigvalsh(kept.covariance).min() > 0
+    shown = np.hstack([np.eye(3), np.zeros((3, 3)), np.eye(3)])
+    np.testing.assert_allclose(shown @ kept.covariance @ shown.T, shown @ known @ shown.T, atol=1e-15)
+
+
+def test_only_a_place_beside_a_camera_s_shift_is_kept_so() -> None:
+    """A plain pancake and a thread are corrected as they were."""
+    for task in (SpatulaFlipping(), NeedleThreading(), task_named("needle_threading_hard")):
+        values = np.array([p.nominal for p in task.parameters()])
+        one = estimate(task, values, 0.1)
+        assert not moved_by_contact(one, replace(one, values=values + 0.01), task.parameters())
 
 
 def test_where_nothing_moves_nothing_changes() -> None:

@@ -58,9 +58,7 @@ def drive_forward(
     motion, arm = trial.motion, trial.recording.arm
     assert trial.rigid is not None and motion.raw_commanded is not None and motion.raw_position is not None
     period = 1.0 / motion.rate
-    every = (
-        int(np.ceil(period / SHORT_HELD_S)) if period > LONGEST_HELD_S else 1
-    )  # steps from sample to sample
+    every = int(np.ceil(period / SHORT_HELD_S)) if period > LONGEST_HELD_S else 1  # steps a sample
     zeros, period = np.zeros(trial.joints), period / every
     law = ArmController(
         arm.joints, zeros, zeros, period, gravity_compensation=False,

@@ -21,6 +21,7 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 FIRST_STEP = 0.02  # of a shape's logarithm; each further one is twice as long
 LONGEST = 2.6  # a factor of 13 either way
 FALLEN = 4.5  # [nat] three standard deviations
+NEAR_THE_END = 0.1  # of what is possible, in the shape's logarithm
 NARROWEST = 0.002  # standard deviation of a shape's logarithm
 POINTS = 400  # of the density that shapes are drawn from
 
@@ -113,17 +114,24 @@ def _profile(evidence: Evidence, fit: Fit, index: int, name: str) -> Profile:
     best, scale = _likelihood(fit), min(1.0, h.form.step / 0.35)
     found = [(0.0, 0.0, fit)]
     for sign in (-1.0, 1.0):
-        step = FIRST_STEP * scale
+        reached, step, end = 0.0, FIRST_STEP * scale, np.inf
         while step <= LONGEST * scale:
             shape = {**h.shape, name: h.shape[name] * float(np.exp(sign * step))}
             moved = _at(evidence, fit, index, shape)
             if moved is None:
+                end = step
+            else:
+                fall = max(best - _likelihood(moved), 0.0)
+                found.append((sign * step, fall, moved))
+                if fall > FALLEN:
+                    break
+                reached = step
+            if np.isinf(end):
+                step *= 2.0
+            elif reached > 0.0 and end - reached > NEAR_THE_END * end:
+                step = 0.5 * (reached + end)  # a step of twice the length may have jumped over much
+            else:
                 break
-            fall = max(best - _likelihood(moved), 0.0)
-            found.append((sign * step, fall, moved))
-            if fall > FALLEN:
-                break
-            step *= 2.0
     found.sort(key=lambda item: item[0])
     changes, falls = (np.array([item[k] for item in found]) for k in range(2))
     # No formula pins a shape to the last digit.

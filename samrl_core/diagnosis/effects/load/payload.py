@@ -16,6 +16,7 @@ USUAL = np.array([1.0, 0.15, 0.15, 0.15] + [0.03] * 6)  # [kg, kg m, kg m2] that
 USUAL_CARRIER = 4.0  # [kg] of moving links that carry as much; a lighter machine carries less
 DISTANCES = (0.02, 0.05, 0.1, 0.2, 0.4)  # [m] of a point from the flange, at which the search begins
 BESIDE = 0.1  # of its distance: standard deviation of what an axis of the flange leaves open
+MOST_TAKEN = 0.5  # of the last link's inertia, off a machine that nothing drives
 LEAST_SEEN = 1e-9  # of the regressor's largest entry: less is rounding
 
 
@@ -124,7 +125,12 @@ class PointOnAxis(Form):
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         assert trial.rigid is not None
-        return bool(amplitudes[0] > -trial.rigid.inertial_parameters[-1, 0])
+        last = trial.rigid.inertial_parameters[-1]
+        if amplitudes[0] <= -last[0]:
+            return False
+        # Of what nothing drives all torques are zero, and a body that is taken away explains any motion.
+        added = amplitudes[0] * self._unit(trial, shape)
+        return is_driven(trial) or bool(_moments(added) > -MOST_TAKEN * _moments(last))
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         center = self._in_flange(shape)
@@ -156,6 +162,17 @@ class PointOnAxis(Form):
         assert trial.rigid is not None
         c = trial.rigid.flange_in_joint.act(self._in_flange(shape))
         return np.concatenate([[1.0], c, point_inertia(c)])
+
+
+def is_driven(trial: Trial) -> bool:
+    """Whether any torque is known to have acted on the joints, or may have."""
+    torque = trial.motion.u if trial.motion.u is not None else trial.motion.tau
+    return torque is None or bool(np.any(torque))
+
+
+def _moments(inertial: np.ndarray) -> float:
+    """Sum [kg m2] of the moments of inertia about the axes of the joint's frame."""
+    return float(inertial[4] + inertial[6] + inertial[9])
 
 
 def usual_mass(trial: Trial) -> float:

@@ -29,6 +29,7 @@ CURVE_POINTS = 3000
 STRIP_WINDOWS = 600  # of a timeline, at most: half the pixels of a wide screen
 OVERLAY_BYTES = 2_000_000  # for all overlays together, before base64 adds a third
 OVERLAY_POINTS = 2400  # at most, for one signal: twice the pixels of a wide screen
+BETWEEN_WINDOWS = 3.0  # steps of time from which on samples belong to two windows
 OVERLAY_COUNT = 120  # at most; those with the largest error are kept
 
 
@@ -116,8 +117,8 @@ def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
     """The signal above, its error below: measured, nominal, with the effect, runner-up; a map of an image."""
     if o.tiles is not None:
         return go.Figure(tile_figure(o, effect_label))
-    keep = decimated(o, points)
-    time, measured = _small(o.time[keep]), o.measured[keep]
+    shown = shown_samples(o, points)
+    time, measured = _small(shown(o.time)), shown(o.measured)
     traces = [_line(time, measured, "measured", MEASURED, "solid", 2.4)]
     for name, signal, color, dash, width in (
         ("nominal model", o.nominal, NOMINAL, "dash", 1.7),
@@ -125,9 +126,9 @@ def overlay_figure(o: Overlay, points: int, effect_label: str) -> go.Figure:
         (effect_label, o.with_effect, NAMED, "solid", 1.7),
     ):
         if signal is not None:
-            traces.append(_line(time, signal[keep], name, color, dash, width))
+            traces.append(_line(time, shown(signal), name, color, dash, width))
             error = _line(
-                time, signal[keep] - measured, name, color, "dot" if dash == "dot" else "solid", 1.3
+                time, shown(signal) - measured, name, color, "dot" if dash == "dot" else "solid", 1.3
             )
             traces.append(error | {"yaxis": "y2", "showlegend": False})
     # One figure from plain values: plotly's subplots and updates take ten times as long, for every signal.
@@ -182,6 +183,18 @@ def decimated(o: Overlay, points: int) -> np.ndarray:
         order = np.lexsort((signal, bucket))  # by bucket, then by value: first is lowest, last is highest
         keep += [order[starts], order[starts + sizes - 1]]
     return np.unique(np.concatenate(keep))
+
+
+def shown_samples(o: Overlay, points: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of a signal (N,) to what is drawn of it: `decimated`, and NaN between two windows.
+
+    What was simulated over windows alone is joined by no line.
+    """
+    keep, steps = decimated(o, points), np.diff(o.time)
+    apart = steps > BETWEEN_WINDOWS * np.median(steps) if len(steps) else steps > 0.0
+    window = np.concatenate([[0], np.cumsum(apart)])
+    ends = np.flatnonzero(np.diff(window[keep])) + 1
+    return lambda signal: np.insert(signal[keep].astype(float), ends, np.nan)
 
 
 def rms(signal: np.ndarray | None, measured: np.ndarray) -> float:

@@ -21,9 +21,9 @@ from samrl_core.diagnosis.report.figures import (
     NOMINAL,
     SCALE,
     TEXT_LIGHT_FROM,
-    decimated,
     heat_tone,
     rms,
+    shown_samples,
 )
 from samrl_core.diagnosis.report.tile_map import SHADES, darkest, tile_maps
 from samrl_core.diagnosis.result import Diagnosis, Heatmap, Overlay
@@ -117,16 +117,16 @@ def _heatmap(ax: Axes, h: Heatmap) -> None:
 
 
 def _overlay(signal: Axes, error: Axes, o: Overlay, label: str) -> None:
-    keep = decimated(o, 2000)
-    t, measured = o.time[keep], o.measured[keep]
+    shown = shown_samples(o, 2000)
+    t, measured = shown(o.time), shown(o.measured)
     signal.plot(t, measured, color=MEASURED, lw=2, label="measured")
     for name, values, color, dash in (
         ("nominal model", o.nominal, NOMINAL, "--"),
         (label, o.with_effect, NAMED, "-"),
     ):
         if values is not None:
-            signal.plot(t, values[keep], dash, color=color, lw=1.3, label=name)
-            error.plot(t, values[keep] - measured, color=color, lw=1)
+            signal.plot(t, shown(values), dash, color=color, lw=1.3, label=name)
+            error.plot(t, shown(values) - measured, color=color, lw=1)
     signal.set_ylabel(_literal(f"{words.quantity(o.quantity)} [{o.unit}]"), fontsize=9)
     signal.set_title(_literal(f"{o.recording}, {o.joint} (held out)"), fontsize=9.5, loc="left")
     signal.legend(fontsize=8.5, ncols=3, frameon=False, loc="lower right", bbox_to_anchor=(1, 0.98))

@@ -26,6 +26,7 @@ from samrl_core.diagnosis.report.figures import (
     decimated,
     heat_tone,
     rms,
+    shown_samples,
     timeline_figure,
 )
 from samrl_core.diagnosis.report.html_report import to_html
@@ -198,6 +199,20 @@ def test_thinning_keeps_spikes() -> None:
     keep = decimated(spiky, OVERLAY_POINTS)
     assert {12_345, 6_789, 0, len(o.time) - 1} <= set(keep.tolist())
     assert len(keep) <= OVERLAY_POINTS + 2 and (np.diff(keep) > 0).all()
+
+
+def test_windows_are_joined_by_no_line() -> None:
+    o = samples.overlays(np.random.default_rng(0))[0]
+    there = np.concatenate([np.arange(0, 400), np.arange(5000, 5400), np.arange(9000, 9400)])
+    parts = {name: getattr(o, name)[there] for name in ("time", "measured", "nominal")}
+    windows = replace(o, with_effect=None, runner_up=None, **parts)
+    for points in (OVERLAY_POINTS, 100):
+        shown = shown_samples(windows, points)
+        breaks = np.flatnonzero(np.isnan(shown(windows.time)))
+        assert len(breaks) == 2 and np.isnan(shown(windows.nominal)[breaks]).all()
+        before, after = shown(windows.time)[breaks - 1], shown(windows.time)[breaks + 1]
+        assert (before <= o.time[[399, 5399]]).all() and (after >= o.time[[5000, 9000]]).all()
+    assert not np.isnan(shown_samples(o, 100)(o.time)).any()
 
 
 def test_signals_with_gaps_are_drawn_and_measured() -> None:

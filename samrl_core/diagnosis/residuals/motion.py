@@ -372,9 +372,8 @@ class RecordedMotion(SignalBand):
         cut = np.flatnonzero(highest < self.band)
         if not len(cut):
             return x
-        out = x.copy()
+        out, least = x.copy(), min(LEAST_SURE_HZ, self.rate / 50.0)
         for j in cut:
-            least = min(LEAST_SURE_HZ, self.rate / 50.0)
             low = signal.butter(3, max(float(highest[j]), least), fs=self.rate, output="sos")
             out[:, j] = signal.sosfiltfilt(low, x[:, j])
         return out

@@ -1,10 +1,13 @@
-"""The pancake, a disc whose faces differ in colour, and the lip that it is turned over."""
+"""The pancake, a disc whose faces differ in colour: how it lies and slides; and the lip it is turned over."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from samrl_core.cell.tasks.shapes import DiscColors, box_mesh, disc_mesh
+from samrl_core.cell.tasks.task import Slide
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Body, Box, Cylinder, Rgb
 
@@ -13,6 +16,8 @@ BAKED_COLOR: Rgb = (0.55, 0.28, 0.10)
 RIM_COLOR: Rgb = (0.80, 0.60, 0.30)
 PAINT = DiscColors(RAW_COLOR, BAKED_COLOR, RIM_COLOR)
 LIP_COLOR: Rgb = (0.20, 0.20, 0.22)
+ASLANT = math.radians(10.0)  # a shaken pan moves within so much of world's y [rad]
+AFTER = (0.006, 0.015)  # when the edge is so far from its start, not yet at any pancake [m]
 
 
 def pancake_body(
@@ -38,6 +43,29 @@ def pancake_body(
         np.diag([across, across, 0.5 * mass * radius**2]),
         rounding,
     )
+
+
+def pose_of_numbers(v: np.ndarray) -> Pose:
+    """Pose of (5,): the centre [m], and x and y of a rotation vector in the table's plane [rad]."""
+    angle = math.hypot(v[3], v[4])
+    # sin(angle / 2) / angle, which is 1/2 at 0 (np.sinc has a factor of pi).
+    share = 0.5 * float(np.sinc(0.5 * angle / math.pi))
+    return Pose(v[:3], np.array([share * v[3], share * v[4], 0.0, math.cos(0.5 * angle)]))
+
+
+def numbers_of_pose(pose: Pose) -> np.ndarray:
+    """The inverse (5,); a spin about the pancake's own axis is left out."""
+    axis = pose.rotation[:, 2]
+    lever = np.array([-axis[1], axis[0]])  # z cross axis, in the plane
+    sine = float(np.linalg.norm(lever))
+    direction = lever / sine if sine > 1e-12 else np.array([0.0, 1.0])
+    return np.concatenate([pose.position, math.atan2(sine, axis[2]) * direction])
+
+
+def slide_when_shaken(name: str, way: float, rng: np.random.Generator) -> Slide:
+    """A slide of a body by a way [m] to either side: arms stand before and behind, who shakes it beside."""
+    side, turn = rng.choice([-1.0, 1.0]), rng.uniform(-ASLANT, ASLANT)
+    return Slide(name, side * way * np.array([math.sin(turn), math.cos(turn)]), rng.uniform(*AFTER))
 
 
 def lip_body(

@@ -17,7 +17,13 @@ from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.hand import TOOL_LABEL
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.spatula_flipping.arc import Arc
-from samrl_core.cell.tasks.spatula_flipping.pancake import lip_body, pancake_body
+from samrl_core.cell.tasks.spatula_flipping.pancake import (
+    lip_body,
+    numbers_of_pose,
+    pancake_body,
+    pose_of_numbers,
+    slide_when_shaken,
+)
 from samrl_core.cell.tasks.spatula_flipping.tool import hand_with_spatula
 from samrl_core.cell.tasks.start import checked_tip, middle_view, require_origin, start_joints
 from samrl_core.cell.tasks.task import Ending, ParameterSpec, Slide, SubGoal, Task, ViewRegion, camera_specs
@@ -29,8 +35,6 @@ PANCAKE = "pancake"
 LIP = "lip"
 _SIZES = 0.04  # steps of a pancake's size that a physics of its own is built for [-]
 _ACROSS = 0.15  # its centre is believed within +- this of the middle, in y [m]
-_SHAKEN_ASLANT = math.radians(10.0)  # a shaken pan moves within so much of world's y [rad]
-_SHAKEN_AFTER = (0.006, 0.015)  # when the edge is so far from its start, not yet at any pancake [m]
 _TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
 
@@ -235,24 +239,14 @@ class SpatulaFlipping(Task):
 
     def body_poses(self, values: np.ndarray) -> dict[str, Pose]:
         """The pancake, turned about an axis in the table's plane."""
-        v = self._values(values)
-        angle = math.hypot(v[3], v[4])
-        # sin(angle / 2) / angle, which is 1/2 at 0 (np.sinc has a factor of pi).
-        share = 0.5 * float(np.sinc(0.5 * angle / math.pi))
-        quat = np.array([share * v[3], share * v[4], 0.0, math.cos(0.5 * angle)])
-        return {PANCAKE: Pose(v[:3], quat)}
+        return {PANCAKE: pose_of_numbers(self._values(values)[:5])}
 
     def values_of(self, pancake_in_world: Pose) -> np.ndarray:
         """The parameters (P,) of a pose; its spin about the pancake's own axis is left out, its size is the
         one in here.
         """
-        axis = pancake_in_world.rotation[:, 2]
-        lever = np.array([-axis[1], axis[0]])  # z cross axis, in the plane
-        sine = float(np.linalg.norm(lever))
-        angle = math.atan2(sine, axis[2])
-        direction = lever / sine if sine > 1e-12 else np.array([0.0, 1.0])
         found = [self.size, 0.0, 0.0, 0.0] if self.finds_size else []
-        return np.concatenate([pancake_in_world.position, angle * direction, found])
+        return np.concatenate([numbers_of_pose(pancake_in_world), found])
 
     def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
         """The pancake turned over where it is."""
@@ -325,20 +319,14 @@ class SpatulaFlipping(Task):
 
     def start_values(self, rng: np.random.Generator) -> np.ndarray:
         """The pancake lies flat, uniform within its range, as large as it is in here."""
-        half = np.array(self.half_range)
-        offset = rng.uniform(-half, half)
-        nominal = np.array([p.nominal for p in self.parameters()])
-        nominal[:2] += offset
+        half, nominal = np.array(self.half_range), np.array([p.nominal for p in self.parameters()])
+        nominal[:2] += rng.uniform(-half, half)
         nominal[5:6] = self.size
         return nominal
 
     def sample_slides(self, rng: np.random.Generator) -> tuple[Slide, ...]:
-        """The pancake, to either side: the arms stand before and behind, who shakes the pan beside it."""
-        if self.slide == 0.0:
-            return ()
-        side, turn = rng.choice([-1.0, 1.0]), rng.uniform(-_SHAKEN_ASLANT, _SHAKEN_ASLANT)
-        way = side * self.slide * np.array([math.sin(turn), math.cos(turn)])
-        return (Slide(PANCAKE, way, rng.uniform(*_SHAKEN_AFTER)),)
+        """The pancake, where its pan is shaken."""
+        return (slide_when_shaken(PANCAKE, self.slide, rng),) if self.slide else ()
 
     @property
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:

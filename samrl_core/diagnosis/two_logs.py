@@ -15,7 +15,9 @@ import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.phases import phases_of_motion
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.result import PHASES
 
 RATE_HZ = 200.0  # of the comparison, at most
 WINDOW_S = 0.1  # over which a difference is averaged
@@ -24,8 +26,8 @@ SHARE = 0.02  # of the channel's range
 TOGETHER_S = 0.25  # channels that part within as much part together
 MOST_SHIFT_S = 2.0  # between the clocks, searched
 SAME_COMMAND = 0.05  # of the command's range: beyond, the two were not asked for the same
+FEW = 5  # samples of a phase, which hardly tell its mean
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m", "commanded_effort": "N m"}
-REST, SLOW = 0.004, 0.1  # [rad/s] speeds that bound the phases
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,7 @@ def compare_logs(real: ArmRecording, simulated: ArmRecording) -> Parting:
         )
     order = [simulated.arm.joints.index(j) for j in names]
     step = max(1.0 / RATE_HZ, _period(real.states), _period(simulated.states))
-    shift = _shift(real, simulated, order, step)
+    shift, most_shift = _shift(real, simulated, order, step)
     begin = max(real.states.time[0], simulated.states.time[0] + shift)
     end = min(real.states.time[-1], simulated.states.time[-1] + shift)
     if end - begin < 1.0:
@@ -84,7 +86,7 @@ def compare_logs(real: ArmRecording, simulated: ArmRecording) -> Parting:
             " put together, 1 s is needed; log the same motion"
         )
     grid = np.arange(begin, end, step)
-    speed = _speed(real, grid)
+    phases = phases_of_motion(_velocity(real, grid), step)
     channels, notes = [], []
     for quantity in UNITS:
         a, b = _signal(real, quantity), _signal(simulated, quantity)
@@ -93,10 +95,10 @@ def compare_logs(real: ArmRecording, simulated: ArmRecording) -> Parting:
                 notes.append(f"{quantity} is in one log alone")
             continue
         for j, joint in enumerate(names):
-            channels.append(_channel(joint, quantity, a, b, j, order[j], grid, shift, step, speed[:, j]))
-    if abs(shift - float(real.states.time[0] - simulated.states.time[0])) > 0.98 * MOST_SHIFT_S:
+            channels.append(_channel(joint, quantity, a, b, j, order[j], grid, shift, step, phases[:, j]))
+    if most_shift is not None:
         notes.append(
-            f"the clocks agree nowhere within {MOST_SHIFT_S:g} s: the logs show other motions, or start"
+            f"the clocks agree nowhere within {most_shift:.2g} s: the logs show other motions, or start"
             " further apart; cut them to the same motion"
         )
     error = _command_error(real, simulated, order, grid, shift)
@@ -124,15 +126,20 @@ def _signal(recording: ArmRecording, quantity: str) -> tuple[np.ndarray, np.ndar
     return None if source is None or values is None else (source.time, values)
 
 
-def _speed(recording: ArmRecording, grid: np.ndarray) -> np.ndarray:
+def _velocity(recording: ArmRecording, grid: np.ndarray) -> np.ndarray:
     position = recording.states.position
     assert position is not None
     columns = [np.interp(grid, recording.states.time, column) for column in position.T]
     return np.gradient(np.stack(columns, axis=1), grid, axis=0)
 
 
-def _shift(real: ArmRecording, simulated: ArmRecording, order: Sequence[int], step: float) -> float:
-    """What is added to the simulator's clock so that commands, else positions, agree best."""
+def _shift(
+    real: ArmRecording, simulated: ArmRecording, order: Sequence[int], step: float
+) -> tuple[float, float | None]:
+    """What is added to the simulator's clock so that commands, else positions, agree best.
+
+    Then how far was searched, if the best lies at the end of that: they may agree beyond, or nowhere.
+    """
     pairs = [(real.command, simulated.command), (real.states, simulated.states)]
     a, b = next((a, b) for a, b in pairs if a is not None and b is not None and a.position is not None)
     assert a.position is not None
@@ -143,9 +150,10 @@ def _shift(real: ArmRecording, simulated: ArmRecording, order: Sequence[int], st
     mine = np.stack([np.interp(grid, a.time, x) for x in a.position.T], axis=1)
     # Without its own first stamp: a simulator's clock may begin anywhere.
     offset = float(start - b.time[0])
-    best = (np.inf, offset)
-    most = min(MOST_SHIFT_S, 0.25 * (grid[-1] - grid[0]))
-    for lag in step * np.arange(-int(most / step), int(most / step) + 1):
+    best = (np.inf, 0)
+    reach = int(min(MOST_SHIFT_S, 0.25 * (grid[-1] - grid[0])) / step)
+    for k in range(-reach, reach + 1):
+        lag = k * step
         inside = (grid >= b.time[0] + offset + lag) & (grid <= b.time[-1] + offset + lag)
         if np.count_nonzero(inside) < 0.5 * len(grid):
             continue
@@ -153,8 +161,10 @@ def _shift(real: ArmRecording, simulated: ArmRecording, order: Sequence[int], st
         other = np.stack([np.interp(at, b.time, b.position[:, j]) for j in order], axis=1)
         error = float(np.mean((mine[inside] - other) ** 2)) * (1.0 + 1e-3 * abs(lag))
         if error < best[0]:
-            best = (error, offset + float(lag))
-    return best[1]
+            best = (error, k)
+    # The last lags may have been left out for the little that the logs then have in common.
+    at_end = abs(best[1]) > 0.98 * reach
+    return offset + best[1] * step, reach * step if at_end else None
 
 
 def _command_error(
@@ -181,7 +191,7 @@ def _channel(
     grid: np.ndarray,
     shift: float,
     step: float,
-    speed: np.ndarray,
+    phases: np.ndarray,
 ) -> PartedChannel:
     real = np.interp(grid, a[0], a[1][:, j])
     simulated = np.interp(grid - shift, b[0], b[1][:, k])
@@ -198,7 +208,7 @@ def _channel(
     phase, first = "", None
     if beyond.any():
         first = float(grid[int(np.argmax(beyond))])
-        phase = _phase(speed, averaged**2 * beyond)
+        phase = _phase(phases, averaged**2 * beyond)
     rms = float(np.sqrt(np.mean(difference**2)))
     return PartedChannel(
         joint, quantity, grid, real, simulated, limit, rms, rms / max(span, 1e-12), first,
@@ -206,17 +216,9 @@ def _channel(
     )  # fmt: skip
 
 
-def _phase(speed: np.ndarray, excess: np.ndarray) -> str:
-    """The phase of motion with the highest mean excess."""
-    moving = np.abs(speed)
-    turning = np.zeros(len(speed), dtype=bool)
-    for k in np.flatnonzero(np.diff(np.sign(speed)) != 0):
-        turning[max(0, k - 10) : k + 10] = True
-    masks = {
-        "rest": (moving < REST) & ~turning,
-        "reversal": turning,
-        "slow": (moving >= REST) & (moving < SLOW) & ~turning,
-        "fast": (moving >= SLOW) & ~turning,
-    }
-    means = {name: float(np.mean(excess[mask])) for name, mask in masks.items() if mask.sum() > 5}
+def _phase(phases: np.ndarray, excess: np.ndarray) -> str:
+    """The phase of motion (N,) with the highest mean excess; few samples count where there are no others."""
+    samples = {name: excess[phases == k] for k, name in enumerate(PHASES)}
+    most = max(map(len, samples.values()))
+    means = {name: np.mean(part) for name, part in samples.items() if len(part) > min(FEW, most - 1)}
     return max(means, key=lambda name: means[name])

@@ -19,10 +19,9 @@ from samrl_core.common.files import is_there, write_whole
 from samrl_ros.bags.info import describe, render
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import default_destination, repair
+from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED
 from samrl_ros.hosting.ros_check import require_ros
 from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
-
-INPUT_REFUSED = 3
 
 bag_app = typer.Typer(help="Look into bags and repair them.", no_args_is_help=True)
 
@@ -31,12 +30,12 @@ BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Bag folder or .mca
 
 @contextmanager
 def _refusals() -> Generator[None]:
-    """A refused input ends the command with its message and exit code 3."""
+    """A refused input ends the command with its message and exit code 3, any other error of ours with 1."""
     try:
         yield
     except SamrlError as error:
         Console(stderr=True).print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True, highlight=False)
-        raise typer.Exit(INPUT_REFUSED) from error
+        raise typer.Exit(INPUT_REFUSED if isinstance(error, InputError) else FAILED) from error
 
 
 @bag_app.command("info")

@@ -83,7 +83,7 @@ def _write(
             for topic, kind, signal in _channels(recording):
                 writer.add_topic(topic, kind, _STATE)
                 timed.extend(_messages(topic, kind, recording.arm.joints, signal, start_s))
-        marks = {mark for recording in many for mark in recording.phases}
+        marks = sorted({mark for recording in many for mark in recording.phases})
         if marks:
             writer.add_topic("/cell/phase", STRING, _STATE)
         for time_s, mark in marks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -77,3 +78,24 @@ def test_other_commands_are_told_and_other_joints_refused() -> None:
     )
     with pytest.raises(InputError, match="in common"):
         compare_logs(replace(a, command=None), replace(short, command=None))
+
+
+def moved_by(position: Callable[[np.ndarray], np.ndarray], length_s: float, step_s: float) -> ArmRecording:
+    """States alone: all joints together along a path."""
+    (a,) = worlds.world(7, "A")
+    time = np.arange(0.0, length_s, step_s)
+    states = JointSignal(time, np.repeat(position(time)[:, None], len(a.arm.joints), axis=1))
+    return replace(a, states=states, command=None, commanded_effort=None)
+
+
+def test_short_logs_whose_clocks_agree_nowhere_are_told() -> None:
+    a = moved_by(lambda t: 0.1 * t**2, 4.0, 0.01)
+    later_part = moved_by(lambda t: 0.1 * (t + 1.8) ** 2, 4.0, 0.01)
+    assert not any("agree nowhere" in note for note in compare_logs(a, a).notes)
+    assert any("agree nowhere within 0.99 s" in note for note in compare_logs(a, later_part).notes)
+
+
+def test_logs_of_five_samples_a_second_are_compared() -> None:
+    a, b = (moved_by(lambda t, o=o: np.maximum(t - 0.7, 0.0) + o, 1.5, 0.2) for o in (0.0, 3.0))
+    parted = [c for c in compare_logs(a, b).channels if c.parts_at is not None]
+    assert len(parted) == len(a.arm.joints) and {c.phase for c in parted} <= {"rest", "fast"}

@@ -6,6 +6,7 @@ of rivals differs most after the wrong one has been fitted to what the right one
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -67,7 +68,7 @@ def next_experiment(
     else:
         # What splits them elsewhere, by what most of them have in common.
         kinds = [rivals[name][0].effect.experiment if name in rivals else "slow" for name in names]
-        kind = max(set(kinds), key=kinds.count)
+        kind, _ = Counter(kinds).most_common(1)[0]  # of as many, the first
         file = TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
         why = f"{pair}: {KINDS[kind].shows}; chosen by rule, the arm's programmes cannot be simulated here"
         separates = 0.5

@@ -45,7 +45,8 @@ def write_picture(folder: Path, summary: dict[str, Any], path: Path) -> None:
 
 
 def _curves(axis: Any, log: Path, names: tuple[str, ...], prefix: str) -> None:
-    rows = list(csv.DictReader(log.open(newline="")))
+    with log.open(newline="") as file:
+        rows = list(csv.DictReader(file))
     for name in names:
         points = [(float(row["epoch"]), float(row[name])) for row in rows if row.get(name)]
         if points:

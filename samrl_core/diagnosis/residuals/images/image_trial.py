@@ -186,7 +186,8 @@ class ImageTrial(Observed):
     def stacked(self, *names: str) -> Columns:
         """Columns of several names, one after the other; zero where a channel lacks one."""
         found = [self.column(n) for n in names]
-        keys = {key for columns in found for key in columns}
+        # In an order: a set's differs between processes, and with it the last digits of sums over channels.
+        keys = dict.fromkeys(key for columns in found for key in columns)
         return {
             key: np.concatenate(
                 [

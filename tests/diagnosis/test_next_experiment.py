@@ -1,0 +1,38 @@
+"""The recording that would split causes, for an arm whose trajectories cannot be simulated."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from samrl_core.diagnosis.effects import find_family
+from samrl_core.diagnosis.findings.next_experiment import next_experiment
+from samrl_core.diagnosis.kinds.arms import arm_trials
+from tests.diagnosis import worlds
+
+
+@pytest.mark.parametrize(
+    ("families", "kind"),
+    [
+        (("cable", "payload"), "sweep"),
+        (("payload", "cable"), "static"),  # of as many, that of the first name, whatever a set's order is
+        (("cable", "payload", "base_tilt"), "static"),
+    ],
+)
+def test_an_arm_of_others_gets_what_most_causes_have_in_common(families: tuple[str, ...], kind: str) -> None:
+    trials, _ = arm_trials(worlds.world(1, "A"), [])
+    likelihood: Any = SimpleNamespace(trials=trials)
+    names = [f"{family}@joint:lift" for family in families]
+    fits: list[Any] = [
+        SimpleNamespace(
+            hypotheses=(SimpleNamespace(name=name, place="joint:lift", effect=find_family(family)),),
+            amplitudes=(np.ones(1),),
+        )
+        for name, family in zip(names, families, strict=True)
+    ]
+    found = next_experiment(likelihood, fits, names, 0)
+    assert found is not None and found.programme["kind"] == kind and found.programme["joints"] == ["lift"]
+    assert "chosen by rule" in found.why

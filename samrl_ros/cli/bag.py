@@ -150,35 +150,18 @@ def import_command(
     ] = False,
 ) -> None:
     """Turn logs of other tools into bags, by a YAML mapping alone (msgs_docs/guide/import.md)."""
-    from samrl_ros.log_import.body_importer import import_body_logs
+    from samrl_ros.log_import.any_importer import import_any
     from samrl_ros.log_import.imported_files import INDEX
-    from samrl_ros.log_import.importer import import_logs
-    from samrl_ros.log_import.mapping import read_mapping
-    from samrl_ros.log_import.pose_importer import import_pose_logs, kind_of_mapping
-    from samrl_ros.log_import.reading_importer import import_reading_logs
 
     if out is None and not check:
         raise typer.BadParameter("say where to write, or --check to write nothing", param_hint="--out")
     with _refusals():
-        folder, target = data if data is not None else mapping.parent, None if check else out
-        kind = kind_of_mapping(mapping)
-        if kind == "readings":
-            read = import_reading_logs(mapping, folder, target)
-            made = [(each, f"{each.recording.quantity} of {each.recording.sensor}") for each in read]
-        elif kind == "bodies":
-            bodies = import_body_logs(mapping, folder, target)
-            made = [(each, each.recording.body.name) for each in bodies]
-        elif kind == "poses":
-            poses = import_pose_logs(mapping, folder, target)
-            made = [(each, f"{each.recording.target} seen by {each.recording.camera}") for each in poses]
-        else:
-            arms = import_logs(read_mapping(mapping), folder, target)
-            made = [(each, each.recording.arm.role) for each in arms]
-    for each, system in made:
-        typer.echo(f"{each.recording.name} ({each.role}, {system})")
+        found = import_any(mapping, data if data is not None else mapping.parent, None if check else out)
+    for each in found.made:
+        typer.echo(f"{each.recording.name} ({each.role}, {found.system_of(each)})")
         for line in each.report:
             typer.echo(f"  {line}")
         for note in each.notes:
             typer.echo(f"  note: {note}")
     if out is not None and not check:
-        typer.echo(f"{len(made)} recordings in {out}, their roles in {out / INDEX}")
+        typer.echo(f"{len(found.made)} recordings in {out}, their roles in {out / INDEX}")

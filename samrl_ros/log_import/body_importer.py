@@ -12,15 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.body_recording import BodyRecording, BodyTolerances, BodyTrack
 from samrl_core.common.errors import InputError
-from samrl_core.common.text_files import read_text
 from samrl_core.diagnosis.kinds.bodies import SEVERAL
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_ros.log_import.body_specs import TURNS, BodyRecordingSpec, BodyTrackSpec
-from samrl_ros.log_import.imported_files import check_names, entries_of, write_imported
+from samrl_ros.log_import.imported_files import check_names, entries_of
 from samrl_ros.log_import.pose_importer import block_of, inside_range, matrices_of
 from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, rotations_of
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
-from samrl_ros.recordings.body_file import SUFFIX, write_body_file
 
 FASTEST = 100.0  # [m/s] of what is called a body here
 MOST_FILES = 5000  # that one pattern may name
@@ -34,18 +32,6 @@ class ImportedBody:
     role: str  # fit or held_out
     report: tuple[str, ...]
     notes: tuple[str, ...]
-
-
-def import_body_logs(path: Path, data: Path, out: Path | None) -> list[ImportedBody]:
-    """Every recording of a mapping; written as `out/<name>.body.npz` with an index, unless `out` is None.
-
-    Raises:
-        InputError: with the key path of what is wrong; or a file of `out` exists already.
-    """
-    made = bodies_of(read_text(path, "the mapping"), path, data)
-    if out is not None:
-        write_imported(made, out, SUFFIX, lambda each, file: write_body_file(each.recording, file))
-    return made
 
 
 def bodies_of(text: str, path: Path, data: Path) -> list[ImportedBody]:

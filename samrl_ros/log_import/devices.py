@@ -78,8 +78,8 @@ def refuse_questions(draft: Draft, paths: Sequence[Path]) -> None:
         asked = "".join(f"\n  {question}" for question in draft.questions)
         raise InputError(
             f"{names}: not in samrl's topics, and not all of it is sure:{asked}\n`samrl bag draft {names}"
-            " --out mapping.yaml` writes down what was found; answer there, then `samrl bag import"
-            f" mapping.yaml --data {data_folder(draft, paths[0])} --out bags`"
+            " --out mapping.yaml` writes down what was found; answer there, then `samrl diagnose"
+            f" --mapping mapping.yaml --data {data_folder(draft, paths[0])}`"
         )
 
 

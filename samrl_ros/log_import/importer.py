@@ -22,7 +22,6 @@ from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.imported_files import write_imported
 from samrl_ros.log_import.mapping import Mapping
 from samrl_ros.log_import.resampling import even, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
@@ -95,20 +94,8 @@ def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> Impor
     return ImportedRecording(recording, spec.role, tuple(report), tuple(notes), raw)
 
 
-def import_logs(mapping: Mapping, data: Path, out: Path | None) -> list[ImportedRecording]:
-    """Every recording of a mapping; written as `out/<name>.mcap` with an index, unless `out` is None.
-
-    Raises:
-        InputError: as `import_recording`; or a file of `out` exists already.
-    """
-    made = [import_recording(spec, mapping, data) for spec in mapping.recordings]
-    if out is None:
-        return made
-    write_imported(made, out, ".mcap", lambda each, file: _write_bag(each, file, mapping.path.name))
-    return made
-
-
-def _write_bag(made: ImportedRecording, file: Path, mapping: str) -> None:
+def write_bag(made: ImportedRecording, file: Path, mapping: str) -> None:
+    """Write a bag whose metadata name the mapping, the role, and channels without an SI unit."""
     about = {"imported_by": mapping, "role": made.role}
     if made.raw:
         about[RAW] = ", ".join(made.raw)

@@ -14,10 +14,9 @@ from scipy.spatial.transform import Rotation
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
-from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.imported_files import check_names, entries_of, write_imported
+from samrl_ros.log_import.imported_files import check_names, entries_of
 from samrl_ros.log_import.pose_specs import (
     ANGLES,
     LENGTHS,
@@ -32,7 +31,6 @@ from samrl_ros.log_import.pose_specs import (
 )
 from samrl_ros.log_import.resampling import are_between
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
-from samrl_ros.recordings.pose_file import SUFFIX, write_pose_file
 
 SLOW_HZ = 5.0  # below it a track is no motion that can be interpolated
 
@@ -45,31 +43,6 @@ class ImportedPoses:
     role: str  # fit or held_out
     report: tuple[str, ...]
     notes: tuple[str, ...]
-
-
-def kind_of_mapping(path: Path) -> str:
-    """`poses`, `readings`, `bodies` or `joints`: what a mapping file describes.
-
-    Raises:
-        InputError: it cannot be read, or describes two kinds.
-    """
-    content = parse_yaml(read_text(path, "the mapping"), str(path))
-    found = [key for key in ("poses", "readings", "bodies") if isinstance(content, dict) and key in content]
-    if len(found) > 1:
-        raise InputError(f"{path.name}: has {' and '.join(found)}; one mapping describes one kind")
-    return found[0] if found else "joints"
-
-
-def import_pose_logs(path: Path, data: Path, out: Path | None) -> list[ImportedPoses]:
-    """Every recording of a mapping; written as `out/<name>.poses.npz` with an index, unless `out` is None.
-
-    Raises:
-        InputError: with the key path of what is wrong; or a file of `out` exists already.
-    """
-    made = poses_of(read_text(path, "the mapping"), path, data)
-    if out is not None:
-        write_imported(made, out, SUFFIX, lambda each, file: write_pose_file(each.recording, file))
-    return made
 
 
 def poses_of(text: str, path: Path, data: Path) -> list[ImportedPoses]:

@@ -12,15 +12,13 @@ from pydantic import model_validator
 
 from samrl_core.cell.types.reading_recording import UNITS, ReadingRecording, ReadingTolerances
 from samrl_core.common.errors import InputError
-from samrl_core.common.text_files import read_text
 from samrl_core.common.validation import Checked, fault
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.imported_files import check_names, entries_of, write_imported
+from samrl_ros.log_import.imported_files import check_names, entries_of
 from samrl_ros.log_import.pose_specs import LENGTHS, Formula, FormulaList
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import LoggedSpec
 from samrl_ros.log_import.units import UNITS as UNITS_OF_LOGS
-from samrl_ros.recordings.reading_file import SUFFIX, write_reading_file
 
 FACTORS = {"depth": LENGTHS, "stamp": UNITS_OF_LOGS["time"]}
 
@@ -67,18 +65,6 @@ class ImportedReadings:
     role: str  # fit or held_out
     report: tuple[str, ...]
     notes: tuple[str, ...]
-
-
-def import_reading_logs(path: Path, data: Path, out: Path | None) -> list[ImportedReadings]:
-    """Every recording of a mapping; written as `out/<name>.readings.npz` with an index, unless `out` is None.
-
-    Raises:
-        InputError: with the key path of what is wrong; or a file of `out` exists already.
-    """
-    made = readings_of(read_text(path, "the mapping"), path, data)
-    if out is not None:
-        write_imported(made, out, SUFFIX, lambda each, file: write_reading_file(each.recording, file))
-    return made
 
 
 def readings_of(text: str, path: Path, data: Path) -> list[ImportedReadings]:

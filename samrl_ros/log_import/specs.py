@@ -312,6 +312,10 @@ class RecordingSpec(LoggedSpec):
     resample: Resample = Resample()  # of channels without their own
     time_range: Pair | None = None
 
+    def with_model(self, urdf: str) -> RecordingSpec:
+        """The same with a URDF's text in place of its own."""
+        return self.model_copy(update={"urdf": urdf, "xacro_args": {}})
+
     def readers(self) -> dict[str, ChannelSpec]:
         """Its channels."""
         return {f"channels.{name}": channel for name, channel in self.channels.items()}

@@ -36,8 +36,7 @@ def described_by(arm: ArmDescription, model: NominalModel) -> tuple[ArmDescripti
         return arm, model.notes
     where = f"the actuators of {model.path or 'the model'}"
     parsed = parse_controller(text, where)
-    controller = parsed.controller
-    if controller is None:
+    if parsed.controller is None:
         return arm, (*model.notes, *parsed.notes)
     note = f"no controller was recorded: {where} are taken for it"
-    return replace(arm, controller=replace(controller, tolerances=arm.tolerances)), (*model.notes, note)
+    return replace(arm, controller=parsed.controller), (*model.notes, note)

@@ -116,7 +116,7 @@ def parse_controller(text: str, where: str) -> ControllerText:
                 " the controller is taken as not described",
             )
         return ControllerText(joints, None, tolerances, notes)
-    controller = kind.read(about, joints, where, tolerances or Tolerances())
+    controller = kind.read(about, joints, where)
     return ControllerText(joints, controller, tolerances, notes)
 
 

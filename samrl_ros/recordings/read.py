@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -181,12 +181,11 @@ def _recording(
     if urdf is None:
         notes.append(f"/cell/{role}/robot_description was not recorded and no URDF was given")
     effective = tolerances or about.tolerances or Tolerances()
-    controller = replace(about.controller, tolerances=effective) if about.controller is not None else None
     return ArmRecording(
         name=bag.path.stem if bag.path.suffix == ".mcap" else bag.path.name,
         source=str(bag.path),
         sha256=digest,
-        arm=ArmDescription(role, joints, urdf, controller, tool, effective),
+        arm=ArmDescription(role, joints, urdf, about.controller, tool, effective),
         states=signals["joint_states"],
         command=signals.get("command"),
         commanded_effort=signals.get("commanded_effort"),

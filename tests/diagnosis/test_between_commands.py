@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from samrl_core.cell.types.arm_description import HELD, LINE, ArmDescription, Tolerances
+from samrl_core.cell.types.arm_description import HELD, LINE, ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
 from samrl_core.diagnosis.diagnose import diagnose
@@ -59,7 +59,7 @@ def recording(goal_hz: float, log_hz: float, held: bool, late_s: float, seed: in
     noisy = speed[some] + 0.01 * np.random.default_rng([seed, 1]).standard_normal(len(position))
     law = {"stiffness": [STIFFNESS], "damping": [BRAKE], "armature": [ROTOR]}
     about = {"type": "position_servo", "joints": ["swing"], **law, "between_commands": HELD if held else LINE}
-    controller = KINDS["position_servo"].read(about, ("swing",), "test", Tolerances())
+    controller = KINDS["position_servo"].read(about, ("swing",), "test")
     arm = ArmDescription("tool_arm", ("swing",), URDF, controller)
     states = JointSignal(time[some], position[:, None], noisy[:, None])
     command = JointSignal(stamps, goals[:, None])

@@ -17,9 +17,9 @@ from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.signal_noise import highest_sure_frequency, without_differences
 from samrl_ros.blind_test.servo_runs import ServoMaking, make_servo
-from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, load
-from samrl_ros.log_import.importer import import_logs
-from samrl_ros.log_import.mapping import read_mapping
+from samrl_ros.cli.diagnosis.load import load
+from samrl_ros.cli.diagnosis.options import DiagnoseOptions
+from samrl_ros.log_import.any_importer import import_any
 
 BAND, DT = 25.0, 0.008
 
@@ -104,7 +104,7 @@ def test_servo_machines_as_described_show_no_gap(seed: int, tmp_path: Path) -> N
     for item in plan_servos(settings):
         make_servo(ServoMaking(tmp_path, item))
         folder, bags = Study(tmp_path).observations(item.id), tmp_path / "bags" / item.id
-        import_logs(read_mapping(folder / "mapping.yaml"), folder, bags)
+        import_any(folder / "mapping.yaml", folder, bags)
         options = DiagnoseOptions((bags / "A.mcap", bags / "B.mcap"), held_out=(bags / "C.mcap",))
         fit, held_out, notes = load(options)
         found = diagnose(fit, held_out, DiagnosisSettings(share_held_out=False), notes)[0]

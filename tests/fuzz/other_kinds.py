@@ -20,9 +20,7 @@ from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTr
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.array_file import unpacked, write_arrays
 from samrl_core.diagnosis.kinds.kinds import kind_of
-from samrl_ros.log_import.body_importer import import_body_logs
-from samrl_ros.log_import.pose_importer import import_pose_logs, kind_of_mapping
-from samrl_ros.log_import.reading_importer import import_reading_logs
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.recordings.arrays_by_role import ABOUT
 from samrl_ros.recordings.body_file import load_body_files, write_body_file
 from samrl_ros.recordings.pose_file import load_pose_files, write_pose_file
@@ -75,7 +73,6 @@ class _Kind:
     write: Callable[[Path], None]
     load: Callable[[list[Path], list[Path], Path | None], tuple[list[Any], list[Any], list[str]]]
     mapping: dict[str, Any]  # its own key of a mapping
-    imports: Callable[[Path, Path, Path | None], Any]
 
 
 _POSE = {"position": ["x", "y", "z"], "quaternion": ["a", "b", "c", "w"]}
@@ -92,7 +89,6 @@ _KINDS = (
             "tolerances": {"tilt": 0.01},
             "time_range": [0, None],
         },
-        import_body_logs,
     ),
     _Kind(
         "poses", ".poses.npz", _poses, load_pose_files,
@@ -105,7 +101,6 @@ _KINDS = (
             },
             "tolerances": {"stamp": 0.001},
         },
-        import_pose_logs,
     ),
     _Kind(
         "readings", ".readings.npz", _readings, load_reading_files,
@@ -113,7 +108,6 @@ _KINDS = (
             "readings": {"quantity": "depth", "reading": "1.01 * z", "reference": "abs(z) + 1", "unit": "mm"},
             "tolerances": {"depth_scale": 0.001},
         },
-        import_reading_logs,
     ),
 )  # fmt: skip
 
@@ -132,8 +126,7 @@ def _mapping_of(kind: _Kind) -> bytes:
 
 def _import(kind: _Kind, path: Path) -> None:
     (path.parent / "log.csv").write_bytes(_log())
-    kind_of_mapping(path)
-    kind.imports(path, path.parent, None)
+    import_any(path, path.parent, None)
 
 
 def _file_of(kind: _Kind) -> bytes:

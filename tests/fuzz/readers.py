@@ -29,12 +29,11 @@ from samrl_ros.bags.writer import BagWriter
 from samrl_ros.cell.parameter_file import load_parameters
 from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.conversions import from_message
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.rosbag import list_topics
 from samrl_ros.log_import.formulas import evaluate
-from samrl_ros.log_import.importer import import_logs
-from samrl_ros.log_import.mapping import read_mapping
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
 from samrl_ros.nodes.registry import all_settings
@@ -97,7 +96,7 @@ def _mapping() -> bytes:
 
 def _import(path: Path) -> None:
     (path.parent / "a.csv").write_bytes(write_csv())
-    import_logs(read_mapping(path), path.parent, None)
+    import_any(path, path.parent, None)
 
 
 def _bag(chunks: bool) -> bytes:
@@ -272,7 +271,7 @@ def _written(kind: Any) -> bytes:
 
 
 def _roles(path: Path) -> None:
-    from samrl_ros.cli.diagnosis.diagnose import _role_table
+    from samrl_ros.cli.diagnosis.load import _role_table
 
     _role_table(path)
 

@@ -27,7 +27,6 @@ def panda() -> ArmDescription:
         PANDA.controller.damping,
         effort_limit=PANDA.limits.effort,
         armature=PANDA.armature,
-        tolerances=tolerances,
     )
     return ArmDescription("tool_arm", JOINTS, PANDA.urdf.read_text(), controller, TOOL, tolerances)
 

@@ -12,8 +12,7 @@ import yaml
 from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
-from samrl_ros.log_import.body_importer import import_body_logs
-from samrl_ros.log_import.pose_importer import kind_of_mapping
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.recordings.body_file import read_body_file
 from tests.diagnosis.bodies.body_worlds import Tracker, World, several, slide, toss
 
@@ -54,11 +53,11 @@ def logs(tmp_path: Path) -> Path:
 
 def imported(folder: Path, content: dict) -> BodyRecording:
     (folder / "mapping.yaml").write_text(yaml.safe_dump(content))
-    return import_body_logs(folder / "mapping.yaml", folder, None)[0].recording
+    return import_any(folder / "mapping.yaml", folder, None).made[0].recording
 
 
 def test_a_mapping_alone_gives_a_report(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert kind_of_mapping(logs / "mapping.yaml") == "bodies"
+    assert import_any(logs / "mapping.yaml", logs, None).kind == "bodies"
     assert run(["bag", "import", str(logs / "mapping.yaml"), "--check"]) == 0
     assert "flight 0.000 .." in capsys.readouterr().out and not (logs / "bags").exists()
     assert run(["bag", "import", str(logs / "mapping.yaml"), "--out", str(logs / "bags")]) == 0
@@ -73,7 +72,7 @@ def test_a_mapping_alone_gives_a_report(logs: Path, capsys: pytest.CaptureFixtur
 
 
 def test_files_hold_what_was_imported(logs: Path) -> None:
-    made = import_body_logs(logs / "mapping.yaml", logs, logs / "bags")
+    made = import_any(logs / "mapping.yaml", logs, logs / "bags").made
     assert [m.role for m in made] == ["fit", "held_out", "fit", "fit", "held_out", "fit"]
     a, b = made[0].recording, read_body_file(logs / "bags" / "run00.body.npz")
     assert np.array_equal(a.track.position, b.track.position)
@@ -81,7 +80,7 @@ def test_files_hold_what_was_imported(logs: Path) -> None:
     assert (a.body, a.support, a.gravity, a.tolerances) == (b.body, b.support, b.gravity, b.tolerances)
     assert a.body.sizes == pytest.approx((0.1, 0.1, 0.1))
     with pytest.raises(InputError, match="exists already"):
-        import_body_logs(logs / "mapping.yaml", logs, logs / "bags")
+        import_any(logs / "mapping.yaml", logs, logs / "bags")
     content = (logs / "bags" / "run00.body.npz").read_bytes()
     (logs / "cut.body.npz").write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError):
@@ -160,7 +159,7 @@ def test_bad_patterns_are_refused(logs: Path, entry: dict, message: str) -> None
 def test_a_source_that_is_not_there_is_named(logs: Path, key: str, says: str) -> None:
     (logs / "bad.yaml").write_text(yaml.safe_dump({**mapping(), key: {"nobody": "x.csv"}}))
     with pytest.raises(InputError, match=rf"recordings\[0\]\.{says}"):
-        import_body_logs(logs / "bad.yaml", logs, None)
+        import_any(logs / "bad.yaml", logs, None)
 
 
 def test_a_ball_that_is_braked_on_its_way_has_friction_and_no_negative_inertia(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
-from samrl_ros.log_import.pose_importer import import_pose_logs
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
 
@@ -98,7 +98,7 @@ def test_a_draft_reads_the_poses_and_closes_the_chain(
     assert not [each for each in asked if "other way round" not in each]
     assert "camera_arm" in content["poses"] and content["poses"]["at_rest"] is True
     out.write_text(yaml.safe_dump(content))
-    (made,) = import_pose_logs(out, tmp_path, None)
+    (made,) = import_any(out, tmp_path, None).made
     np.testing.assert_allclose(made.recording.seen.position, seen[:, :3, 3], atol=1e-6)
     arm = made.recording.camera_arm
     assert arm is not None and arm.flange is not None

@@ -14,12 +14,12 @@ from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.transform_tree import read_transform_table
-from samrl_ros.log_import.pose_importer import import_pose_logs
 from tests.diagnosis.poses.pose_worlds import CAMERA, matrix
 from tests.recordings.frame_bags import BEGIN_S, FrameLog, arm_frames, flange_at, write_frames
 
@@ -34,7 +34,7 @@ def drafted(path: Path) -> Draft:
 def imported(draft: Draft, folder: Path) -> PoseRecording:
     content = {key: value for key, value in yaml.safe_load(as_yaml(draft)).items() if key != "questions"}
     (folder / "m.yaml").write_text(yaml.safe_dump(content))
-    return import_pose_logs(folder / "m.yaml", folder, None)[0].recording
+    return import_any(folder / "m.yaml", folder, None).made[0].recording
 
 
 @pytest.mark.parametrize("kind", ["mcap", "sqlite3", "ros1"])

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.bag import bag_app
-from samrl_ros.log_import.importer import ImportedRecording, import_logs
-from samrl_ros.log_import.mapping import read_mapping
+from samrl_ros.log_import.any_importer import import_any
+from samrl_ros.log_import.importer import ImportedRecording
 from samrl_ros.recordings import load_recordings
 
 N = 400
@@ -57,7 +57,7 @@ def run(tmp_path: Path) -> Run:
                 inside = inside[int(key)] if isinstance(inside, list) else inside.setdefault(key, {})
             inside[int(last) if isinstance(inside, list) else last] = value
         (tmp_path / "m.yaml").write_text(yaml.safe_dump(mapping))
-        return import_logs(read_mapping(tmp_path / "m.yaml"), tmp_path, out)
+        return list(import_any(tmp_path / "m.yaml", tmp_path, out).made)
 
     return make
 
@@ -350,7 +350,7 @@ def test_the_worked_example_of_the_manual(tmp_path: Path) -> None:
         q = size * np.sin(4 * np.pi * log["ms"] / 1000)
         log |= {"q1": q, "q2": -q, "target1": q, "target2": -q, "m1": q / 100, "m2": q / 100}
         (tmp_path / f"{run_name}.csv").write_text(csv_text(log))
-    made = import_logs(read_mapping(tmp_path / "mapping.yaml"), tmp_path, tmp_path / "bags")
+    made = import_any(tmp_path / "mapping.yaml", tmp_path, tmp_path / "bags").made
     first = load_recordings(tmp_path / "bags" / "run1.mcap").recordings[0]
     assert [each.role for each in made] == ["fit", "held_out"]
     assert first.states.position is not None and first.commanded_effort is not None

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, load
+from samrl_ros.cli.diagnosis.load import load
+from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any

@@ -16,12 +16,12 @@ from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.pose_draft import draft_poses
 from samrl_ros.log_import.draft.writing import as_yaml
-from samrl_ros.log_import.pose_importer import import_pose_logs
 from tests.diagnosis.poses.pose_worlds import PoseWorld, record
 
 
@@ -140,7 +140,7 @@ def imported(draft: Draft, folder: Path) -> PoseRecording:
     """By the draft, with its questions answered as they stand."""
     content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
     (folder / "m.yaml").write_text(yaml.safe_dump(content))
-    return import_pose_logs(folder / "m.yaml", folder, None)[0].recording
+    return import_any(folder / "m.yaml", folder, None).made[0].recording
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_files_of_several_runs_are_recordings_of_one_chain(pattern: str, tmp_pat
     assert draft is not None and len(draft.questions) == 1  # which way round
     content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
     (tmp_path / "m.yaml").write_text(yaml.safe_dump(content))
-    made_of = import_pose_logs(tmp_path / "m.yaml", tmp_path, None)
+    made_of = import_any(tmp_path / "m.yaml", tmp_path, None).made
     assert [each.role for each in made_of] == ["fit", "held_out"]
     for each, rows in zip(made_of, (slice(0, half), slice(half, None)), strict=True):
         assert np.allclose(each.recording.seen.position, seen.position[rows], atol=1e-6)
@@ -257,7 +257,7 @@ def test_the_command_writes_a_mapping_that_waits_for_the_answer(
     assert run(["bag", "draft", str(log), "--out", str(out)]) == 0
     assert "1 ask" in capsys.readouterr().out
     with pytest.raises(InputError, match="questions"):
-        import_pose_logs(out, tmp_path, None)
+        import_any(out, tmp_path, None)
     text = out.read_text()
     content = yaml.safe_load(text)
     del content["questions"]

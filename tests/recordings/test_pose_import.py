@@ -15,7 +15,7 @@ from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
-from samrl_ros.log_import.pose_importer import import_pose_logs, kind_of_mapping
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.recordings.pose_file import read_pose_file
 from tests.diagnosis.poses.pose_worlds import CAMERA, SMALL, TARGET, PoseWorld, record
 
@@ -72,11 +72,11 @@ def logs(tmp_path: Path) -> Path:
 
 def imported(folder: Path, content: dict) -> PoseRecording:
     (folder / "mapping.yaml").write_text(yaml.safe_dump(content))
-    return import_pose_logs(folder / "mapping.yaml", folder, None)[0].recording
+    return import_any(folder / "mapping.yaml", folder, None).made[0].recording
 
 
 def test_a_mapping_alone_gives_a_report(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert kind_of_mapping(logs / "mapping.yaml") == "poses"
+    assert import_any(logs / "mapping.yaml", logs, None).kind == "poses"
     assert run(["bag", "import", str(logs / "mapping.yaml"), "--out", str(logs / "bags")]) == 0
     assert run(["diagnose", str(logs / "bags"), "--out", str(logs / "report")]) == 0
     report = json.loads((logs / "report" / "report.json").read_text())
@@ -94,7 +94,7 @@ def test_a_mapping_alone_gives_a_report(logs: Path, capsys: pytest.CaptureFixtur
 
 
 def test_files_hold_what_was_imported(logs: Path) -> None:
-    (made, _) = import_pose_logs(logs / "mapping.yaml", logs, logs / "bags")
+    (made, _) = import_any(logs / "mapping.yaml", logs, logs / "bags").made
     read = read_pose_file(logs / "bags" / "a.poses.npz")
     for a, b in ((made.recording.seen, read.seen),):
         assert np.array_equal(a.position, b.position) and np.array_equal(a.quat_xyzw, b.quat_xyzw)
@@ -102,7 +102,7 @@ def test_files_hold_what_was_imported(logs: Path) -> None:
     assert read.base_in_base is not None and np.allclose(read.base_in_base.matrix(), TARGET, atol=1e-9)
     assert read.timed and read.tolerances == made.recording.tolerances
     with pytest.raises(InputError, match="exists already"):
-        import_pose_logs(logs / "mapping.yaml", logs, logs / "bags")
+        import_any(logs / "mapping.yaml", logs, logs / "bags")
     content = (logs / "bags" / "a.poses.npz").read_bytes()
     (logs / "cut.poses.npz").write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError):
@@ -215,4 +215,4 @@ def test_clocks_of_different_days_are_refused(logs: Path) -> None:
 def test_a_source_that_is_not_there_is_named(logs: Path, key: str) -> None:
     (logs / "bad.yaml").write_text(yaml.safe_dump({**mapping(), key: {"nobody": "x.csv"}}))
     with pytest.raises(InputError, match=rf"recordings\[0\]\.{key}: no source \['nobody'\]; there are"):
-        import_pose_logs(logs / "bad.yaml", logs, None)
+        import_any(logs / "bad.yaml", logs, None)

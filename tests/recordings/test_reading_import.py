@@ -11,7 +11,7 @@ import yaml
 
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
-from samrl_ros.log_import.reading_importer import import_reading_logs
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.recordings.reading_file import read_reading_file
 
 MAPPING = {
@@ -61,7 +61,7 @@ def test_bad_mappings_name_the_key(logs: Path, key: str, value: str, message: st
     content = {**MAPPING, "readings": {**MAPPING["readings"], key: value}}
     (logs / "bad.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(InputError, match=message) as caught:
-        import_reading_logs(logs / "bad.yaml", logs, None)
+        import_any(logs / "bad.yaml", logs, None)
     assert "recordings[0].readings" in str(caught.value) or "readings" in str(caught.value)
 
 
@@ -69,7 +69,7 @@ def test_bad_mappings_name_the_key(logs: Path, key: str, value: str, message: st
 def test_a_source_that_is_not_there_is_named(logs: Path, key: str) -> None:
     (logs / "bad.yaml").write_text(yaml.safe_dump({**MAPPING, key: {"nobody": "x.csv"}}))
     with pytest.raises(InputError, match=rf"recordings\[0\]\.{key}: no source \['nobody'\]; there are"):
-        import_reading_logs(logs / "bad.yaml", logs, None)
+        import_any(logs / "bad.yaml", logs, None)
 
 
 def test_a_column_that_yaml_takes_for_yes_is_asked_for_in_quotes(logs: Path) -> None:
@@ -79,4 +79,4 @@ def test_a_column_that_yaml_takes_for_yes_is_asked_for_in_quotes(logs: Path) -> 
     }
     (logs / "bad.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(InputError, match="in quotes"):
-        import_reading_logs(logs / "bad.yaml", logs, None)
+        import_any(logs / "bad.yaml", logs, None)

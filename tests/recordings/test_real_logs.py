@@ -9,7 +9,7 @@ import pytest
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.recordings import check_held_out
-from samrl_ros.log_import.importer import import_logs
+from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.log_import.mapping import read_mapping
 from samrl_ros.recordings import read_recordings
 
@@ -18,7 +18,7 @@ MAPPINGS = Path(__file__).resolve().parents[2] / "bags" / "mappings"
 
 def imported(name: str, data: Path, out: Path | None = None) -> dict[str, ArmRecording]:
     """By name; through bags where `out` is given."""
-    made = import_logs(read_mapping(MAPPINGS / f"{name}.yaml"), data / name, out)
+    made = import_any(MAPPINGS / f"{name}.yaml", data / name, out).made
     found = {
         each.recording.name: each.recording
         if out is None

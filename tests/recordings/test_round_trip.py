@@ -80,7 +80,6 @@ def test_given_urdf_and_tolerances_replace_those_of_the_bag(motion: ArmRecording
     (back,) = read_recordings(path, urdf=urdf, tolerances=Tolerances(mass=0.2))
     assert back.arm.urdf == urdf
     assert back.arm.tolerances.mass == 0.2
-    assert back.arm.controller is not None and back.arm.controller.tolerances.mass == 0.2
 
 
 @pytest.mark.thorough

@@ -95,7 +95,6 @@ def description(role: str, letter: str, tolerances: Tolerances) -> ArmDescriptio
         period_s=arm.spec.controller.period_s,
         effort_limit=arm.spec.limits.effort,
         armature=ARMATURE[role],
-        tolerances=tolerances,
     )
     return ArmDescription(role, arm.spec.joint_names, arm.urdf, controller, arm.tool, tolerances)
 

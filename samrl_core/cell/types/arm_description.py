@@ -59,7 +59,6 @@ class ArmController:
     gravity: tuple[float, float, float] = STANDARD_GRAVITY  # in the arm's base frame [m/s2]
     effort_limit: np.ndarray | None = None  # (J,) [N m]; None: the URDF's
     armature: np.ndarray | None = None  # (J,) rotor inertia seen at the joint [kg m2]; None: zero
-    tolerances: Tolerances = field(default_factory=Tolerances)
     law: DriveLaw = field(default_factory=DriveLaw)
     kind: str = "joint_impedance"
     stated: Mapping[str, Any] = field(default_factory=dict)  # keys of the kind, where it has its own

@@ -63,7 +63,7 @@ def drive_forward(
     law = ArmController(
         arm.joints, zeros, zeros, period, gravity_compensation=False,
         gravity=tuple(trial.rigid.gravity_vector), effort_limit=np.full(trial.joints, np.inf),
-        armature=trial.rotor, tolerances=arm.tolerances,
+        armature=trial.rotor,
     )  # fmt: skip
     substeps = max(1, int(np.ceil(period / LONGEST_STEP_S)))
     loop = ClosedLoop(LoopModel(replace(arm, controller=law), substeps=substeps))

@@ -41,7 +41,7 @@ def channel_scales(arm: ArmDescription, effort_limit: np.ndarray) -> dict[str, n
     for name, values in (("stiffness", stiffness), ("damping", damping), ("effort limit", limit)):
         if not (np.isfinite(values).all() and (values > 0).all()):
             raise InputError(f"{name} of {arm.role} is {values}, must be finite and > 0 for the gap metric")
-    known = arm.controller.tolerances
+    known = arm.tolerances
     torque = limit * np.hypot(np.asarray(known.torque_offset), np.asarray(known.coulomb_friction))
     if not (torque > 0).all():
         raise InputError("torque offset and Coulomb friction tolerances are both zero; the metric needs one")

@@ -38,8 +38,8 @@ from samrl_ros.log_import.formats.rosbag import is_mcap
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 
 ROBOT_FILE = "diagnose.yaml"
-ROBOT_OPTIONS = ("urdf", "tolerances", "library", "arm", "effort", "xacro_arg")  # as on the command line
-PATHS = ("urdf", "tolerances", "library")  # of them, relative to the robot's folder
+PATHS = ("urdf", "tolerances", "library", "mapping", "data")  # relative to the robot's folder
+ROBOT_OPTIONS = (*PATHS, "arm", "effort", "xacro_arg")  # as on the command line
 SINCE_1970 = 978_307_200.0  # [s] 2001; a log that begins before counts from its own start
 _DATE = re.compile(r"(20\d\d)[-_]?([01]\d)[-_]?([0-3]\d)(?:[T_ -]?([0-2]\d)[-:_]?([0-5]\d))?")
 TRACKED = "tracked"  # folder, beside a set's report, of its second diagnosis

@@ -16,9 +16,8 @@ def _arm(**changes: object) -> ArmDescription:
         ("a", "b"),
         np.array([100.0, 200.0]),
         np.array([10.0, 5.0]),
-        tolerances=Tolerances(**changes),
     )
-    return ArmDescription("tool_arm", ("a", "b"), None, controller)
+    return ArmDescription("tool_arm", ("a", "b"), None, controller, tolerances=Tolerances(**changes))
 
 
 def test_scales_are_what_a_tolerated_torque_does() -> None:

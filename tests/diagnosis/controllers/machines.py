@@ -80,9 +80,7 @@ class Machine:
         """What the diagnosis is told."""
         tolerances = Tolerances.from_mapping(self.tolerances)
         about = {"joints": [JOINT], **self.about}
-        return ArmDescription(
-            "tool_arm", (JOINT,), self.urdf, controller_from(about, tolerances=tolerances), None, tolerances
-        )
+        return ArmDescription("tool_arm", (JOINT,), self.urdf, controller_from(about), None, tolerances)
 
 
 class Drive:

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, diagnose_bags
-from samrl_ros.log_import.importer import import_logs
-from samrl_ros.log_import.mapping import read_mapping
+from samrl_ros.cli.diagnosis.diagnose import diagnose_bags
+from samrl_ros.cli.diagnosis.options import DiagnoseOptions
+from samrl_ros.log_import.any_importer import import_any
 from tests.diagnosis.export.mujoco_worlds import KINDS, STEP, World, gap, make_world, record, simulate
 
 ALL = tuple(
@@ -66,7 +66,7 @@ def judge(name: str, folder: Path) -> dict[str, Any]:
     kind, law, seed = name.split(":")
     world = make_world(int(seed), kind, law == "servo")
     mapping = write_logs(world, folder)
-    import_logs(read_mapping(mapping), folder, folder / "bags")
+    import_any(mapping, folder, folder / "bags")
     report = folder / "report"
     diagnose_bags(
         DiagnoseOptions((folder / "bags",), out=report, urdf=folder / "arm.xml", export=("mujoco",))

@@ -8,9 +8,9 @@ import pytest
 
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis
-from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, load
-from samrl_ros.log_import.importer import import_logs
-from samrl_ros.log_import.mapping import read_mapping
+from samrl_ros.cli.diagnosis.load import load
+from samrl_ros.cli.diagnosis.options import DiagnoseOptions
+from samrl_ros.log_import.any_importer import import_any
 from tests.diagnosis.foreign.bam_pendulums import CASES, write_case
 
 pytestmark = pytest.mark.slow
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 def diagnosed(case: str, folder: Path) -> Diagnosis:
     pytest.importorskip("bam", reason="better-actuator-models is not installed")
     write_case(CASES[case], folder)
-    import_logs(read_mapping(folder / "mapping.yaml"), folder, folder / "bags")
+    import_any(folder / "mapping.yaml", folder, folder / "bags")
     fit, held_out, notes = load(DiagnoseOptions((folder / "bags",), out=folder / "unused"))
     return diagnose(fit, held_out, DiagnosisSettings(), notes)[0]
 

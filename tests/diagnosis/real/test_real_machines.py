@@ -11,9 +11,9 @@ import pytest
 
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis, NamedEffect
-from samrl_ros.cli.diagnosis.diagnose import DiagnoseOptions, load
-from samrl_ros.log_import.importer import import_logs
-from samrl_ros.log_import.mapping import read_mapping
+from samrl_ros.cli.diagnosis.load import load
+from samrl_ros.cli.diagnosis.options import DiagnoseOptions
+from samrl_ros.log_import.any_importer import import_any
 
 ROOT = Path(__file__).parents[3]
 DATA = ROOT.parent / "shared" / "data"
@@ -48,7 +48,7 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Named:
 
 def import_machine(machine: str, out: Path) -> None:
     """Bags of a machine by its mapping."""
-    import_logs(read_mapping(ROOT / "bags" / "mappings" / f"{machine}.yaml"), DATA / machine, out)
+    import_any(ROOT / "bags" / "mappings" / f"{machine}.yaml", DATA / machine, out)
 
 
 def effect(diagnosis: Diagnosis, family: str) -> NamedEffect:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from samrl_core.cell.types.arm_description import ArmController, Tolerances
+from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.controllers.impedance import JointImpedance
 from samrl_core.cell.types.controllers.kind import ControllerKind, Key, joint_names
 from samrl_core.cell.types.controllers.motors import CurrentMotor, VoltageMotor
@@ -26,9 +26,7 @@ KINDS: dict[str, ControllerKind] = {
 }  # fmt: skip
 
 
-def controller_from(
-    about: Mapping[str, Any], where: str = "controller", tolerances: Tolerances | None = None
-) -> ArmController:
+def controller_from(about: Mapping[str, Any], where: str = "controller") -> ArmController:
     """The controller that the contract's JSON object describes; `type` names its kind.
 
     Raises:
@@ -37,10 +35,7 @@ def controller_from(
     name = about.get("type", JointImpedance.name)
     if name not in KINDS:
         raise InputError(f"{where}: type is {name!r}; known are {', '.join(KINDS)}")
-    stated = about.get("tolerances")
-    if tolerances is None:
-        tolerances = Tolerances() if stated is None else Tolerances.from_mapping(dict(stated))
-    return KINDS[name].read(about, joint_names(about.get("joints", []), where), where, tolerances)
+    return KINDS[name].read(about, joint_names(about.get("joints", []), where), where)
 
 
 __all__ = ["KINDS", "ControllerKind", "Key", "controller_from", "joint_names"]

@@ -14,7 +14,6 @@ from samrl_core.cell.types.arm_description import (
     LINE,
     STANDARD_GRAVITY,
     ArmController,
-    Tolerances,
 )
 from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.common.errors import InputError
@@ -67,9 +66,7 @@ class ControllerKind(ABC):
         known = {*(key.name for key in (*self.keys, *COMMON)), *self.choices, *WORDS}
         return sorted(str(key) for key in set(about) - known)
 
-    def read(
-        self, about: Mapping[str, Any], joints: tuple[str, ...], where: str, tolerances: Tolerances
-    ) -> ArmController:
+    def read(self, about: Mapping[str, Any], joints: tuple[str, ...], where: str) -> ArmController:
         """The controller that a text of this kind describes.
 
         Raises:
@@ -101,7 +98,6 @@ class ControllerKind(ABC):
             gravity=(gravity[0], gravity[1], gravity[2]),
             effort_limit=np.min(limits, axis=0) if limits else None,
             armature=gains.rotor if rotor is None else rotor,
-            tolerances=tolerances,
             law=gains.law,
             kind=self.name,
             between_commands=word(about, "between_commands", (LINE, HELD), where),

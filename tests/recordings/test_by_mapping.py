@@ -52,7 +52,7 @@ def mapping_at(folder: Path, **changes: Any) -> Path:
 def arms(options: DiagnoseOptions) -> tuple[list[ArmRecording], list[ArmRecording]]:
     fit, held_out, _ = load(options, model_of(options.urdf) if options.urdf else None)
     assert all(isinstance(r, ArmRecording) for r in (*fit, *held_out))
-    return list(fit), list(held_out)  # ty: ignore[invalid-return-type]
+    return list(fit), list(held_out)  # ty: ignore[invalid-explicit-return]
 
 
 def test_logs_take_the_place_of_those_that_a_mapping_names(tmp_path: Path) -> None:

@@ -5,17 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.blind_test.engines.arm_body import ArmBody, MovingLink
-from samrl_core.cell.types.pose import Pose, quaternion_from_rotation
+from samrl_core.cell.types.pose import Pose, quaternion_from_rotation, rpy_from_rotation
 
 
 def _text(values: np.ndarray | tuple[float, ...]) -> str:
     return " ".join(f"{float(v):.12g}" for v in values)
-
-
-def _rpy(rotation: np.ndarray) -> tuple[float, float, float]:
-    pitch = float(np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0])))
-    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
-    return roll, pitch, float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
 
 def principal(link: MovingLink) -> tuple[np.ndarray, np.ndarray]:
@@ -41,10 +35,10 @@ def urdf_text(body: ArmBody) -> str:
         limit = '<limit lower="-1" upper="1" effort="1e6" velocity="1e6"/>' if link.slides else ""
         parts.append(
             f'<link name="{link.name}"><inertial><origin xyz="{_text(link.center_of_mass)}" '
-            f'rpy="{_text(_rpy(axes))}"/><mass value="{link.mass:.12g}"/><inertia ixx="{moments[0]:.12g}" '
+            f'rpy="{_text(rpy_from_rotation(axes))}"/><mass value="{link.mass:.12g}"/><inertia ixx="{moments[0]:.12g}" '
             f'ixy="0" ixz="0" iyy="{moments[1]:.12g}" iyz="0" izz="{moments[2]:.12g}"/></inertial></link>'
             f'<joint name="{link.joint}" type="{kind}"><parent link="{parent}"/><child link="{link.name}"/>'
-            f'<origin xyz="{_text(pose.position)}" rpy="{_text(_rpy(pose.rotation))}"/>'
+            f'<origin xyz="{_text(pose.position)}" rpy="{_text(rpy_from_rotation(pose.rotation))}"/>'
             f'<axis xyz="{_text(link.axis)}"/>{limit}</joint>'
         )
         parent = link.name

@@ -164,6 +164,19 @@ def quaternion_from_rotation(rotation: np.ndarray) -> np.ndarray:
     return -q if q[3] < 0 else q
 
 
+def rpy_from_rotation(rotation: np.ndarray) -> tuple[float, float, float]:
+    """URDF's fixed-axis roll, pitch, yaw [rad] of a rotation matrix (3, 3), R = Rz Ry Rx.
+
+    At a pitch of +-90 deg only the sum of roll and yaw is known, or their difference: roll is zero there.
+    """
+    r = rotation
+    level = float(np.hypot(r[0, 0], r[1, 0]))
+    pitch = float(np.arctan2(-r[2, 0], level))
+    if level < 1e-9:
+        return 0.0, pitch, float(np.arctan2(-r[0, 1], r[1, 1]))
+    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+
+
 def look_at(eye: np.ndarray, target: np.ndarray, roll: float = 0.0) -> Pose:
     """Camera pose in world: optical axes (z forward, x right, y down), image up towards world z.
 

@@ -15,6 +15,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from samrl_core.cell.types.pose import rpy_from_rotation
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
 from samrl_core.diagnosis.nominal_model.nominal_model import JointActuator, NominalModel
@@ -251,7 +252,7 @@ class _Tree:
         m = self.model
         lines = [
             f"<parent link={quoteattr(parent)}/><child link={quoteattr(child)}/>",
-            f'<origin xyz="{_text(at)}" rpy="{_text(_rpy(turn.as_matrix()))}"/>',
+            f'<origin xyz="{_text(at)}" rpy="{_text(rpy_from_rotation(turn.as_matrix()))}"/>',
         ]
         if index is not None:
             dof = int(m.jnt_dofadr[index])
@@ -344,15 +345,6 @@ class _Tree:
 
 def _rotation(quaternion_wxyz: Any) -> Rotation:
     return Rotation.from_quat(np.asarray(quaternion_wxyz, dtype=float), scalar_first=True)
-
-
-def _rpy(r: np.ndarray) -> tuple[float, float, float]:
-    """Roll, pitch, yaw of a URDF, R = Rz Ry Rx; the roll is zero where only its sum with the yaw is known."""
-    level = float(np.hypot(r[0, 0], r[1, 0]))
-    pitch = float(np.arctan2(-r[2, 0], level))
-    if level < 1e-9:
-        return 0.0, pitch, float(np.arctan2(-r[0, 1], r[1, 1]))
-    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
 
 
 def _text(values: Any) -> str:

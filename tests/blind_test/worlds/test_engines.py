@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from samrl_core.blind_test.engines.arm_body import join_mass, read_arm_body, scaled_inertia, second_moments
+from samrl_core.blind_test.engines.arm_body import (
+    ArmBody,
+    MovingLink,
+    join_mass,
+    read_arm_body,
+    scaled_inertia,
+    second_moments,
+)
 from samrl_core.blind_test.engines.engines import ENGINES, make_engine
 from samrl_core.blind_test.worlds import world
 from samrl_core.blind_test.worlds.nominal import ARMATURE, nominal_arm
 from samrl_core.blind_test.worlds.plan import PlanItem
 from samrl_core.cell.types.arm_description import STANDARD_GRAVITY
+from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 
 
@@ -25,6 +33,21 @@ def test_mass_matrix_and_gravity_are_those_of_the_arm_model(role: str, engine: s
     made.close()
     assert np.allclose(mass + np.diag(ARMATURE[role]), arm.model.mass_matrix(arm.spec.home), atol=1e-9)
     assert np.allclose(bias, arm.model.gravity(arm.spec.home), atol=1e-9)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_link_whose_principal_axes_change_places_keeps_its_inertia(engine: str) -> None:
+    moments = np.array([0.02, 0.03, 0.01])  # about x, y, z: the least is about z
+    found = []
+    for axis in np.eye(3):
+        link = MovingLink(
+            "one", "first", Pose.identity(), axis, 1.0, np.zeros(3), np.diag(moments), slides=False
+        )
+        made = make_engine(engine, ArmBody((link,), Pose.identity()), 0.001, np.zeros(1), np.zeros(1))
+        made.place(np.zeros(1))
+        found.append(made.dynamics()[0][0, 0])
+        made.close()
+    assert np.allclose(found, moments, atol=1e-9)
 
 
 @pytest.mark.parametrize("role", ["tool_arm", "camera_arm"])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from samrl_core.cell.types.camera import Camera, Intrinsics
-from samrl_core.cell.types.pose import Pose, look_at, quaternion_from_rotation
+from samrl_core.cell.types.pose import Pose, look_at, quaternion_from_rotation, rpy_from_rotation
 from samrl_core.common.errors import InputError
 
 
@@ -38,6 +40,15 @@ def test_roll_pitch_yaw_is_fixed_axis() -> None:
     np.testing.assert_allclose(
         Pose.from_rpy(np.zeros(3), (0.5, 0, 0.3)).matrix(), (yaw @ roll).matrix(), atol=1e-12
     )
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+@pytest.mark.parametrize("signs", list(itertools.product((1.0, -1.0), repeat=2)))
+def test_roll_pitch_yaw_of_axes_that_change_places(order: tuple[int, ...], signs: tuple[float, float]) -> None:
+    turn = np.eye(3)[:, order] * np.array([*signs, 1.0])
+    turn[:, 2] *= np.linalg.det(turn)
+    back = Pose.from_rpy(np.zeros(3), rpy_from_rotation(turn)).rotation
+    np.testing.assert_allclose(back, turn, atol=1e-12)
 
 
 def test_refusals() -> None:

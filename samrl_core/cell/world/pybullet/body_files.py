@@ -11,7 +11,7 @@ import numpy as np
 
 from samrl_core.cell.robots.geometry import link_shapes
 from samrl_core.cell.robots.robot import CellSpec, RobotSpec
-from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.pose import Pose, rpy_from_rotation
 from samrl_core.cell.types.scene import Body, Box, Capsule, ChainLink, Part, Rgb, SurfaceMesh, Tool
 from samrl_core.cell.world.pybullet.arm_meshes import MeshVisual
 from samrl_core.cell.world.table import TABLE_FRICTION
@@ -236,16 +236,7 @@ def _add_shape(link: ElementTree.Element, kind: str, part: Part) -> ElementTree.
 
 
 def _add_origin(element: ElementTree.Element, position: np.ndarray, rotation: np.ndarray) -> None:
-    ElementTree.SubElement(element, "origin", xyz=_numbers(*position), rpy=_numbers(*_rpy(rotation)))
-
-
-def _rpy(rotation: np.ndarray) -> tuple[float, float, float]:
-    """URDF's fixed-axis angles; at the singularity (pitch +-90 deg) roll is 0."""
-    r = rotation
-    pitch = float(np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0])))
-    if np.hypot(r[0, 0], r[1, 0]) < 1e-9:
-        return 0.0, pitch, float(np.arctan2(-r[0, 1], r[1, 1]))
-    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+    ElementTree.SubElement(element, "origin", xyz=_numbers(*position), rpy=_numbers(*rpy_from_rotation(rotation)))
 
 
 def _numbers(*values: float) -> str:

@@ -236,7 +236,7 @@ def _conclude(
     curves = (
         () if chosen is None else (kind.curve(evidence, chosen, i) for i in range(len(chosen.hypotheses)))
     )
-    signs = signatures(likelihood, rest, evidence) if outcome.verdict == "none_of_mine" else ()
+    signs = signatures(likelihood, rest) if outcome.verdict == "none_of_mine" else ()
     diagnosis = replace(
         empty,
         verdict=outcome.verdict,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import shutil
@@ -10,15 +9,14 @@ import time
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from samrl_core.blind_test.camera_worlds.forge_plan import CameraItem
 from samrl_core.blind_test.camera_worlds.label import label_of
 from samrl_core.blind_test.camera_worlds.record import CameraRecorder
 from samrl_core.blind_test.scores.outcome import TILE_CHANGE
-from samrl_core.blind_test.scores.study import Study, move_folder, write_atomically
+from samrl_core.blind_test.scores.study import Study, move_folder
+from samrl_core.common.array_file import write_arrays
+from samrl_core.common.files import write_whole
 
 PARTS = ("A", "C")  # fitted, held out
 
@@ -49,12 +47,10 @@ def make_camera(job: CameraMaking) -> float:
     for recording in recordings:
         write_image_bag(recording, half / f"{recording.name}.mcap")
     if changes := recorder.changed_tiles(item.world, recordings[0]):
-        buffer = io.BytesIO()
-        arrays: dict[str, Any] = {f"{TILE_CHANGE}{channel}": size for channel, size in changes.items()}
-        np.savez_compressed(buffer, **arrays)
-        write_atomically(study.oracle(item.id), buffer.getvalue())
+        arrays = {f"{TILE_CHANGE}{channel}": size for channel, size in changes.items()}
+        write_arrays(study.oracle(item.id), arrays)
     label = json.dumps(label_of(item, recorder.cell), indent=1) + "\n"
-    write_atomically(study.label(item.id), label.encode())
+    write_whole(study.label(item.id), label)
     move_folder(half, study.observations(item.id))
     return time.monotonic() - began
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import multiprocessing
 import os
@@ -14,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.blind_test.scores.study import Study, move_folder, write_atomically
+from samrl_core.blind_test.scores.study import Study, move_folder
 from samrl_core.blind_test.worlds.plan import PlanItem
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, channel_scales, gap_metric, shrink
@@ -70,11 +70,8 @@ def make(job: Making) -> float:
     half.mkdir(parents=True)
     for name, recording in recordings.items():
         write_recording(recording, half / f"{name}.mcap")
-    buffer = io.BytesIO()
-    arrays: dict[str, Any] = oracle_arrays(recordings["C"], oracle)
-    np.savez_compressed(buffer, **arrays)
-    write_atomically(study.oracle(job.item.id), buffer.getvalue())
-    write_atomically(study.label(job.item.id), (json.dumps(label, indent=1) + "\n").encode())
+    write_arrays(study.oracle(job.item.id), oracle_arrays(recordings["C"], oracle))
+    write_whole(study.label(job.item.id), json.dumps(label, indent=1) + "\n")
     move_folder(half, study.observations(job.item.id))
     return time.monotonic() - began
 

@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from samrl_core.blind_test.scores.diagnosis_run import MAPPING
-from samrl_core.blind_test.scores.study import Study, move_folder, write_atomically
+from samrl_core.blind_test.scores.study import Study, move_folder
 from samrl_core.blind_test.servo_worlds.log_style import STATES_TOPIC, TARGETS_TOPIC
 from samrl_core.blind_test.servo_worlds.plan import ServoItem
 from samrl_core.common.files import write_whole
@@ -58,7 +58,7 @@ def make_servo(job: ServoMaking) -> float:
             write_log(half / f"log_{letter}.mcap", table, made.mapping["joints"])
     write_whole(half / "model.urdf", made.urdf)
     write_whole(half / MAPPING, yaml.safe_dump(made.mapping, sort_keys=False))
-    write_atomically(study.label(job.item.id), (json.dumps(made.label, indent=1) + "\n").encode())
+    write_whole(study.label(job.item.id), json.dumps(made.label, indent=1) + "\n")
     move_folder(half, study.observations(job.item.id))
     return time.monotonic() - began
 

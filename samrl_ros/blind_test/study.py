@@ -9,8 +9,9 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from samrl_core.blind_test.scores.study import Study, write_atomically
+from samrl_core.blind_test.scores.study import Study
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 
 LEFT_OUT_FILE = "left_out.json"
 KINDS = ("single", "none", "outside", "double")
@@ -28,7 +29,7 @@ def same_as_before(study: Study, settings: dict[str, Any]) -> None:
         return
     if study.root.exists() and any(study.root.iterdir()):
         raise InputError(f"{study.root} is not empty and holds no forge; choose another --out")
-    write_atomically(path, text.encode())
+    write_whole(path, text)
 
 
 def commit_before(study: Study) -> str | None:
@@ -136,5 +137,5 @@ def left_out(study: Study, count: int) -> dict[str, str]:
         counts = [families.count(labels[w]["effects"][0]["family"]) for w in waiting]
         world = waiting.pop(counts.index(min(counts)))
         chosen[world] = labels[world]["effects"][0]["family"]
-    write_atomically(path, (json.dumps(chosen, indent=1) + "\n").encode())
+    write_whole(path, json.dumps(chosen, indent=1) + "\n")
     return chosen

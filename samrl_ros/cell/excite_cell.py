@@ -29,6 +29,7 @@ from samrl_core.cell.types.arm_description import ArmDescription, NominalTool
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.observation import ArmCommand
 from samrl_core.cell.world import make_world
+from samrl_core.cell.world.camera_recording import command_at
 from samrl_core.cell.world.world import SimulatedWorld
 from samrl_core.common.errors import LimitError
 
@@ -183,7 +184,7 @@ class _Stage:
         for k in range(count):
             reading = self._world.read_arm(role)
             rows["q"][k], rows["dq"][k] = reading.position, reading.velocity
-            tracked = self._step({role: _row(command, k, self._world.time_ns)})[role]
+            tracked = self._step({role: command_at(command, k, self._world.time_ns)})[role]
             rows["cq"][k], rows["cdq"][k] = tracked.position, tracked.velocity
             rows["cddq"][k], rows["u"][k] = tracked.acceleration, self._world.commanded_effort(role)
             rows["tau"][k] = self._world.read_arm(role).effort
@@ -209,12 +210,6 @@ class _Stage:
             self._world.command(role, tracked[role])
         self._world.advance()
         return tracked
-
-
-def _row(command: JointSignal, k: int, now_ns: int) -> ArmCommand:
-    position, velocity, acceleration = command.position, command.velocity, command.acceleration
-    assert position is not None and velocity is not None and acceleration is not None
-    return ArmCommand(now_ns, position[k], velocity[k], acceleration[k], np.zeros(position.shape[1]))
 
 
 def _distance(a: np.ndarray, b: np.ndarray) -> float:

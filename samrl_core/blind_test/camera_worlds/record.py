@@ -18,6 +18,7 @@ from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.image_recording import ImageRecording
 from samrl_core.cell.world import make_world
 from samrl_core.cell.world.camera_recording import record_camera
+from samrl_core.common.array_file import write_arrays
 
 TASK = "peg_insertion"
 ARRAYS = (
@@ -68,10 +69,7 @@ class CameraRecorder:
         cell = self.cell
         if not path.is_file():
             made = self._made(world, name, motion)
-            folder.mkdir(parents=True, exist_ok=True)
-            part = path.with_suffix(".part.npz")
-            np.savez_compressed(part, **{key: getattr(made, key) for key in ARRAYS})
-            part.replace(path)
+            write_arrays(path, {key: getattr(made, key) for key in ARRAYS})
         with np.load(path) as kept:
             arrays = {key: kept[key] for key in ARRAYS}
         return ImageRecording(

@@ -35,8 +35,9 @@ def urdf_text(body: ArmBody) -> str:
         limit = '<limit lower="-1" upper="1" effort="1e6" velocity="1e6"/>' if link.slides else ""
         parts.append(
             f'<link name="{link.name}"><inertial><origin xyz="{_text(link.center_of_mass)}" '
-            f'rpy="{_text(rpy_from_rotation(axes))}"/><mass value="{link.mass:.12g}"/><inertia ixx="{moments[0]:.12g}" '
-            f'ixy="0" ixz="0" iyy="{moments[1]:.12g}" iyz="0" izz="{moments[2]:.12g}"/></inertial></link>'
+            f'rpy="{_text(rpy_from_rotation(axes))}"/><mass value="{link.mass:.12g}"/>'
+            f'<inertia ixx="{moments[0]:.12g}" ixy="0" ixz="0" '
+            f'iyy="{moments[1]:.12g}" iyz="0" izz="{moments[2]:.12g}"/></inertial></link>'
             f'<joint name="{link.joint}" type="{kind}"><parent link="{parent}"/><child link="{link.name}"/>'
             f'<origin xyz="{_text(pose.position)}" rpy="{_text(rpy_from_rotation(pose.rotation))}"/>'
             f'<axis xyz="{_text(link.axis)}"/>{limit}</joint>'

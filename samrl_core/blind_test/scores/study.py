@@ -98,9 +98,9 @@ class Study:
                     entry = tarfile.TarInfo(path.name)  # owner and time stay zero: the hash is reproducible
                     entry.size = len(content)
                     tar.addfile(entry, io.BytesIO(content))
-        write_atomically(self.tar, buffer.getvalue())
+        write_whole(self.tar, buffer.getvalue())
         content = {**facts, "worlds": worlds, "sealed_sha256": sha256(self.tar)}
-        write_atomically(self.forge_file, (json.dumps(content, indent=1) + "\n").encode())
+        write_whole(self.forge_file, json.dumps(content, indent=1) + "\n")
         return content
 
     def open_seal(self) -> Sealed:
@@ -154,12 +154,6 @@ def sha256(path: Path) -> str:
     """Of a file's content."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Whole or not at all, also when killed; the folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, content)
 
 
 def move_folder(source: Path, target: Path) -> None:

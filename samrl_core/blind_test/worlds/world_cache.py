@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
-import io
 import os
-import zipfile
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -15,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from samrl_core.common.files import write_whole
+from samrl_core.common.array_file import MAX_BYTES, unpacked, write_arrays
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import read_whole
 
 Arrays = dict[str, np.ndarray]
 
@@ -36,14 +36,10 @@ def load_or_compute(
     _feed(digest, of)
     path = folder() / kind / f"{digest.hexdigest()[:32]}.npz"
     try:
-        with np.load(path) as file:
-            return {name: file[name] for name in file.files}
-    except (OSError, ValueError, zipfile.BadZipFile):  # none yet, or cut short: it only saves time
-        pass
-    made = work()
-    content = io.BytesIO()
-    np.savez(content, **made)  # ty: ignore[invalid-argument-type]
-    write_whole(path, content.getvalue())
+        return unpacked(read_whole(path, MAX_BYTES), path)
+    except InputError:  # none yet, or damaged: it only saves time
+        made = work()
+    write_arrays(path, made)
     return made
 
 

@@ -24,7 +24,7 @@ class JointLimits:
     acceleration: np.ndarray  # [rad/s2]
     jerk: np.ndarray  # [rad/s3]
     effort: np.ndarray  # [N m]
-    effort_rate: np.ndarray  # [N m/s]
+    effort_rate: np.ndarray  # [N m/s] that drives keep by themselves; no command is checked against it
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ def record_camera(
                 reading = world.read_arm(role)
                 joints[role][0].append(1e-9 * (reading.stamp_ns - begin))
                 joints[role][1].append(reading.position)
-            world.command(role, _row(signals[role], k, world.time_ns))
+            world.command(role, command_at(signals[role], k, world.time_ns))
         if k % every_image == 0:
             frames.append(world.read_camera())
         world.advance()
@@ -42,7 +42,8 @@ def record_camera(
     )  # fmt: skip
 
 
-def _row(command: JointSignal, k: int, now_ns: int) -> ArmCommand:
+def command_at(command: JointSignal, k: int, now_ns: int) -> ArmCommand:
+    """A planned motion's sample as a command that is valid now, without feed-forward."""
     position, velocity, acceleration = command.position, command.velocity, command.acceleration
     assert position is not None and velocity is not None and acceleration is not None
     return ArmCommand(now_ns, position[k], velocity[k], acceleration[k], np.zeros(position.shape[1]))

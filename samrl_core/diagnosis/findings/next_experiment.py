@@ -17,7 +17,7 @@ from samrl_core.cell.excitation.runs import Run, file_runs
 from samrl_core.cell.excitation.trajectory_file import TrajectoryFile
 from samrl_core.cell.robots.arm_model import Payload
 from samrl_core.cell.robots.cells import robot_with_joints
-from samrl_core.cell.robots.robot import ROLES, RobotSpec
+from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import SamrlError
 from samrl_core.diagnosis.residuals.equations import nominal_friction
@@ -59,7 +59,7 @@ def next_experiment(
                 (run, *_) = file_runs("next", file, spec, _payload(trial))
             except SamrlError:
                 continue  # this arm has no room for it
-            scored.append((discrimination(_virtual(trial, run, spec), list(rivals.values())), file))
+            scored.append((discrimination(_virtual(trial, run), list(rivals.values())), file))
     pair = " and ".join(names[:3])
     if scored:
         best, file = max(scored, key=lambda item: item[0])
@@ -89,7 +89,7 @@ def _payload(trial: Trial) -> Payload | None:
     return None if tool is None else Payload(tool.mass, tool.center_of_mass, tool.inertia)
 
 
-def _virtual(trial: Trial, run: Run, spec: RobotSpec) -> Trial:
+def _virtual(trial: Trial, run: Run) -> Trial:
     """Recording of a nominal arm that follows the trajectory, with the noise of real recordings."""
     rigid = RigidArm(replace(trial.recording.arm, controller=run.controller))
     command = run.command

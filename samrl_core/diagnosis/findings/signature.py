@@ -7,14 +7,13 @@ import numpy as np
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import Signature
-from samrl_core.diagnosis.selection.hypothesis import Evidence
 
 HINT = 0.25  # correlation from which on a hint is given
 COUPLING = 0.5
 MOST = 4  # blocks that are described
 
 
-def signatures(likelihood: Likelihood, rest: np.ndarray, evidence: Evidence) -> tuple[Signature, ...]:
+def signatures(likelihood: Likelihood, rest: np.ndarray) -> tuple[Signature, ...]:
     """Hints for the blocks with most unexplained energy."""
     power: dict[tuple[str, int], float] = {}
     for (_, channel, j), part in likelihood.blocks.items():

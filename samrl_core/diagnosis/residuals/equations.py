@@ -142,7 +142,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     elif motion.command is not None and _has_loop(arm) and u is not None:
         law, lag, raw = _controller_residual(motion)
         residual["controller"] = motion.reduce(raw)
-        level = np.hypot(share * _high_frequency(raw, motion.rate), floor)
+        level = np.hypot(share * _high_frequency(raw), floor)
         assert arm.controller is not None
         if motion.raw_velocity is None:  # the law then damps differences of noisy positions
             damped = arm.controller.damping
@@ -186,7 +186,7 @@ def _color(
 ) -> NoiseColor:
     """Of noise of a level (J,) of which a part (J,) rises with frequency, by default as accelerations do."""
     if order is None:
-        order = 2 if motion.raw_velocity is not None else 4
+        order = 2 * motion.reading.order
     share = np.clip((rising / np.maximum(level, 1e-300)) ** 2, 0.0, 1.0)
     return NoiseColor(share, order, motion.band, motion.dt)
 
@@ -263,7 +263,7 @@ def _controller_residual(motion: RecordedMotion) -> tuple[np.ndarray, int, np.nd
     for lag in range(-MAX_LAG, MAX_LAG + 1):
         # The command is not shifted: a late command is an effect, a late log of states is not.
         law = motion.law(lag=lag).total
-        rough = float(np.sum(_high_frequency(np.clip(law, -limit, limit) - u, motion.rate)))
+        rough = float(np.sum(_high_frequency(np.clip(law, -limit, limit) - u)))
         rough += 1e-4 * float(np.sum(np.std(u, axis=0)))  # a noise-free log must not be decided by rounding
         # Another lag must be clearly better than none.
         if best is None or rough * (1.2 if lag else 1.0) < best[0]:
@@ -272,7 +272,7 @@ def _controller_residual(motion: RecordedMotion) -> tuple[np.ndarray, int, np.nd
     return best[2], best[1], motion.enabled * (np.clip(best[2], -limit, limit) - u)
 
 
-def _high_frequency(x: np.ndarray, rate: float) -> np.ndarray:
+def _high_frequency(x: np.ndarray) -> np.ndarray:
     """Standard deviation (J,) of sample-to-sample detail, robust against single spikes."""
     detail = np.diff(x, n=2, axis=0) / np.sqrt(6.0)
     return 1.4826 * np.median(np.abs(detail), axis=0)
@@ -290,9 +290,8 @@ def _unknown_wider(sigma: np.ndarray, motion: RecordedMotion, rigid: RigidArm) -
     """A slow log knows some accelerations no better than half of its samples would."""
     if motion.rate > FAST_HZ:
         return sigma
-    read, order = (motion.raw_velocity, 1) if motion.raw_velocity is not None else (motion.raw_position, 2)
-    assert read is not None
-    unknown = np.abs(motion.reduce(unknown_acceleration(read, motion.rate, order)))
+    reading = motion.reading
+    unknown = np.abs(motion.reduce(unknown_acceleration(reading.values, motion.rate, reading.order)))
     mass = np.abs(rigid.mass_matrix(motion.q)) + np.diag(armature(motion.recording.arm))
     return np.hypot(sigma, np.einsum("nij,nj->ni", mass, unknown))
 

@@ -134,13 +134,6 @@ class Likelihood:
         shrink = self.shrink(correlation)
         return (self.plain_gram(a, b) - a.projected.T @ (shrink[:, None] * b.projected)) / correlation
 
-    def tempered_moment(self, a: Regressors, y: np.ndarray, correlation: float) -> np.ndarray:
-        """A^T Sigma^-1 y (p,), likewise."""
-        plain = np.zeros(a.projected.shape[1])
-        for block, rows in a.blocks.items():
-            plain += rows @ y[self.blocks[block]]
-        return (plain - a.projected.T @ (self.shrink(correlation) * (self._basis.T @ y))) / correlation
-
     @property
     def y_projected(self) -> np.ndarray:
         """Residuals on the tolerances' basis (k,)."""
@@ -215,10 +208,6 @@ class Likelihood:
         """What each tolerance most probably is (columns,), in standard deviations, given residuals (N,)."""
         weight = np.sqrt(self._strength) / (correlation + self._strength)
         return self._directions @ (weight * (self._basis.T @ y))
-
-    def tolerated_deviation(self, y: np.ndarray) -> float:
-        """Standard deviation of the inner product of residuals (N,) with what tolerances make."""
-        return float(np.linalg.norm(np.sqrt(self._strength) * (self._basis.T @ y)))
 
     def tolerance_gram(self) -> np.ndarray:
         """U^T U (columns, columns) of what tolerances make per standard deviation, in units of the noise."""

@@ -25,6 +25,7 @@ from samrl_core.diagnosis.residuals.control_law import (
 from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
+    Reading,
     highest_sure_frequency,
     quantum,
     regular,
@@ -327,20 +328,20 @@ class RecordedMotion(SignalBand):
         What multiplies accelerations must not multiply their noise: that is in the residual as well, and any
         inertia, real or tolerated, would seem to explain it (errors in variables; Soderstrom 2007).
         """
-        return self._sure(self.full_acceleration, *self._reading)
+        return self._sure(self.full_acceleration, self.reading.values, self.reading.deviation)
 
     @cached_property
     def sure_velocity(self) -> np.ndarray:
         """Velocities (F, J) likewise: noise would turn a friction's sign many times at every reversal."""
-        return self._sure(self.full_velocity, *self._reading)
+        return self._sure(self.full_velocity, self.reading.values, self.reading.deviation)
 
     @cached_property
-    def _reading(self) -> tuple[np.ndarray, np.ndarray]:
-        """What velocities come from (F, J), and the deviation (J,) of its white noise."""
+    def reading(self) -> Reading:
+        """What velocities and accelerations come from: recorded velocities, else positions."""
         if self.raw_velocity is not None:
-            return self.raw_velocity, self.noise.velocity
+            return Reading(self.raw_velocity, self.noise.velocity, 1)
         assert self.raw_position is not None
-        return self.raw_position, self.noise.position
+        return Reading(self.raw_position, self.noise.position, 2)
 
     @cached_property
     def sure_ddq(self) -> np.ndarray:

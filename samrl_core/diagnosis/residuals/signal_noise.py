@@ -29,6 +29,15 @@ class Noise:
     commanded_effort: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """The readings that accelerations are differences of."""
+
+    values: np.ndarray  # (F, J)
+    deviation: np.ndarray  # (J,) of their white noise
+    order: int  # of those differences: 1 of velocities, 2 of positions
+
+
 def without_differences(states: JointSignal) -> JointSignal:
     """States without a velocity that somebody differenced from the positions: it is no reading of its own.
 

@@ -99,7 +99,7 @@ def gradient(
     value, gradient = loss(rollouts)
     _seed(simulation, gradient, channels[0].shape)
     state_grad = _backwards(simulation)
-    q_grad, v_grad, params_grad = _start_backwards(simulation, state_grad, start_q, start_v)
+    q_grad, v_grad, params_grad = _start_backwards(simulation, state_grad, start_v)
     a, tree = simulation.arrays, simulation.tree
     inertia, gravity = a.inertia.grad.numpy(), a.gravity.grad.numpy()
     pieces = tuple(
@@ -183,7 +183,7 @@ def _backwards(simulation: Simulation) -> np.ndarray:
 
 
 def _start_backwards(
-    simulation: Simulation, state: np.ndarray, q_read: np.ndarray, v_read: np.ndarray
+    simulation: Simulation, state: np.ndarray, v_read: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Adjoint of `Simulation.first_state`: gradients of the readings (B, J) and of all params (B, n, P)."""
     a, m, tree, mount = simulation.arrays, simulation.motion, simulation.tree, simulation.tree.mount

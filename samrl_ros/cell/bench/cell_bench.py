@@ -76,7 +76,7 @@ def bench_cell(out: Path, seed: int, episodes: int, real_time_factor: float) -> 
         "bridge": _bridge(history),
         "ages": _ages(history, out / "bag"),
         "stages": _stages(out / "bag"),
-        "loop_wall_s_per_action": _per_action(watch, out / "bag"),
+        "loop_wall_s_per_action": _per_action(watch),
     }
     write_json(out / "bench.json", report)
     _print(console, report)
@@ -155,7 +155,7 @@ def _stages(bag: Path) -> dict[str, Any]:
     return {stage: _quantiles(values) for stage, values in spans.items()}
 
 
-def _per_action(watch: Any, bag: Path) -> dict[str, float]:
+def _per_action(watch: Any) -> dict[str, float]:
     per_action = {}
     for episode, outcome in watch.outcomes.items():
         if outcome.actions:

@@ -27,7 +27,7 @@ def view_figure(
     axes = _screen_axes(region)
     fig = go.Figure(layout=plot_layout(430))
     radius = float(np.mean(region.distance))
-    for line in _graticule(region):
+    for line in _graticule():
         hidden = line @ axes[2] < -1e-9
         for part, width, dash in ((hidden, 0.6, "dot"), (~hidden, 1.0, "solid")):
             shown = np.where(part[:, None], line @ axes[:2].T, np.nan)
@@ -163,7 +163,7 @@ def _direction(azimuth: float | np.ndarray, elevation: float | np.ndarray) -> np
     )
 
 
-def _graticule(region: ViewRegion) -> list[np.ndarray]:
+def _graticule() -> list[np.ndarray]:
     """Circles of the upper half of a unit sphere: elevations 0, 30, 60 and eight meridians."""
     around, up = np.linspace(0, 2 * math.pi, 73), np.linspace(0, math.pi / 2, 19)
     rings = [_direction(around, np.full_like(around, math.radians(e))) for e in (0, 30, 60)]

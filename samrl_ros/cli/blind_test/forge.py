@@ -11,8 +11,9 @@ from typing import Annotated, Any
 import typer
 
 from samrl_core.blind_test.scores.diagnosis_run import LEFT_OUT_STAGE, STAGE, DiagnosisJob, diagnose_world
-from samrl_core.blind_test.scores.study import SETS, Study, write_atomically
+from samrl_core.blind_test.scores.study import SETS, Study
 from samrl_core.common import executor
+from samrl_core.common.files import write_whole
 from samrl_ros.blind_test.study import (
     KINDS,
     LEFT_OUT_FILE,
@@ -345,9 +346,9 @@ def score(
         "scores": scores,
         "worlds": [line(o) for o in [*outcomes, *unknown]],
     }
-    write_atomically(target / "score.json", (json.dumps(content, indent=1) + "\n").encode())
-    write_atomically(target / "score.html", score_page(scores, outcomes, facts, rows).encode())
+    write_whole(target / "score.json", json.dumps(content, indent=1) + "\n")
+    write_whole(target / "score.html", score_page(scores, outcomes, facts, rows))
     for name, (_, figure) in make_figures(scores, outcomes).items():
-        write_atomically(target / f"score_{name}.png", png(figure))
+        write_whole(target / f"score_{name}.png", png(figure))
     show(scores, rows)
     make_console().print(f"[dim]{target / 'score.html'}[/]", soft_wrap=True)

@@ -15,11 +15,12 @@ import pytest
 
 from samrl_core.blind_test.engines.simulate import DivergedError
 from samrl_core.blind_test.scores.families import ARM_FAMILIES, without
-from samrl_core.blind_test.scores.study import Study, write_atomically
+from samrl_core.blind_test.scores.study import Study
 from samrl_core.blind_test.worlds import plan
 from samrl_core.blind_test.worlds.plan import ForgeSettings
 from samrl_core.common import executor
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 from samrl_ros.blind_test import study as forge_study
 from samrl_ros.cli.main import run
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, OK
@@ -35,7 +36,7 @@ def put_world(study: Study, world: str, kind: str, family: str | None, severity:
     label = {"schema": 1, "id": world, "set": kind, "engine": "pybullet", "arm": "tool_arm",
              "programme": 0,
              "effects": effects, "background": {"scale": 1.0}, "seed": 3}  # fmt: skip
-    write_atomically(study.label(world), json.dumps(label).encode())
+    write_whole(study.label(world), json.dumps(label).encode())
     time = np.linspace(0, 1, 5)
     np.savez(
         study.oracle(world),

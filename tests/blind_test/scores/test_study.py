@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from samrl_core.blind_test.scores.load import load_outcomes
-from samrl_core.blind_test.scores.study import Study, move_folder, write_atomically
+from samrl_core.blind_test.scores.study import Study, move_folder
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import write_whole
 
 
 def label(world: str, kind: str = "none") -> dict[str, object]:
@@ -20,7 +21,7 @@ def label(world: str, kind: str = "none") -> dict[str, object]:
 def study(tmp_path: Path) -> Study:
     made = Study(tmp_path / "study")
     for world in ("b1", "a0"):
-        write_atomically(made.label(world), json.dumps(label(world)).encode())
+        write_whole(made.label(world), json.dumps(label(world)).encode())
         made.observations(world).mkdir(parents=True)
     np.savez(made.oracle("a0"), time=np.arange(3.0), oracle_shrink=0.5)
     made.seal(["b1", "a0"], {"seed": 1})

@@ -44,7 +44,7 @@ def test_roll_pitch_yaw_is_fixed_axis() -> None:
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 @pytest.mark.parametrize("signs", list(itertools.product((1.0, -1.0), repeat=2)))
-def test_roll_pitch_yaw_of_axes_that_change_places(order: tuple[int, ...], signs: tuple[float, float]) -> None:
+def test_roll_pitch_yaw_of_axes_that_change_places(order: tuple[int, ...], signs: tuple[float, ...]) -> None:
     turn = np.eye(3)[:, order] * np.array([*signs, 1.0])
     turn[:, 2] *= np.linalg.det(turn)
     back = Pose.from_rpy(np.zeros(3), rpy_from_rotation(turn)).rotation

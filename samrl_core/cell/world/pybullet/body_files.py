@@ -236,7 +236,8 @@ def _add_shape(link: ElementTree.Element, kind: str, part: Part) -> ElementTree.
 
 
 def _add_origin(element: ElementTree.Element, position: np.ndarray, rotation: np.ndarray) -> None:
-    ElementTree.SubElement(element, "origin", xyz=_numbers(*position), rpy=_numbers(*rpy_from_rotation(rotation)))
+    rpy = rpy_from_rotation(rotation)
+    ElementTree.SubElement(element, "origin", xyz=_numbers(*position), rpy=_numbers(*rpy))
 
 
 def _numbers(*values: float) -> str:

@@ -119,6 +119,12 @@ class WarmingForm(DriveForm):
             "thermal_time": self.at_joints(trial, time, 60.0),
         }
 
+    def simulate_nearest(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields:
+        """Fields of a simulator that warms with time alone, as near as it comes in this recording."""
+        motion = trial.motion
+        level = float(amplitudes[0]) + float(amplitudes[1]) * self.cold(motion, self.joint, shape)
+        return self.simulate_warming(trial, shape, *_fit_time(motion.time - motion.time[0], level))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WarmingWithTime(WarmingForm):
@@ -141,9 +147,7 @@ class WarmingByWork(WarmingForm):
         return np.exp(-_warmth(motion, joint, shape["T"]) / shape["vw"])
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        motion = trial.motion
-        level = float(amplitudes[0]) + float(amplitudes[1]) * self.cold(motion, self.joint, shape)
-        return self.simulate_warming(trial, shape, *_fit_time(motion.time - motion.time[0], level))
+        return self.simulate_nearest(trial, shape, amplitudes)
 
 
 class WarmingByPath(WarmingForm):
@@ -157,9 +161,7 @@ class WarmingByPath(WarmingForm):
         return {"Finf": warm, "F0": warm + rise, "path": shape["path"]}
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        motion = trial.motion
-        level = float(amplitudes[0]) + float(amplitudes[1]) * self.cold(motion, self.joint, shape)
-        return self.simulate_warming(trial, shape, *_fit_time(motion.time - motion.time[0], level))
+        return self.simulate_nearest(trial, shape, amplitudes)
 
 
 def _warmth(motion: RecordedMotion, joint: int, time_constant: float) -> np.ndarray:

@@ -230,13 +230,13 @@ def _speeds(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndar
     """Speed (n,) of positions (n, 3) by local parabolas, and its standard deviation."""
     speed, spread = np.empty(len(time)), np.empty(len(time))
     for k in range(len(time)):
-        near = _near(time, k, time[k] - WINDOW_S, time[k] + WINDOW_S, 5)
+        near = _near(time, time[k] - WINDOW_S, time[k] + WINDOW_S, 5)
         rate, deviation = _slope(time[near] - time[k], values[near])
         speed[k], spread[k] = np.linalg.norm(rate), noise * deviation
     return speed, spread
 
 
-def _near(time: np.ndarray, k: int, low: float, high: float, least: int) -> np.ndarray:
+def _near(time: np.ndarray, low: float, high: float, least: int) -> np.ndarray:
     first, last = np.searchsorted(time, (low, high))
     while last - first < min(least, len(time)):
         first, last = max(0, first - 1), min(len(time), last + 1)
@@ -259,8 +259,8 @@ def _without_jumps(time: np.ndarray, center: np.ndarray, rows: np.ndarray) -> li
     noise = rough_noise(t, values)
     score = np.zeros(count)
     for k in range(5, count - 4):
-        left = _near(t, k, t[k - 1] - 2 * WINDOW_S, t[k - 1] + 1e-9, 5)
-        right = _near(t, k, t[k] - 1e-9, t[k] + 2 * WINDOW_S, 5)
+        left = _near(t, t[k - 1] - 2 * WINDOW_S, t[k - 1] + 1e-9, 5)
+        right = _near(t, t[k] - 1e-9, t[k] + 2 * WINDOW_S, 5)
         left, right = left[left < k], right[right >= k]
         middle = 0.5 * (t[k - 1] + t[k])
         a, da = _slope(t[left] - middle, values[left])

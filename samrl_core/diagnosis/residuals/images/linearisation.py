@@ -170,7 +170,7 @@ def most_probable(
         moment += design @ (r.value / sigma[channel])
     stated_widths = np.concatenate(list(spreads.values()))
     best, most = np.zeros(start), -np.inf
-    for group in (), *(() if together else _alone(starts, spreads)):
+    for group in (), *(() if together else _alone(spreads)):
         widths = stated_widths.copy()
         for name, k in group:
             widths[starts[name] + k] = max(WIDE[name], widths[starts[name] + k])
@@ -185,7 +185,7 @@ def most_probable(
     return {name: best[starts[name] : starts[name] + len(w)] for name, w in spreads.items()}
 
 
-def _alone(starts: Mapping[str, int], spreads: Mapping[str, np.ndarray]) -> list[list[tuple[str, int]]]:
+def _alone(spreads: Mapping[str, np.ndarray]) -> list[list[tuple[str, int]]]:
     """Columns (name, index) of each error that may be beyond tolerance alone."""
     joints = [[(name, k)] for name in ("camera_zeros", "tool_zeros") for k in range(len(spreads[name]))]
     whole = [("hand_eye",), ("base",), ("camera_late", "tool_late"), ("tool_late",), ("held",),

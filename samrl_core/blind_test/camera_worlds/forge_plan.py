@@ -6,7 +6,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from samrl_core.blind_test.camera_worlds.plan import CAUSES, NOTHING, OUTSIDE, CameraWorld
+from samrl_core.blind_test.camera_worlds.plan import (
+    CAUSES,
+    NOTHING,
+    ON_REQUEST,
+    OUTSIDE,
+    CameraWorld,
+)
 from samrl_core.common.errors import InputError
 
 BACKGROUND = "typical:test"  # cells that nobody developed on
@@ -23,6 +29,7 @@ class CameraForgeSettings:
     none: int = 6
     outside: int = 3
     duration_s: float = 6.0  # of each recording
+    causes: tuple[str, ...] = ()  # known ones, of which each goes round; empty for the usual ones
 
     def __post_init__(self) -> None:
         counts = (self.single, self.none, self.outside)
@@ -30,6 +37,9 @@ class CameraForgeSettings:
             raise InputError(f"numbers of camera worlds {counts} must not be negative, and not all zero")
         if not 6.0 <= self.duration_s <= 60.0:
             raise InputError(f"recordings of {self.duration_s} s; give 6..60 s")
+        known = [c for c in CAUSES if c not in OUTSIDE]
+        if unknown := [c for c in self.causes if c not in known]:
+            raise InputError(f"no known cause is called {unknown[0]!r}; there are: {', '.join(known)}")
 
 
 @dataclass(frozen=True)
@@ -49,7 +59,8 @@ class CameraItem:
 def plan_cameras(settings: CameraForgeSettings) -> list[CameraItem]:
     """All worlds in shuffled order, the same for the same settings; causes go round."""
     rng = np.random.default_rng(settings.seed)
-    known = [str(c) for c in rng.permutation([c for c in CAUSES if c not in OUTSIDE])]
+    usual = [c for c in CAUSES if c not in (*OUTSIDE, *ON_REQUEST)]
+    known = [str(c) for c in rng.permutation(list(dict.fromkeys(settings.causes)) or usual)]
     unknown = [str(c) for c in rng.permutation(list(OUTSIDE))]
     asked = [
         ("single", known[i % len(known)], _SEVERITIES[i % len(_SEVERITIES)]) for i in range(settings.single)

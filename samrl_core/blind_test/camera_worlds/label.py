@@ -67,6 +67,7 @@ def _parameters(family: str, place: str, i: CellInstance, cell: CellSpec) -> dic
             "k1": _of(i.optics.radial[0], "1"), "k2": _of(i.optics.radial[1], "1"),
             "p1": _of(i.optics.tangential[0], "1"), "p2": _of(i.optics.tangential[1], "1"),
         },
+        "lighting": {"g": _of((1.0 + i.look.light_strength) * (1.0 + i.optics.exposure) - 1.0, "1")},
         "camera_latency": {"T": _of(i.timing.stamp_late + i.timing.clock_offset, "s")},
     }  # fmt: skip
     return values.get(family, {})

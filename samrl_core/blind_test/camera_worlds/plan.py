@@ -128,6 +128,11 @@ def _exposure(i: CellInstance, s: float, rng: np.random.Generator) -> Changed:
     return _with(i, "optics", exposure=-0.6 * min(s, 1.5)), "lighting@cell", (-0.6 * min(s, 1.5),)
 
 
+def _lamp(i: CellInstance, s: float, rng: np.random.Generator) -> Changed:
+    size = 1.0 * s
+    return _with(i, "look", light_strength=size), "lighting@cell", (size,)
+
+
 def _depth_noise(i: CellInstance, s: float, rng: np.random.Generator) -> Changed:
     size = 0.3 * s
     ratio = float(np.log(np.hypot(0.08, size) / 0.08))
@@ -159,12 +164,14 @@ CAUSES: dict[str, Change] = {
     "radial": _radial,
     "late": _late,
     "exposure": _exposure,
+    "lamp": _lamp,
     "depth_noise": _depth_noise,
     "grip": _grip,
     "growth": _growth,
     "shift": _shift,
 }
 OUTSIDE = ("grip", "growth", "shift")  # causes that the library does not have
+ON_REQUEST = ("lamp",)  # younger than sealed sets, which are made again from their seeds without it
 
 
 def planned(

@@ -179,6 +179,9 @@ def cameras(
     outside: Annotated[
         int | None, typer.Option(help="Worlds with a cause outside the library.", min=0)
     ] = None,
+    cause: Annotated[
+        list[str] | None, typer.Option(help="A known cause to choose from; may be repeated.")
+    ] = None,
     duration: Duration = None,
     workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
@@ -193,6 +196,7 @@ def cameras(
     asked = {"single": single, "none": none, "outside": outside, "duration_s": duration}
     settings = CameraForgeSettings(
         seed=number,
+        causes=tuple(cause or ()),
         **{name: value for name, value in asked.items() if value is not None},  # ty: ignore[invalid-argument-type]
     )
     same_as_before(study, {"settings": asdict(settings), "commit": chosen})

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.blind_test.camera_worlds.forge_plan import CameraForgeSettings, CameraItem, plan_cameras
 from samrl_core.blind_test.camera_worlds.label import label_of
-from samrl_core.blind_test.camera_worlds.plan import CAUSES, OUTSIDE, CameraWorld, instance_of
+from samrl_core.blind_test.camera_worlds.plan import CAUSES, ON_REQUEST, OUTSIDE, CameraWorld, instance_of
 from samrl_core.blind_test.scores.outcome import SealedTruth
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import CellSpec
@@ -26,7 +26,7 @@ def test_a_plan_follows_from_its_seed_and_holds_every_cause_once() -> None:
     plan = plan_cameras(settings)
     assert plan == plan_cameras(settings) != plan_cameras(replace(settings, seed=8))
     causes = [i.world.cause for i in plan if i.set != "none"]
-    assert sorted(causes) == sorted(CAUSES) and len(plan) == 21
+    assert sorted(causes) == sorted(set(CAUSES) - set(ON_REQUEST)) and len(plan) == 21
     assert {i.world.cause for i in plan if i.set == "outside"} == set(OUTSIDE)
     assert len({i.world.seed for i in plan}) == len(plan)
     # Cells that nobody developed on.
@@ -34,8 +34,21 @@ def test_a_plan_follows_from_its_seed_and_holds_every_cause_once() -> None:
     assert all(instance_of(i.world, cell)[0].name.purpose == "test" for i in plan[:3])
 
 
+def test_a_plan_goes_round_the_causes_that_are_asked_for() -> None:
+    plan = plan_cameras(CameraForgeSettings(seed=3, single=5, none=2, outside=0, causes=("lamp", "exposure")))
+    counts = [sum(i.world.cause == c for i in plan) for c in ("lamp", "exposure", "")]
+    assert sorted(counts[:2]) == [2, 3] and counts[2] == 2 and len(plan) == 7
+
+
 @pytest.mark.parametrize(
-    "wrong", [{"single": -1}, {"single": 0, "none": 0, "outside": 0}, {"duration_s": 2.0}]
+    "wrong",
+    [
+        {"causes": ("gremlin",)},
+        {"causes": ("grip",)},
+        {"single": -1},
+        {"single": 0, "none": 0, "outside": 0},
+        {"duration_s": 2.0},
+    ],
 )
 def test_impossible_plans_are_refused(wrong: dict) -> None:
     with pytest.raises(InputError):

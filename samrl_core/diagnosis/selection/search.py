@@ -168,14 +168,15 @@ def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit)
 def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, first: int = 0) -> Fit:
     """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS).
 
-    Members before `first` stay, and so does the last, which was just found.
+    Members before `first` are exchanged for other forms of themselves only: alone, a form may have stood for a
+    part of what the next member explains. The last, which was just found, stays.
     """
-    for index in range(first, len(chosen.hypotheses) - 1):
+    for index in range(len(chosen.hypotheses) - 1):
         others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
         taken = {h.name for h in others}
-        best = chosen
+        best, mine = chosen, chosen.hypotheses[index].name
         for h in pool:
-            if h.name in taken:
+            if h.name in taken or (index < first and h.name != mine):
                 continue
             # In its place: the order says which effect is the first, and rounding must not change it.
             fit = evidence.fit([*others[:index], h, *others[index:]])

@@ -168,8 +168,8 @@ def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit)
 def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, first: int = 0) -> Fit:
     """Exchange members for anything better: a wrong first choice is seen once the second is there (FAMoS).
 
-    Members before `first` are exchanged for other forms of themselves only: alone, a form may have stood for a
-    part of what the next member explains. The last, which was just found, stays.
+    Members before `first` are exchanged for other forms of themselves only: alone, a form may have stood for
+    a part of what the next member explains. The last, which was just found, stays.
     """
     for index in range(len(chosen.hypotheses) - 1):
         others = [h for i, h in enumerate(chosen.hypotheses) if i != index]

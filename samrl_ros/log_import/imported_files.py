@@ -19,12 +19,18 @@ def entries_of(text: str, path: Path) -> tuple[dict[str, Any], list[Any]]:
     """What holds for all recordings of a mapping's text, and its list of them; `path` is for messages.
 
     Raises:
-        InputError: it is no YAML, or has no list `recordings`.
+        InputError: it is no YAML, has no list `recordings`, or a draft's questions are still open in it.
     """
     content = parse_yaml(text, str(path))
     if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
         raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
-    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about")}
+    if asked := content.get("questions"):
+        listed = "".join(f"\n  {each}" for each in asked) if isinstance(asked, list) else f" {asked}"
+        raise InputError(
+            f"{path.name}: questions of its draft are open; answer them in the file, then delete `questions`:"
+            f"{listed}"
+        )
+    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about", "questions")}
     return general, content["recordings"]
 
 

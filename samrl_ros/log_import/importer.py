@@ -23,7 +23,7 @@ from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.mapping import Mapping
-from samrl_ros.log_import.resampling import even, low_pass, resample
+from samrl_ros.log_import.resampling import even, find_gaps, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import QuantitySpec, RecordingSpec
 from samrl_ros.log_import.units import DEFAULT_UNIT, SI, drive_factor, factor
@@ -149,6 +149,11 @@ def _signal(
                 np.column_stack([np.interp(time, grid, c) for c in smooth.T]) if uneven else smooth
             )
     raw_rate = 1.0 / float(np.median(np.diff(time)))
+    if (plan.rate_hz is not None or plan.filter is not None) and (gaps := find_gaps(time)).any():
+        notes.append(
+            f"{name}: {gaps.sum()} gaps of up to {np.diff(time).max():.3g} s are filled by straight lines, as"
+            " it is resampled: nobody measured them; import without `resample`, or cut by `time_range`"
+        )
     time, values = resample(time, values, plan, f"{where}.resample")
     rate = 1.0 / float(np.median(np.diff(time)))
     if rate < 0.9 * raw_rate and plan.filter is None:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.text_files import parse_yaml, read_text
+from samrl_core.common.text_files import read_text
+from samrl_ros.log_import.imported_files import entries_of
 from samrl_ros.log_import.specs import RecordingSpec
 
 
@@ -27,19 +28,9 @@ def read_mapping(path: Path | str) -> Mapping:
 
 def parse_mapping(text: str, path: Path) -> Mapping:
     """The mapping that a file of this path holds, or would hold. Raises `InputError` as `read_mapping`."""
-    content = parse_yaml(text, str(path))
-    if not isinstance(content, dict) or not isinstance(content.get("recordings"), list):
-        raise InputError(f"{path.name}: must be a mapping of keys to values with a list `recordings`")
-    if content.get("questions"):
-        asked = content["questions"]
-        listed = "".join(f"\n  {each}" for each in asked) if isinstance(asked, list) else f" {asked}"
-        raise InputError(
-            f"{path.name}: questions of its draft are open; answer them in the file, then delete `questions`:"
-            f"{listed}"
-        )
-    general = {str(k): v for k, v in content.items() if k not in ("recordings", "about", "questions")}
+    general, entries = entries_of(text, path)
     recordings = []
-    for number, entry in enumerate(content["recordings"]):
+    for number, entry in enumerate(entries):
         where = f"{path.name}: recordings[{number}]"
         own = {**general, **entry} if isinstance(entry, dict) else entry
         recordings.append(RecordingSpec.read(own, where))

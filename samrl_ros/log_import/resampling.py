@@ -24,14 +24,19 @@ def even(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return grid, _interpolate(grid, time, values), True
 
 
+def find_gaps(stamps: np.ndarray) -> np.ndarray:
+    """Mask (M - 1,) of the steps between increasing stamps (M,) within which nothing is known."""
+    steps = np.diff(stamps)
+    return steps > max(_GAP_STEPS * float(np.median(steps)), _GAP_S)
+
+
 def are_between(time: np.ndarray, stamps: np.ndarray) -> np.ndarray:
     """Mask (N,) of times within increasing stamps (M,), and in none of their gaps."""
     if len(stamps) < 2:
         return np.isin(time, stamps)
-    longest = max(_GAP_STEPS * float(np.median(np.diff(stamps))), _GAP_S)
     after = np.clip(np.searchsorted(stamps, time), 1, len(stamps) - 1)
     inside = (time >= stamps[0]) & (time <= stamps[-1])
-    return inside & ((stamps[after] - stamps[after - 1] <= longest) | np.isin(time, stamps))
+    return inside & (~find_gaps(stamps)[after - 1] | np.isin(time, stamps))
 
 
 def low_pass(time: np.ndarray, values: np.ndarray, smoothing: Filter, where: str) -> np.ndarray:

@@ -136,7 +136,9 @@ def _used(spec: LoggedSpec, name: str, constants: dict[str, Any]) -> set[str]:
 
 
 def _column(table: Table, column: ColumnSpec, where: str) -> np.ndarray:
-    values = table.numbers(column.column, where)
+    values = np.array(
+        table.numbers(column.column, where)
+    )  # a copy: `missing` fills it, another key's may not
     if column.empty is not None:
         values = np.where(values == column.empty, np.nan, values)
     return values.T if column.transpose else values
@@ -191,11 +193,15 @@ def _rows(spec: LoggedSpec, count: int) -> np.ndarray:
 def _fill(
     values: np.ndarray, rule: Missing, time: np.ndarray, keep: np.ndarray, where: str, notes: list[str]
 ) -> np.ndarray:
-    """Rows to keep for a column; `hold` and `linear` fill `values` in place."""
-    absent = ~np.isfinite(values if values.ndim == 1 else values.sum(axis=1))
-    if values.shape == (1,) or not (absent & keep).any():
+    """Rows to keep for a column; `hold` and `linear` fill the empty cells of `values` in place."""
+    if values.shape == (1,):
         return np.ones(len(keep), dtype=bool)
-    count = int((absent & keep).sum())
+    cells = values if values.ndim == 2 else values[:, None]
+    empty = ~np.isfinite(cells)
+    absent = empty.any(axis=1)
+    if not (absent & keep).any():
+        return np.ones(len(keep), dtype=bool)
+    count = int((empty & keep[:, None]).sum())
     if rule == "error":
         raise InputError(
             f"{where}: {count} cells are missing, first in row {int(np.flatnonzero(absent & keep)[0])}; set"
@@ -204,15 +210,16 @@ def _fill(
     notes.append(f"{where}: {count} missing cells, {rule}")
     if rule == "drop_row":
         return ~absent
-    known = np.flatnonzero(~absent)
-    if not len(known):
-        raise InputError(f"{where}: all cells are missing")
-    flat = values if values.ndim == 2 else values[:, None]
-    for column in flat.T:  # views: the fill lands in `values`
+    row, inside = np.arange(len(keep)), np.ones(len(keep), dtype=bool)
+    for column, gap in zip(cells.T, empty.T, strict=True):  # views: the fill lands in `values`
+        known = np.flatnonzero(~gap & np.isfinite(time))
+        if not len(known):
+            raise InputError(f"{where}: all cells are missing")
         if rule == "hold":
-            last = np.maximum.accumulate(np.where(absent, -1, np.arange(len(absent))))
-            column[absent] = column[np.maximum(last, 0)][absent]
+            last = np.maximum.accumulate(np.where(gap, -1, row))
+            column[gap] = column[np.maximum(last, 0)][gap]
         else:
-            column[absent] = np.interp(time[absent], time[known], column[known])
-    row = np.arange(len(keep))
-    return (row >= known[0]) & ((row <= known[-1]) | (rule == "hold"))  # nothing to go by beyond
+            known = known[np.argsort(time[known], kind="stable")]
+            column[gap] = np.interp(time[gap], time[known], column[known])
+        inside &= (row >= known.min()) & ((row <= known.max()) | (rule == "hold"))  # nothing to go by beyond
+    return inside

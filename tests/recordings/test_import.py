@@ -140,6 +140,29 @@ def test_missing_cells_are_filled_as_stated(
     assert len(position(made)) == (N - 1 if rule == "hold" else N - 2)
 
 
+@pytest.mark.parametrize("rule", ["hold", "linear"])
+def test_only_the_empty_cells_of_a_list_are_filled(run: Run, tmp_path: Path, rule: str) -> None:
+    both = np.column_stack([Q, 2 * Q])
+    both[50, 0] = np.nan
+    np.savez(tmp_path / "log.npz", t=TIME, q=both)
+    columns = {"q": {"column": "q", "missing": rule}, "raw": {"column": "q", "missing": "drop_row"}}
+    source = {"file": "log.npz", "time": {"column": "t"}, "columns": columns}
+    made = run({"joints": ["a", "b"], "sources.log": source, "channels.states.position": "q"})
+    np.testing.assert_array_equal(position(made)[:, 1], 2 * Q)
+    assert any("1 missing cells" in note for note in made[0].notes)
+    # Another key of the same column has a rule of its own.
+    made = run({"joints": ["a", "b"], "sources.log": source, "channels.states.position": "raw + 0 * q"})
+    assert len(position(made)) == N - 1
+
+
+def test_gaps_that_resampling_fills_are_told(run: Run, log: Callable[..., None]) -> None:
+    kept = (TIME < 1.0) | (TIME > 1.8)
+    log(t=TIME[kept], q=Q[kept])
+    assert not any("straight lines" in note for note in run({})[0].notes)
+    notes = run({"resample": {"rate_hz": 50, "filter": "none"}})[0].notes
+    assert any("states: 1 gaps of up to 0.8" in note and "straight lines" in note for note in notes)
+
+
 def test_rate_instead_of_time_rows_and_time_ranges(run: Run, log: Callable[..., None]) -> None:
     log(q=Q)
     made = run(

@@ -16,6 +16,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.any_importer import import_any
+from samrl_ros.log_import.pose_importer import poses_of
 from samrl_ros.recordings.pose_file import read_pose_file
 from tests.diagnosis.poses.pose_worlds import CAMERA, SMALL, TARGET, PoseWorld, record
 
@@ -51,6 +52,13 @@ def mapping() -> dict:
         },
         "recordings": [{"name": "a"}, {"name": "b", "role": "held_out"}],
     }
+
+
+def test_open_questions_of_a_draft_are_told(tmp_path: Path) -> None:
+    file = tmp_path / "mapping.yaml"
+    file.write_text(yaml.safe_dump({**mapping(), "questions": ["poses: which is the hand?"]}))
+    with pytest.raises(InputError, match=r"questions of its draft are open.*\n  poses: which is the hand"):
+        poses_of(file.read_text(), file, tmp_path)
 
 
 @pytest.fixture

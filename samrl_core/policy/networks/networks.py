@@ -27,7 +27,6 @@ KEY_POINTS = 32
 ACTION_UNIT = 0.01  # [m] per unit in which nominal actions enter a network
 _WIDTHS = (32, 64, 64, 96, 96)
 _STRIDES = (2, 2, 1, 2, 1)
-_MAP_WIDTH = 32
 OLD_KEYS = {"seen": "keep_prob"}  # of tensors in files of earlier versions, and their present names
 _MASKS = 64  # dropout masks that an action is averaged over: it has an eighth of one mask's noise
 _UNKNOWN = -1e4  # logit of a pixel whose point is unknown: finite, as an image may have no other

@@ -198,7 +198,7 @@ def _fill(
         return np.ones(len(keep), dtype=bool)
     cells = values if values.ndim == 2 else values[:, None]
     empty = ~np.isfinite(cells)
-    absent = empty.any(axis=1)
+    absent: np.ndarray = np.any(empty, axis=1)
     if not (absent & keep).any():
         return np.ones(len(keep), dtype=bool)
     count = int((empty & keep[:, None]).sum())
@@ -209,7 +209,7 @@ def _fill(
         )
     notes.append(f"{where}: {count} missing cells, {rule}")
     if rule == "drop_row":
-        return ~absent
+        return np.logical_not(absent)
     row, inside = np.arange(len(keep)), np.ones(len(keep), dtype=bool)
     for column, gap in zip(cells.T, empty.T, strict=True):  # views: the fill lands in `values`
         known = np.flatnonzero(~gap & np.isfinite(time))

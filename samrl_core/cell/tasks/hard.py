@@ -62,7 +62,7 @@ def _flipping() -> Task:
         shaken=True,
         usual_policy="touch",
         force_limit=BENDING_FORCE,
-        max_actions=58,
+        max_actions=60,
     )
     return replace(task, name=task.name + HARD, variant_of=task.name)
 

@@ -71,14 +71,18 @@ def read_devices(paths: Sequence[Path], held_out: Sequence[Path]) -> DeviceLogs 
     return DeviceLogs(kind, fit, held, tuple(notes))
 
 
-def refuse_questions(draft: Draft, paths: Sequence[Path]) -> None:
-    """Stop where a draft asks. Raises `InputError` with its questions and what to do."""
+def refuse_questions(draft: Draft, paths: Sequence[Path], options: str = "") -> None:
+    """Stop where a draft asks; `options` are those of the draft.
+
+    Raises:
+        InputError: with its questions and what to do.
+    """
     if draft.questions:
         names = " ".join(map(str, paths))
         asked = "".join(f"\n  {question}" for question in draft.questions)
         raise InputError(
             f"{names}: not in samrl's topics, and not all of it is sure:{asked}\n`samrl bag draft {names}"
-            " --out mapping.yaml` writes down what was found; answer there, then `samrl diagnose"
+            f"{options} --out mapping.yaml` writes down what was found; answer there, then `samrl diagnose"
             f" --mapping mapping.yaml --data {data_folder(draft, paths[0])}`"
         )
 

@@ -47,7 +47,7 @@ def runs_in(path: Path) -> list[Path]:
 
 
 def read_foreign(
-    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort
+    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort, options: str = ""
 ) -> tuple[ArmRecording, tuple[str, ...]]:
     """Draft a mapping and import by it.
 
@@ -56,6 +56,7 @@ def read_foreign(
         urdf: text of the robot's description; None takes a bag's own.
         tolerances: of the model, instead of the defaults.
         effort: what measured efforts are.
+        options: of `samrl bag draft` for the same, as a refusal writes them.
 
     Raises:
         InputError: something about the log is not sure, or as `draft_mapping` and `import_recording`.
@@ -66,7 +67,7 @@ def read_foreign(
         raise InputError(
             f"{path} holds several recordings ({names}): name each file, and one of them by --held-out"
         )
-    refuse_questions(draft, [path])
+    refuse_questions(draft, [path], options)
     data = data_folder(draft, path)
     mapping = parse_mapping(as_yaml(draft), Path("the drafted mapping"))
     made = import_recording(mapping.recordings[0], mapping, data)

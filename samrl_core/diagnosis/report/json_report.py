@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import write_whole
 from samrl_core.common.text_files import parse_json, read_text
 from samrl_core.diagnosis.report.report_schema import SCHEMA, check_report
 from samrl_core.diagnosis.result import Diagnosis, HeldOutGap, NamedEffect
@@ -99,14 +98,14 @@ def to_json(diagnosis: Diagnosis) -> dict:
     return plain
 
 
-def write_json(report: dict, path: Path) -> None:
-    """Write a report so that the file is the whole new one or the whole old one, whenever power fails.
+def json_text(report: dict) -> str:
+    """A report as its file holds it.
 
     Raises:
         InputError: it breaks the schema.
     """
     check_report(report)
-    write_whole(path, json.dumps(report, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+    return json.dumps(report, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def read_report(path: Path) -> dict:

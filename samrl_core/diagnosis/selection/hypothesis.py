@@ -250,11 +250,16 @@ def implausible(h: Hypothesis, trial: Observed, amplitudes: np.ndarray) -> bool:
 
 
 def on_bound(h: Hypothesis) -> list[str]:
-    """Shapes that ended on a bound of their search."""
-    out = []
+    """Reported shapes that ended on a bound of their search."""
     reported = {p.name for p in h.effect.parameters} | set(h.effect.renamed_shapes)
+    return [name for name in all_on_bound(h) if name in reported]
+
+
+def all_on_bound(h: Hypothesis) -> list[str]:
+    """The same with shapes that no report shows: another form of the family may fit inside its bounds."""
+    out = []
     for name, (low, high) in h.form.refine.items():
-        if name in h.shape and name in reported:
+        if name in h.shape:
             part = (np.log(h.shape[name]) - np.log(low)) / (np.log(high) - np.log(low))
             if not BOUND_MARGIN < part < 1 - BOUND_MARGIN:
                 out.append(name)

@@ -7,7 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis, on_bound
+from samrl_core.diagnosis.selection.hypothesis import (
+    ONSET,
+    Evidence,
+    Fit,
+    Hypothesis,
+    all_on_bound,
+    hypothesis,
+    on_bound,
+)
 
 REFINED = 6  # rivals whose shapes are searched before they are compared
 NEARLY = 0.9  # of the best evidence
@@ -175,14 +183,26 @@ def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, fi
         others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
         taken = {h.name for h in others}
         best, mine = chosen, chosen.hypotheses[index].name
+        forms: dict[tuple[str, str], Fit] = {}
         for h in pool:
             if h.name in taken or (index < first and h.name != mine):
                 continue
             # In its place: the order says which effect is the first, and rounding must not change it.
             fit = evidence.fit([*others[:index], h, *others[index:]])
+            key = h.name, h.form.name
+            if key not in forms or fit.log_evidence > forms[key].log_evidence:
+                forms[key] = fit
             if fit.log_evidence > best.log_evidence:
                 best = fit
         refined = evidence.refine(best, index)
+        if best is not chosen and all_on_bound(refined.hypotheses[index]):
+            # Beyond its bounds a form is another: one of the same effect that stays inside goes first.
+            name, form = refined.hypotheses[index].name, refined.hypotheses[index].form.name
+            more = [evidence.refine(f, index) for (n, k), f in forms.items() if n == name and k != form]
+            inside = [f for f in more if not all_on_bound(f.hypotheses[index])]
+            better = max(inside, key=lambda f: f.log_evidence, default=refined)
+            if better.log_evidence > max(chosen.log_evidence, NEARLY * refined.log_evidence):
+                refined = better
         if best is chosen or not on_bound(refined.hypotheses[index]):
             chosen = refined
     return chosen

@@ -56,6 +56,10 @@ class Losses:
     color: float  # eq. 4, mean absolute difference per pixel of the real mask, 0..1
     emd: float  # eq. 5 [m]
 
+    def farther_than(self, before: Losses, times: float) -> bool:
+        """Whether points and colours both are more than so many times as far off; either may have been 0."""
+        return self.emd > times * before.emd and self.color > times * before.color
+
 
 class Misfit:
     """Objectives for `minimize`."""

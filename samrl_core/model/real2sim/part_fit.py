@@ -277,13 +277,13 @@ class PartFit:
         colors: tuple[np.ndarray, np.ndarray],
         worse: float,
     ) -> bool:
-        """Whether masks lie on each other, and eq. 6 is not clearly worse than before."""
+        """Whether masks lie on each other, and points or colours are not clearly farther off than before."""
         renderer = one.renderer(self._model, values)
         mask = renderer.image(values[renderer.taken], colors[1]).mask
         if overlap(mask, one.real.image.mask) < self._parts.least_overlap:
             return False
         before, after = self._losses(one, start, colors[0]), self._losses(one, values, colors[1])
-        return min(after.emd / before.emd, after.color / before.color) <= worse
+        return not after.farther_than(before, worse)
 
     def _losses(self, one: SeenPart, values: np.ndarray, colors: np.ndarray) -> Losses:
         renderer = one.renderer(self._model, values)

@@ -139,10 +139,9 @@ class Real2Sim:
         """Reduce eq. 6 over poses and colours, then fuse the fit with the belief before it.
 
         Coarse: EMD alone, whose gradient reaches across the range. Fine: eq. 6 over poses and colours, along
-            the
-        renderer's gradient. The fit's information (`view_information`) gives its covariance; the result is
-        the Gaussian product of fit and belief, so that views add up. Rotations and the joints of a chain are
-        fitted by `pose_fit`, positions by a step size for each parameter.
+        the renderer's gradient. The fit's information (`view_information`) gives its covariance; the result
+        is the Gaussian product of fit and belief, so that views add up. Rotations and the joints of a chain
+        are fitted by `pose_fit`, positions by a step size for each parameter.
 
         Args:
             estimate: belief before this image.
@@ -183,22 +182,24 @@ class Real2Sim:
             start, coarse_evaluations = coarse.parameters, coarse.evaluations
         fit = self._fit(misfit, start, estimate.colors, s.fine if cold or not estimate.stamp_ns else s.warm)
         count = self._scale.size
-        fitted, colors = fit.parameters[:count], fit.parameters[count:].reshape(-1, 3)
+        evaluations = coarse_evaluations + fit.evaluations
         if fit.why_stopped == "diverged":
-            fitted, colors = estimate.values, estimate.colors
+            kept = (estimate.values, estimate.covariance, estimate.colors, estimate.color_variance)
+            losses = (before, before, before.total)
+            return _estimate(estimate, observation.stamp_ns, kept, losses, evaluations, "diverged")
+        fitted, colors = fit.parameters[:count], fit.parameters[count:].reshape(-1, 3)
 
         def view_at(values: np.ndarray) -> ViewInformation:
             step = s.jacobian_step * self._scale
             return view_information(lambda v: renderer.image(v, colors), values, step, s.noise)
 
         view = view_at(fitted)
-        if fit.why_stopped != "diverged":
-            for _ in range(s.polish):
-                change = newton_step(view, real.image)
-                if not np.all(np.abs(change) < s.polish_limit * self._scale):
-                    break  # too far for the linear model: the descent's answer stands
-                fitted = np.clip(fitted + change, self._lower, self._upper)
-                view = view_at(fitted)
+        for _ in range(s.polish):
+            change = newton_step(view, real.image)
+            if not np.all(np.abs(change) < s.polish_limit * self._scale):
+                break  # too far for the linear model: the descent's answer stands
+            fitted = np.clip(fitted + change, self._lower, self._upper)
+            view = view_at(fitted)
         belief = estimate.covariance + s.drift**2 * np.eye(count)
         values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
         values = np.clip(values, self._lower, self._upper)
@@ -206,13 +207,10 @@ class Real2Sim:
         colors, color_variance = fused_colors(
             *known, colors, renderer.group_pixels(values, colors), s.noise, s.color_floor
         )
-        if fit.why_stopped == "diverged":
-            covariance = estimate.covariance
         loss_known = misfit.losses(values, estimate.colors).total if compared else float("nan")
         losses = (before, misfit.losses(values, colors), loss_known)
         belief = (values, covariance, colors, color_variance)
-        count = coarse_evaluations + fit.evaluations
-        return _estimate(estimate, observation.stamp_ns, belief, losses, count, fit.why_stopped)
+        return _estimate(estimate, observation.stamp_ns, belief, losses, evaluations, fit.why_stopped)
 
     def _update_parts(
         self,
@@ -283,8 +281,7 @@ class Real2Sim:
             (before, after, loss_known),
             fit.why_stopped,
         )
-        worse = min(after.emd / before.emd, after.color / before.color) > s.worse
-        if why == "diverged" or worse:
+        if why == "diverged" or after.farther_than(before, s.worse):
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
             losses, why = (before, before, before.total), "diverged"
         return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.diagnosis.load import load, load_one
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
+from samrl_ros.contract.interrupts import held_back
 
 NAMED = ("effect", "ambiguous", "none_of_mine")
 
@@ -64,7 +66,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
     from samrl_core.diagnosis.findings.tracking import checked_names
     from samrl_core.diagnosis.report.terminal import summary
-    from samrl_core.diagnosis.report.write_report import write_report
+    from samrl_core.diagnosis.report.write_report import report_contents, write_contents
     from samrl_core.diagnosis.selection.selection import SelectionSettings
 
     families = read_library(options.library) if options.library else None
@@ -77,6 +79,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         share_held_out=not options.held_out,
         track=checked_names(options.track),
     )
+    began, correction = time.monotonic(), None
     try:
         with screen.status("reading recordings") as status:
             model = model_of(options.urdf, options.xacro_arg) if options.urdf else None
@@ -87,18 +90,24 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)
             status.update("writing the report")
-            files = write_report(diagnosis, options.out)
+            contents, made = report_contents(diagnosis), far.correction
+        with held_back() as heard:  # what is known by now is written whole
             _write_resimulation(options.out, far.resimulations)
-            made = far.correction
-            correction = keep_correction(made, model, options.out) if isinstance(made, Correction) else None
+            if isinstance(made, Correction):
+                correction = keep_correction(made, model, options.out)
+            files = write_contents(contents, options.out)
             applied = apply(made, diagnosis, options.out) if options.apply else []
     except KeyboardInterrupt:
-        screen.print("interrupted; nothing was written, the same command begins again", highlight=False)
+        lost = f"interrupted: {time.monotonic() - began:.0f} s of work are lost, nothing was written"
+        screen.print(f"{lost}; the same command begins anew", highlight=False, soft_wrap=True)
         return INTERRUPTED
     for line in summary(diagnosis, [str(f) for f in files]):
         screen.print(escape(line), highlight=False, soft_wrap=True)
     for line in applied:
         screen.print(escape(line), highlight=False, soft_wrap=True)
+    if heard.any:
+        screen.print("interrupted when the report was written already: it is whole", highlight=False)
+        return INTERRUPTED
     if options.export and correction is None:
         screen.print(f"nothing was named, so there is nothing to export to {', '.join(options.export)}")
     elif correction is not None:

@@ -147,12 +147,14 @@ def _load_arms(
         held_paths = [fit_paths.pop()]
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
+    drafted = "" if options.urdf is None else f" --urdf {options.urdf}"
+    drafted += "" if options.effort is Effort.ask else f" --effort {options.effort.value}"
     notes: list[str] = []
     groups: list[list[tuple[ArmRecording, ...]]] = []
     for paths in (fit_paths, held_paths):
         group = []
         for path in paths:
-            recordings, more = read_log(path, urdf, tolerances, options.effort)
+            recordings, more = read_log(path, urdf, tolerances, options.effort, drafted)
             group.append(recordings)
             notes += more
         groups.append(group)
@@ -199,9 +201,9 @@ def _of_one_arm(
 
 
 def read_log(
-    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort
+    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort, drafted: str = ""
 ) -> tuple[tuple[ArmRecording, ...], list[str]]:
-    """Arms of one log, a bag with samrl's topics or another tool's, with notes.
+    """Arms of one log, a bag with samrl's topics or another tool's, with notes; `drafted` as `read_foreign`.
 
     Raises:
         InputError: as `read_foreign` and `load_recordings`.
@@ -210,7 +212,7 @@ def read_log(
     from samrl_ros.recordings import load_recordings
 
     if is_foreign(path):
-        recording, more = read_foreign(path, urdf, tolerances, effort)
+        recording, more = read_foreign(path, urdf, tolerances, effort, drafted)
         return (recording,), [f"{path.name}: {note}" for note in more]
     bag = load_recordings(path, urdf=urdf, tolerances=tolerances)
     return bag.recordings, [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]

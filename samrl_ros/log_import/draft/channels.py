@@ -262,7 +262,7 @@ def add_effort(
     quantity = quantity_of(best, order, unit, draft, "states")
     if link:
         reason = "as stated" if effort is Effort.link else "these arms measure torque behind the gears"
-        draft.note("channels.states.effort", f"{name_of(best)}: {reason}", unit_question)
+        draft.note("channels.states.effort", f"{name_of(best)}: {reason}", unit_question, "torque_unit")
         draft.channels["states"]["effort"] = quantity
         return [best, *currents]
     question = unit_question
@@ -271,7 +271,8 @@ def add_effort(
             f"is {name_of(best)} the drive's torque times gear ratio (commanded_effort, as drafted), of a"
             " sensor behind the gears (then states.effort), or a current (then multiply it)? --effort says it"
         )
-    draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question)
+    asks = "" if effort is Effort.ask else "torque_unit"
+    draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question, asks)
     draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
     return [best, *currents]
 

@@ -24,6 +24,7 @@ from samrl_ros.log_import.draft.channels import (
 )
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.told_by_model import settle_by_model, told_by_model
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
@@ -87,6 +88,8 @@ def draft_mapping(
     used += add_velocity(found, position, order, unit, time, states, draft)
     used += add_command(found, position, order, unit, time, draft)
     used += add_effort(found, position, order, effort, draft)
+    if urdf is not None:
+        _ask_model(urdf, position, order, unit, time, used, draft)
     for each in found:
         if not any(each.block is one.block for one in used):
             draft.unused.append(name_of(each))
@@ -94,6 +97,34 @@ def draft_mapping(
         for source in draft.sources.values():
             source["file"] = f"{{name}}{runs[0].suffix}"
     return draft
+
+
+def _ask_model(
+    urdf: str,
+    position: NamedBlock,
+    order: list[str],
+    unit: str,
+    time: np.ndarray,
+    used: Sequence[NamedBlock],
+    draft: Draft,
+) -> None:
+    """Settle questions of order and units by the model's limits and torques, where there are any."""
+    if not any(guess.asks for guess in draft.guesses):
+        return
+    rows = position.block.rows.copy()
+    effort = next((e for e in used if e.meaning.quantity == "effort" and e.part is position.part), None)
+    if effort is not None:
+        rows &= effort.block.rows
+    told = told_by_model(
+        urdf,
+        draft.joints,
+        time[rows],
+        position.block.ordered(order)[rows[position.block.rows]],
+        unit,
+        None if effort is None else effort.block.ordered(order)[rows[effort.block.rows]],
+    )
+    if told is not None:
+        settle_by_model(draft, told, unit)
 
 
 def _label_by_name(each: NamedBlock, order: Sequence[str]) -> NamedBlock:
@@ -249,7 +280,7 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         )
         # One column and one joint are each other's; which way it turns shows as a gap, if it is wrong.
         question = f"the log names no joints: {shown}?" if len(joints) > 1 else ""
-        draft.note("joints", f"the URDF's, as many as the log has columns: {shown}", question)
+        draft.note("joints", f"the URDF's, as many as the log has columns: {shown}", question, "order")
         return list(labels)
     if joints:
         draft.joints = [_joint_name(label, k) for k, label in enumerate(labels)]
@@ -289,5 +320,7 @@ def _position_unit(position: NamedBlock, draft: Draft) -> str:
         draft.note(key, f"whole numbers up to {largest:g}", f"is the unit {unit}? Counts per turn, deg, mm?")
         return unit
     unit = "deg" if largest > _FULL_TURNS else "rad"
-    draft.note(key, f"numbers up to {largest:.3g}", f"is the unit {unit}, and not deg, rev, m or mm?")
+    others = "rad" if unit == "deg" else "deg"
+    question = f"is the unit {unit}, and not {others}, rev, m or mm?"
+    draft.note(key, f"numbers up to {largest:.3g}", question, "unit")
     return unit

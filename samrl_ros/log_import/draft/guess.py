@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -30,6 +30,7 @@ class Guess:
     key: str  # path in the mapping, such as channels.states.position
     reason: str
     question: str = ""  # what the user has to confirm or answer; empty where the log itself is proof
+    asks: str = ""  # for `order`, `unit` or `torque_unit`, which a model's limits and torques may answer
 
     @property
     def sure(self) -> bool:
@@ -67,9 +68,22 @@ class Draft:
         """What is not sure, a sentence each."""
         return [f"{guess.key}: {guess.question}" for guess in self.guesses if guess.question]
 
-    def note(self, key: str, reason: str, question: str = "") -> None:
+    def note(self, key: str, reason: str, question: str = "", asks: str = "") -> None:
         """Remember why an entry is what it is."""
-        self.guesses.append(Guess(key, reason, question))
+        self.guesses.append(Guess(key, reason, question, asks if question else ""))
+
+    def settle(self, asks: str, reason: str) -> None:
+        """Answer the questions for something by another reason."""
+        self._change(
+            asks, lambda guess: replace(guess, reason=f"{guess.reason}; {reason}", question="", asks="")
+        )
+
+    def add_reason(self, asks: str, reason: str) -> None:
+        """A further reason beside an open question."""
+        self._change(asks, lambda guess: replace(guess, reason=f"{guess.reason}; {reason}"))
+
+    def _change(self, asks: str, change: Callable[[Guess], Guess]) -> None:
+        self.guesses = [change(guess) if guess.asks == asks else guess for guess in self.guesses]
 
     def of(self, key: str) -> Iterator[Guess]:
         """Guesses about one entry."""

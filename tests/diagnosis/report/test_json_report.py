@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.report.json_report import read_report, to_json, write_json
+from samrl_core.diagnosis.report.json_report import json_text, read_report, to_json
 from samrl_core.diagnosis.report.report_schema import check_report, schema_text
 from samrl_core.diagnosis.result import VERDICTS
 from tests.diagnosis.report import samples
@@ -43,7 +43,7 @@ def test_every_key_of_the_contract_stands_in_every_report(verdict: str) -> None:
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_written_and_read_again_it_is_the_same(verdict: str, tmp_path: Path) -> None:
     report = to_json(samples.diagnosis(verdict))
-    write_json(report, tmp_path / "report.json")
+    (tmp_path / "report.json").write_text(json_text(report))
     assert read_report(tmp_path / "report.json") == report
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]  # nothing temporary is left
     strict = (tmp_path / "report.json").read_text()
@@ -114,9 +114,9 @@ def test_a_missing_key_is_named() -> None:
 def test_a_broken_report_does_not_replace_a_good_one(tmp_path: Path) -> None:
     path = tmp_path / "report.json"
     report = to_json(samples.diagnosis("no_gap"))
-    write_json(report, path)
+    path.write_text(json_text(report))
     with pytest.raises(InputError):
-        write_json({**report, "verdict": ""}, path)
+        json_text({**report, "verdict": ""})
     assert read_report(path) == report
 
 

@@ -13,7 +13,7 @@ from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.misfit import Misfit, RealTarget
+from samrl_core.model.real2sim.misfit import Losses, Misfit, RealTarget
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
 from samrl_core.studies.episodes.cell_driver import CellDriver
@@ -74,6 +74,32 @@ def test_target_absent_changes_nothing(model: Model, driver: CellDriver) -> None
     np.testing.assert_array_equal(after.values, before.values)
     np.testing.assert_array_equal(after.covariance, before.covariance)
     assert after.stamp_ns == image.stamp_ns
+
+
+def test_a_fit_that_breaks_teaches_nothing(
+    model: Model, driver: CellDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A loss that is no number: "diverged", and values, colours and what is known of both as before."""
+
+    def broken(self: Misfit, parameters: np.ndarray) -> tuple[float, np.ndarray]:
+        return float("nan"), np.zeros_like(parameters)
+
+    monkeypatch.setattr(Misfit, "fine", broken)
+    before = initial_estimate(model)
+    after = Real2Sim(model).update(before, observe(driver, 1))
+    assert (after.why_stopped, after.converged) == ("diverged", False)
+    for name in ("values", "covariance", "colors", "color_variance"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    assert after.loss_after == after.loss_before
+
+
+@pytest.mark.parametrize(
+    ("emd", "color", "farther"),
+    [(1e-3, 0.0, False), (0.0, 0.1, False), (1e-3, 0.1, True), (0.0, 0.0, False)],
+)
+def test_a_belief_that_was_exact_can_be_left(emd: float, color: float, farther: bool) -> None:
+    """Points and colours that lay on the image's before have no ratio to those after."""
+    assert Losses(color + emd, color, emd).farther_than(Losses(0.0, 0.0, 0.0), 1.3) is farther
 
 
 def test_a_quarter_of_the_target_lost(model: Model, driver: CellDriver) -> None:

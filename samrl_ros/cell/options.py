@@ -29,6 +29,9 @@ from samrl_ros.hardware.driver_file import PARTS, DriverFile, drivers_by_part
 from samrl_ros.nodes.registry import BRIDGES, EXECUTABLES, nodes_of_run
 
 LAYOUTS = ("split", "processes", "threads")
+# Options that mean nothing in a simulated and in a real cell.
+_REAL = ("observe", "judge", "hand_eye", "bases", "sim_time")
+_SIMULATED = ("world", "real_time_factor")
 
 
 @dataclass(frozen=True)
@@ -165,8 +168,8 @@ def prepare(options: CellOptions) -> Path:
         raise InputError(f"--instance {instance} is for the simulated cell, not for {where}; leave it out")
     if options.hardware:
         require_hardware(options)
-    elif given := [n for n in ("observe", "hand_eye", "bases", "sim_time") if getattr(options, n)]:
-        raise InputError(f"--{given[0].replace('_', '-')} is for a real cell; give --hardware as well")
+    elif given := _given(options, _REAL):
+        raise InputError(f"{given[0]} is for a real cell; give --hardware as well")
     if options.correction is not None:
         read_correction(options.correction).require_joints(cell_named(options.cell))
     if not options.observe and (options.policy == "learned" or options.strategy == "q"):
@@ -192,12 +195,21 @@ def prepare(options: CellOptions) -> Path:
     return file
 
 
+def _given(options: CellOptions, names: tuple[str, ...]) -> list[str]:
+    """Those options, as they are typed, that are not as they are by default."""
+    changed = [f.name for f in fields(options) if f.name in names and getattr(options, f.name) != f.default]
+    return [f"--{name.replace('_', '-')}" for name in changed]
+
+
 def require_hardware(options: CellOptions) -> dict[str, DriverFile]:
     """The drivers of a real cell by part, after a check of all that belongs to them.
 
     Raises:
-        InputError: a driver, calibration or judge that does not fit, or a part without a driver.
+        InputError: a driver, calibration or judge that does not fit, a part without a driver, or an option
+            of the simulated cell.
     """
+    if given := _given(options, _SIMULATED):
+        raise InputError(f"{given[0]} is for the simulated cell, not for a real one; leave it out")
     drivers = drivers_by_part(options.hardware)
     missing = [part for part in PARTS if part not in drivers]
     if missing and not options.observe:

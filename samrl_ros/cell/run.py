@@ -259,14 +259,7 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     except InputError as error:
         console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return False
-    n = len(summary["episodes"])
-    low, high = summary["success_rate_wilson95"]
-    interval = f"95 %: {low:.2f}-{high:.2f}"
-    if options.hardware and options.judge == "model":
-        console.print(f"{n} episodes; nobody judged them (--judge operator asks you)", highlight=False)
-    else:
-        judge = "the operator's word" if options.hardware else "evaluation truth"
-        console.print(f"{summary['successes']} of {n} episodes succeeded by {judge} ({interval})")
+    console.print(_result(summary), highlight=False)
     for episode in summary["episodes"]:
         console.print(_line(episode, options.policy == TOUCH), highlight=False, soft_wrap=True)
     timing = summary["timing"]
@@ -280,14 +273,27 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     console.print(f"summary: {out / 'summary.json'}\nbag:     {out / 'bag'}", highlight=False)
     _keep_visited(options, task, console)
     picture = out / "contact_sheet.png"
+    first = next((episode["episode"] for episode in summary["episodes"]), 0)
     try:
-        draw_contact_sheet(out / "bag", picture, episode=summary["episodes"][0]["episode"] if n else 0)
+        draw_contact_sheet(out / "bag", picture, episode=first)
+        console.print(f"picture: {picture}", highlight=False)
     except InputError as error:
         console.print(f"[yellow]no picture:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
-        return True
-    console.print(f"picture: {picture}", highlight=False)
     _photograph(options, task, console)
     return True
+
+
+def _result(summary: dict[str, Any]) -> str:
+    """How many episodes succeeded, of those that somebody judged."""
+    judged, low, high = summary["judged"], *summary["success_rate_wilson95"]
+    others = len(summary["episodes"]) - judged
+    if not judged:
+        return f"{others} episodes; nobody judged them (on a real cell, --judge operator asks you)"
+    judge = "the operator's word" if summary["judged_by"] == "operator" else "evaluation truth"
+    rest = f"; {others} not judged" if others else ""
+    return (
+        f"{summary['successes']} of {judged} episodes succeeded by {judge} (95 %: {low:.2f}-{high:.2f}){rest}"
+    )
 
 
 def _photograph(options: CellOptions, task: Task, console: Console) -> None:
@@ -336,7 +342,8 @@ def _keep_visited(options: CellOptions, task: Task, console: Console) -> None:
 def _line(episode: dict[str, Any], by_touch: bool) -> str:
     success = {True: "success", False: "failure", None: "not judged"}[episode["success"]]
     # What stands where it should may have been pressed too hard on its way.
-    force = f", largest force {episode['peak_contact_force_N']:.1f} N" if success == "failure" else ""
+    pressed = episode["peak_contact_force_N"]  # of a real cell nobody knows it
+    force = f", largest force {pressed:.1f} N" if success == "failure" and math.isfinite(pressed) else ""
     return (
         f"  episode {episode['episode']} (seed {episode['seed']}): {success}{force}, {episode['actions']} "
         f"actions, {_how_near(episode, by_touch)}, {len(episode['views'])} views considered, "

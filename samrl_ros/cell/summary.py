@@ -88,7 +88,7 @@ def summarise(
         if topics[OUTCOME]
     ]
     judged_by = "truth" if truth else _take_judgements(folder / "bag", episodes) if episodes else None
-    successes = sum(bool(e["success"]) for e in episodes)
+    judged = [bool(e["success"]) for e in episodes if e["success"] is not None]
     return {
         "schema": 1,
         "task": task.name,
@@ -98,9 +98,10 @@ def summarise(
         "error": error,
         "given_up": sum(is_given_up(e["reason"]) for e in episodes),
         "incidents": [asdict(one) for one in incidents],
-        "successes": successes,
+        "successes": sum(judged),
+        "judged": len(judged),  # episodes; of the others nobody knows whether they succeeded
         "judged_by": judged_by,
-        "success_rate_wilson95": wilson_interval(successes, len(episodes)),
+        "success_rate_wilson95": wilson_interval(sum(judged), len(judged)),
         "detector": _detector(episodes),
         "timing": timing,
         "median_hole_error_before_contact_m": _median(

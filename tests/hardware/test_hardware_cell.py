@@ -117,6 +117,9 @@ def test_peg_insertion_runs_on_drivers_alone(fake_cell: StartFake, tmp_path: Pat
         ["--observe"],
         ["--hardware=franka_ros2"],
         [*DRIVERS, "--judge", "nobody"],
+        ["--judge", "operator"],
+        [*DRIVERS, "--world", "mock"],
+        [*DRIVERS, "--real-time-factor", "2.0"],
         [*DRIVERS, "--hand-eye", "no_such_file.json"],
     ],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from samrl_ros.cell.run import _line
+from samrl_ros.cell.run import _line, _result
 
 
 @pytest.mark.parametrize(
@@ -22,3 +22,20 @@ def test_a_failure_says_how_hard_it_pressed(success: bool | None, says: str) -> 
     ended = {"final_error_m": 0.0137, "estimate_error_before_contact_m": 0.0049}
     line = _line({**about, **ended, "success": success, "peak_contact_force_N": force}, True)
     assert f"episode 0 (seed 7): {says}" in line
+    # What the operator of a real cell judges has no force that anybody knows.
+    real = _line({**about, **ended, "success": success, "peak_contact_force_N": float("nan")}, True)
+    assert says.partition(",")[0] in real and "nan" not in real
+
+
+@pytest.mark.parametrize(
+    ("judged", "by", "says"),
+    [
+        (3, "truth", "2 of 3 episodes succeeded by evaluation truth (95 %: 0.20-0.90)"),
+        (2, "operator", "2 of 2 episodes succeeded by the operator's word (95 %: 0.20-0.90); 1 not judged"),
+        (0, None, "3 episodes; nobody judged them"),
+    ],
+)
+def test_what_nobody_judged_is_no_failure(judged: int, by: str | None, says: str) -> None:
+    interval = (0.2, 0.9)
+    summary = {"episodes": [{}] * 3, "successes": 2, "judged": judged, "judged_by": by}
+    assert _result({**summary, "success_rate_wilson95": interval}).startswith(says)

@@ -95,6 +95,17 @@ def test_the_page_fetches_nothing_and_escapes_what_the_bag_says(folder: Path) ->
     assert page.count("data:image/jpeg;base64,") == 6
 
 
+@pytest.mark.parametrize(
+    ("said", "says"),
+    [([None], "1 episode, not judged"), ([True, None], "1 of 1 episode succeeded, 1 not judged")],
+)
+def test_an_episode_that_nobody_judged_did_not_fail(folder: Path, said: list[bool | None], says: str) -> None:
+    episodes = [SUMMARY["episodes"][0] | {"episode": k, "success": one} for k, one in enumerate(said)]
+    page = summarised(folder, episodes=episodes, successes=sum(map(bool, said)), judged_by="operator")
+    assert says in page and "0 of" not in page.partition("</h1>")[0]
+    assert ("success by the operator" in page) is any(said)
+
+
 def test_the_video_plays_and_shows_camera_and_model(folder: Path) -> None:
     _, video = write_run_page(folder)
     assert video.stat().st_size < 1_000_000

@@ -144,29 +144,41 @@ def _environment() -> Environment:
 def _headline(run: RunRecord, summary: dict[str, Any]) -> tuple[str, str]:
     """Name of the page's colours, and its first line."""
     episodes, error = summary.get("episodes", []), summary.get("error", "")
-    good = sum(bool(e.get("success")) for e in episodes)
-    count = f"{good} of {len(episodes)} episode{'s' if len(episodes) != 1 else ''} succeeded"
+    good, judged = _successes(summary)
+    count = f"{good} of {_episodes(judged)} succeeded"
+    if judged < len(episodes):
+        unknown = len(episodes) - judged
+        count = f"{count}, {unknown} not judged" if judged else f"{_episodes(unknown)}, not judged"
     if error.startswith("interrupted"):
         return "ambiguous", f"Interrupted: {count}"
     if error:
         return "failed", f"The cell stopped: {count}"
     if not summary:
-        ended = len(run.outcomes)
-        return "not_testable", f"Unfinished run: {ended} episode{'s' if ended != 1 else ''} ended"
+        return "not_testable", f"Unfinished run: {_episodes(len(run.outcomes))} ended"
+    if episodes and not judged:
+        return "not_testable", count
     return ("no_gap" if good == len(episodes) and episodes else "ambiguous"), count
+
+
+def _episodes(count: int) -> str:
+    return f"{count} episode{'s' if count != 1 else ''}"
+
+
+def _successes(summary: dict[str, Any]) -> tuple[int, int]:
+    """Of the episodes that somebody judged: how many succeeded, and how many there are."""
+    judged = [e["success"] for e in summary.get("episodes", []) if e.get("success") is not None]
+    return sum(map(bool, judged)), len(judged)
 
 
 def _key_figures(run: RunRecord, summary: dict[str, Any]) -> list[tuple[str, str, str, str]]:
     """Title, number, unit, note."""
     found: list[tuple[str, str, str, str]] = []
     interval = summary.get("success_rate_wilson95")
-    if summary.get("episodes") and interval:
-        good = f"{summary['successes']} of {len(summary['episodes'])}"
+    good, judged = _successes(summary)
+    if judged and interval:
         note = f"95 % interval {100 * interval[0]:.0f}-{100 * interval[1]:.0f} %"
-        judge = {"operator": "the operator", "truth": "ground truth", None: "nobody"}[
-            summary.get("judged_by", "truth")
-        ]
-        found.append((f"success by {judge}", good, "", note))
+        judge = "the operator" if summary.get("judged_by") == "operator" else "ground truth"
+        found.append((f"success by {judge}", f"{good} of {judged}", "", note))
     if run.duration:
         found.append(("recorded", f"{run.duration:.1f}", "s", f"of robot time, {run.messages} messages"))
     if run.actions:

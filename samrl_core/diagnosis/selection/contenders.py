@@ -22,6 +22,7 @@ from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 LEAST_EVIDENCE = 0.2  # of the best one's: below it a candidate is out of reach
 REACH = 2.0  # times the share of the equation that the best leaves, likewise
 ALIKE = 6.0  # [nat] that two formulas may differ by and be within reach of each other, whatever they leave
+TIE = 0.05  # of the best evidence, likewise: what one with many free numbers gains over the thing itself
 WAITING = 3  # candidates beyond reach that are tried after all within it were refused
 NEXT = 0.75  # of the best evidence, that those need: what the refused ones explained is there to be explained
 MOST = 6  # candidates that are simulated
@@ -165,9 +166,10 @@ def _within_reach(evidence: Evidence, singles: Sequence[Fit], excess: float) -> 
         left = max(left, singles[0].log_evidence - fit.log_evidence) / whole  # at least what the best adds
         # An equation that is met to the last makes nobody else impossible: no formula is so exact.
         apart = singles[0].log_evidence - fit.log_evidence
+        alike = max(ALIKE, TIE * singles[0].log_evidence)
         # A limit takes off whatever torque there is too much of: what it leaves measures nobody else.
         measures = next((c.equation_left for c in out if not _is_limit(c.fit)), None)
-        if measures is not None and left > REACH * max(measures, LEAST_LEFT) and apart > ALIKE:
+        if measures is not None and left > REACH * max(measures, LEAST_LEFT) and apart > alike:
             continue
         families[family] = families.get(family, 0) + 1
         if not np.isfinite(fit.log_evidence):

@@ -151,7 +151,10 @@ def decide(
     )
     if runner_ups:
         lead = named[0].gain - runner_ups[0].gain
-        reasons.append(f"the next best, {runner_ups[0].name}, explains {lead:.0f} less")
+        told = f"{lead:.0f} less"
+        if lead < 0:
+            told = f"{-lead:.0f} more of the torque; simulated motion or wider tolerances put it behind"
+        reasons.append(f"the next best, {runner_ups[0].name}, explains {told}")
     if far.gap is not None and far.gap.shrink is not None:
         reasons.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
     return Decision("effect", tuple(reasons))

@@ -62,6 +62,15 @@ def test_differences_are_named_with_their_size(kind: str) -> None:
 
 
 @pytest.mark.thorough
+def test_a_higher_supply_is_no_payload() -> None:
+    """Ten numbers of a payload meet the torque of one mechanism a little better; the motion denies them."""
+    (supplied,) = worlds(MACHINES["voltage_servo"], [Differs(supply=0.15)], 1)
+    found = diagnosed(supplied)
+    assert [e.family for e in found.effects] == ["actuator_gain"], found.reasons
+    assert "more of the torque; simulated motion" in " ".join(found.reasons)
+
+
+@pytest.mark.thorough
 def test_a_servo_without_a_recorded_torque() -> None:
     """The law stands for it: nothing where nothing is, and a dead band where one is."""
     nominal, banded = worlds(MACHINES["position_servo"], [Differs(), Differs(dead_band=0.01)], 2, 6.0)

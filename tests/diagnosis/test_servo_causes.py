@@ -17,9 +17,10 @@ from samrl_core.diagnosis.effects.drive.torque_rate_limit import EFFECT as RATE_
 from samrl_core.diagnosis.effects.drive_torque import turn_widths, usual_turns
 from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.kinds.arms import arm_trials
-from samrl_core.diagnosis.residuals.control_law import spring_of_rounded
+from samrl_core.diagnosis.residuals.control_law import squared_rounding_error
 from samrl_core.diagnosis.residuals.equations import integrated_terms
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.signal_band import SignalBand
 from samrl_core.diagnosis.residuals.signal_noise import quantum
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.contenders import Contender, plain_first
@@ -75,14 +76,27 @@ def test_a_velocity_gain_scales_the_position_loop_around_it() -> None:
 
 
 def test_a_reading_at_the_last_of_its_step_may_lie_beyond_a_punch() -> None:
-    """A twentieth of the step lies beyond the dead band: variance p (1 - p) of a jump from 0 to the punch."""
+    """A twentieth of the step lies beyond the dead band, and there the logged torque lacks the punch."""
     controller = POSITION_SERVO.described().controller
     assert controller is not None
     band, punch, step = 0.002, 0.02, 0.0004
     error = np.array([[band - 0.45 * step]])
-    _, variance = spring_of_rounded(controller, error, np.array([step]))
-    assert variance[0, 0] == pytest.approx(0.05 * 0.95 * punch**2, rel=0.8)
-    assert spring_of_rounded(controller, error - 0.2 * step, np.array([step]))[1][0, 0] == 0.0
+    squared = squared_rounding_error(controller, error, np.array([step]))
+    assert squared[0, 0] == pytest.approx(0.05 * punch**2, rel=0.8)
+    assert squared_rounding_error(controller, error - 0.2 * step, np.array([step]))[0, 0] == 0.0
+
+
+def test_a_single_error_rings_as_wide_as_its_variance() -> None:
+    """Errors at single samples, band-limited, have the variance that is stated: at their lobes too."""
+    band, rng = SignalBand(125.0, 25.0, 4.0, dynamic=True), np.random.default_rng(3)
+    variance = np.zeros((500, 1))
+    variance[100::60] = 0.04
+    drawn = np.sqrt(variance) * rng.normal(size=(500, 400))
+    seen = np.mean(band.reduce(drawn) ** 2, axis=1)
+    stated = band.reduce_variance(variance)[:, 0]
+    loud = stated > 1e-6
+    assert np.count_nonzero(loud) > 60  # lobes beside the eight peaks
+    assert seen[loud] == pytest.approx(stated[loud], rel=0.4)
 
 
 # -- noise --------------------------------------------------------------------------------------------------

@@ -65,19 +65,20 @@ def punch_torque(controller: ArmController, error: np.ndarray) -> np.ndarray:
     return controller.law.of_joints("punch", error.shape[1]) * np.sign(error)
 
 
-def spring_of_rounded(
-    controller: ArmController, error: np.ndarray, step: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Torque (F, J) of errors (F, J), and its variance, where readings are rounded to a step (J,).
+def squared_rounding_error(controller: ArmController, error: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Mean squared error (F, J) of the torque that logged errors (F, J) make, by a reading's step (J,).
 
     The controller read more finely than the log: at a dead band's edge nobody knows on which side it was.
-    The variance is what a kink or a punch adds to that of a straight spring.
+    What a straight spring would be off by is no part of it.
     """
-    shifted = [(dead_zone(controller, error + 0.5 * node * step), w) for node, w in ROUNDED]
-    torques = [(spring_torque(controller, e) + punch_torque(controller, e), w) for e, w in shifted]
-    mean = np.sum([w * t for t, w in torques], axis=0)
-    variance = np.sum([w * (t - mean) ** 2 for t, w in torques], axis=0)
-    return mean, np.maximum(variance - (controller.stiffness * step) ** 2 / 12.0, 0.0)
+
+    def torque(shift: np.ndarray | float) -> np.ndarray:
+        beyond = dead_zone(controller, error + shift)
+        return spring_torque(controller, beyond) + punch_torque(controller, beyond)
+
+    logged = torque(0.0)
+    squares = np.sum([w * (torque(0.5 * node * step) - logged) ** 2 for node, w in ROUNDED], axis=0)
+    return np.maximum(squares - (controller.stiffness * step) ** 2 / 12.0, 0.0)
 
 
 def law_terms(

@@ -256,14 +256,21 @@ def _between_commands(motion: RecordedMotion) -> np.ndarray:
 
 
 def _controller_residual(motion: RecordedMotion) -> tuple[np.ndarray, int, np.ndarray]:
-    """Law, the lag of states that fits its finest detail best, and law - commanded effort at full rate."""
+    """Law, the lag of states that fits its finest detail best, and law - commanded effort at full rate.
+
+    What a controller makes of the noise that it reads tells which reading it had. Another lag than none must
+    take that detail off the effort: a law of differenced positions adds noise of its own, at some lags less.
+    """
     u, limit = motion.asked, motion.limit()
     assert u is not None
+    own = float(np.sum(_high_frequency(u)))
     best: tuple[float, int, np.ndarray] | None = None
-    for lag in range(-MAX_LAG, MAX_LAG + 1):
+    for lag in sorted(range(-MAX_LAG, MAX_LAG + 1), key=abs):
         # The command is not shifted: a late command is an effect, a late log of states is not.
         law = motion.law(lag=lag).total
         rough = float(np.sum(_high_frequency(np.clip(law, -limit, limit) - u)))
+        if lag and rough > own:
+            continue
         rough += 1e-4 * float(np.sum(np.std(u, axis=0)))  # a noise-free log must not be decided by rounding
         # Another lag must be clearly better than none.
         if best is None or rough * (1.2 if lag else 1.0) < best[0]:
@@ -359,9 +366,7 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
 def _edges_wider(sigma: np.ndarray, motion: RecordedMotion) -> np.ndarray:
     """Noise (N, J) of a law's torque, larger where readings may lie on either side of a dead band's edge."""
     variance = motion.rounding_variance
-    return (
-        np.hypot(sigma, np.sqrt(np.maximum(motion.reduce(variance), 0.0))) if np.any(variance > 0) else sigma
-    )
+    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance))) if np.any(variance > 0) else sigma
 
 
 def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:

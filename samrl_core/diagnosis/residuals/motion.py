@@ -20,7 +20,7 @@ from samrl_core.diagnosis.residuals.control_law import (
     held_values,
     law_terms,
     position_error,
-    spring_of_rounded,
+    squared_rounding_error,
 )
 from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
@@ -222,7 +222,7 @@ class RecordedMotion(SignalBand):
 
     @cached_property
     def rounding_variance(self) -> np.ndarray:
-        """Variance (F, J) of the law's torque at the edges of dead bands by rounded readings."""
+        """Squared error (F, J) of the law's torque at the edges of dead bands by rounded readings."""
         controller, command, read = self.controller, self.command, self.raw_position
         assert (
             controller is not None
@@ -232,7 +232,7 @@ class RecordedMotion(SignalBand):
         )
         wide = replace(controller, law=replace(controller.law, dead_band=0.0))
         error = position_error(wide, command.position, read)
-        return spring_of_rounded(controller, error, quantum(read))[1]
+        return squared_rounding_error(controller, error, quantum(read))
 
     @cached_property
     def _without_steps(self) -> ArmController | None:

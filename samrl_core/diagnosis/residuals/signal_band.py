@@ -51,6 +51,20 @@ class SignalBand:
         """Band-limit and decimate a full-rate signal, (F, ...) to (N, ...)."""
         return self._pick(self._filtered(x))
 
+    def reduce_variance(self, variance: np.ndarray) -> np.ndarray:
+        """Variance (N, ...) of a band-limited signal, of that of its independent samples (F, ...).
+
+        By the squared impulse response: a single error rings in the samples around it too, where the response
+        itself, which is negative there, would find a variance below zero.
+        """
+        if self._band_filter is None:
+            return self._pick(variance)
+        reach = max(1, min(round(EDGE_PERIODS / self.band * self.rate), (len(variance) - 1) // 2))
+        impulse = np.zeros(2 * reach + 1)
+        impulse[reach] = 1.0
+        squared = signal.sosfiltfilt(self._band_filter, impulse, padtype=None) ** 2
+        return self._pick(np.apply_along_axis(np.convolve, 0, variance, squared, mode="same"))
+
     def _filtered(self, x: np.ndarray) -> np.ndarray:
         if self._band_filter is None:
             return np.asarray(x, dtype=float)

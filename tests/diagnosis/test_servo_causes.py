@@ -18,8 +18,9 @@ from samrl_core.diagnosis.effects.drive_torque import turn_widths, usual_turns
 from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.control_law import squared_rounding_error
-from samrl_core.diagnosis.residuals.equations import integrated_terms
+from samrl_core.diagnosis.residuals.equations import _controller_residual, integrated_terms
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signal_band import SignalBand
 from samrl_core.diagnosis.residuals.signal_noise import quantum
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -97,6 +98,27 @@ def test_a_single_error_rings_as_wide_as_its_variance() -> None:
     loud = stated > 1e-6
     assert np.count_nonzero(loud) > 60  # lobes beside the eight peaks
     assert seen[loud] == pytest.approx(stated[loud], rel=0.4)
+
+
+def test_states_are_not_shifted_to_a_lag_at_which_a_law_is_less_noisy() -> None:
+    """Differences of positions are in the law and in the speed that a back-EMF takes: least at a lag."""
+    rng, sent = np.random.default_rng(5), np.sin(np.arange(800) / 40.0)[:, None]
+    speed_noise = np.gradient(0.01 * rng.normal(size=(800, 1)), axis=0)
+
+    def law(lag: int) -> SimpleNamespace:
+        return SimpleNamespace(total=np.roll(sent - speed_noise, lag, axis=0))
+
+    motion = SimpleNamespace(
+        asked=sent + speed_noise,
+        limit=lambda: np.array([9.0]),
+        law=law,
+        rate=250.0,
+        enabled=np.ones((800, 1)),
+    )
+    assert _controller_residual(cast(RecordedMotion, motion))[1] == 0
+    # A torque that was made of the very reading two samples ago takes that reading's noise off.
+    motion.asked = np.roll(sent - speed_noise, 2, axis=0) + 1e-4 * rng.normal(size=(800, 1))
+    assert _controller_residual(cast(RecordedMotion, motion))[1] == 2
 
 
 # -- noise --------------------------------------------------------------------------------------------------

@@ -41,7 +41,9 @@ class TorqueSaturation(DriveEffect):
         if most == 0.0:  # a joint that nothing drives has no limit
             return ()
         grid = tuple({"L": f * most} for f in (0.05, 0.12, 0.25, 0.4, 0.6, 0.75, 0.85, 0.92, 0.96))
-        limits = {"L": (0.02 * most, 1.3 * most)}
+        # From what is possible on: where the least limit fits best, something holds the joint.
+        least = max(0.02 * most, min(unknown_torque(trial, joint), 0.9 * most))
+        limits = {"L": (least, 1.3 * most)}
         soft = tuple({"L": f * most, "p": p} for p in SOFT_KNEES for f in (0.7, 0.85, 1.0, 1.1, 1.25))
         softness = {"L": (0.1 * most, 1.5 * most), "p": SOFTNESS}
         one = ("present",)

@@ -36,3 +36,13 @@ def test_an_arm_of_others_gets_what_most_causes_have_in_common(families: tuple[s
     found = next_experiment(likelihood, fits, names, 0)
     assert found is not None and found.programme["kind"] == kind and found.programme["joints"] == ["lift"]
     assert "chosen by rule" in found.why
+
+
+def test_one_fit_alone_is_not_said_to_differ_by_nothing() -> None:
+    """A rival without a fit of its own leaves nothing to simulate: the rule, and no discrimination of 0."""
+    trials, _ = arm_trials(worlds.world(1, "A"), [])
+    likelihood: Any = SimpleNamespace(trials=trials)
+    named = SimpleNamespace(name="payload@tool", place="tool", effect=find_family("payload"))
+    fits: list[Any] = [SimpleNamespace(hypotheses=(named,), amplitudes=(np.ones(4),))]
+    found = next_experiment(likelihood, fits, ["payload@tool", "cable@joint:panda_joint4"], 0)
+    assert found is not None and "chosen by rule" in found.why and found.separates == 0.5

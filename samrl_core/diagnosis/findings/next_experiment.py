@@ -52,7 +52,7 @@ def next_experiment(
     )
     spec = robot_with_joints(arm.joints)
     scored: list[tuple[float, TrajectoryFile]] = []
-    if spec is not None:
+    if spec is not None and len(rivals) > 1:  # one alone differs from none
         for kind in CANDIDATES:
             file = TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
             try:
@@ -70,7 +70,7 @@ def next_experiment(
         kinds = [rivals[name][0].effect.experiment if name in rivals else "slow" for name in names]
         kind, _ = Counter(kinds).most_common(1)[0]  # of as many, the first
         file = TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
-        why = f"{pair}: {KINDS[kind].shows}; chosen by rule, the arm's programmes cannot be simulated here"
+        why = f"{pair}: {KINDS[kind].shows}; chosen by rule, they cannot be told apart by simulation here"
         separates = 0.5
     file = replace(file, why=why)
     content = {

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from samrl_core.diagnosis.effects import find_family
+from samrl_core.diagnosis.findings import next_experiment as proposals
 from samrl_core.diagnosis.findings.next_experiment import next_experiment
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from tests.diagnosis import worlds
@@ -38,8 +39,12 @@ def test_an_arm_of_others_gets_what_most_causes_have_in_common(families: tuple[s
     assert "chosen by rule" in found.why
 
 
-def test_one_fit_alone_is_not_said_to_differ_by_nothing() -> None:
+def test_one_fit_alone_is_not_said_to_differ_by_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A rival without a fit of its own leaves nothing to simulate: the rule, and no discrimination of 0."""
+    monkeypatch.setattr(proposals, "robot_with_joints", lambda joints: object())
+    monkeypatch.setattr(proposals, "file_runs", lambda *_: [object()])
+    monkeypatch.setattr(proposals, "_virtual", lambda trial, run: trial)
+    monkeypatch.setattr(proposals, "discrimination", lambda virtual, rivals: 0.0)  # as of one alone
     trials, _ = arm_trials(worlds.world(1, "A"), [])
     likelihood: Any = SimpleNamespace(trials=trials)
     named = SimpleNamespace(name="payload@tool", place="tool", effect=find_family("payload"))

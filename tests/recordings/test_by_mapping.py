@@ -126,15 +126,18 @@ def test_mappings_that_no_log_can_be_put_into(tmp_path: Path, changes: dict[str,
         arms(DiagnoseOptions((log(tmp_path / "a.csv"),), mapping=mapping_at(tmp_path, **changes)))
 
 
-def test_what_a_mapping_does_not_go_with_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_options_do_not_go_with_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mapping, path = str(mapping_at(tmp_path)), str(log(tmp_path / "a.csv"))
     out = ["--out", str(tmp_path / "report")]
     for arguments, part in (
         ([path, "--mapping", mapping, "--effort", "link"], "its channels say what efforts are"),
         ([path, "--mapping", mapping, "--camera"], "leave out --mapping"),
-        (["--mapping", mapping, "--watch"], "leave out bags, --mapping"),
+        (["--mapping", mapping, "--watch"], "leave out bags, --mapping, --camera"),
         ([path, "--sim", path, "--mapping", mapping], "samrl bag import"),
-        ([path, "--data", str(tmp_path)], "give --mapping FILE"),
+        ([path, "--data", str(tmp_path)], "without --mapping FILE nothing comes of --data"),
+        ([path, "--randomise"], "without --export TARGET nothing comes of --randomise"),
+        ([path, "--windows", "3", "--keep", "2"], "without --watch nothing comes of --windows, --keep"),
+        (["--many", str(tmp_path), "--camera", "--apply"], "leave out --camera, --apply"),
         ([str(tmp_path / "none.csv"), "--mapping", mapping], "does not exist"),
         (["--mapping", str(tmp_path / "none.yaml")], "none.yaml"),
     ):

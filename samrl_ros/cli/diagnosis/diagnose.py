@@ -41,12 +41,11 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     from samrl_ros.recordings.described import model_of
 
     check_targets(options.export)
+    _refuse_idle(options)
     if options.many is not None:
         return _many(options)
     if options.watch:
         return _watch(options)
-    if options.data is not None and options.mapping is None:
-        raise InputError("--data is the folder of a mapping's files; give --mapping FILE, or leave it out")
     if not options.bags and options.mapping is None:
         raise InputError("no recording is named; give bags, a folder of bags or a log, or --many DIR")
     screen = Console()
@@ -115,6 +114,28 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
 
 
+def _refuse_idle(options: DiagnoseOptions) -> None:
+    """Refuse options that would do nothing beside the others. Raises `InputError`."""
+    usual = DiagnoseOptions()
+
+    def given(*names: str) -> list[str]:
+        return [f"--{n.replace('_', '-')}" for n in names if getattr(options, n) != getattr(usual, n)]
+
+    for wanted, there, idle in (
+        ("--mapping FILE", options.mapping is not None, given("data")),
+        ("--export TARGET", bool(options.export), given("randomise")),
+        ("--watch", options.watch, given("window", "windows", "keep")),
+        ("--many DIR", options.many is not None, given("workers", "ray")),
+        ("--camera", options.camera, given("scene")),
+    ):
+        if idle and not there:
+            raise InputError(
+                f"{', '.join(idle)} does nothing without {wanted}; give that too, or leave it out"
+            )
+    if options.many is not None and (other := given("camera", "apply", "sim", "watch")):
+        raise InputError(f"--many diagnoses joints' recordings one by one; leave out {', '.join(other)}")
+
+
 def _many(options: DiagnoseOptions) -> int:
     from samrl_ros.cli.diagnosis.many import diagnose_many
 
@@ -131,11 +152,11 @@ def _watch(options: DiagnoseOptions) -> int:
 
     if (
         options.bags or options.held_out or options.sim is not None or options.apply or options.export
-        or options.mapping is not None
+        or options.mapping is not None or options.camera
     ):  # fmt: skip
         raise InputError(
-            "--watch takes its recordings from the running graph; leave out bags, --mapping, --held-out,"
-            " --sim, --apply and --export, and diagnose a kept window with them later"
+            "--watch takes its recordings from the running graph; leave out bags, --mapping, --camera,"
+            " --held-out, --sim, --apply and --export, and diagnose a kept window with them later"
         )
     return watch_graph(
         options.out,

@@ -130,7 +130,7 @@ def _refuse_idle(options: DiagnoseOptions) -> None:
     ):
         if idle and not there:
             raise InputError(
-                f"{', '.join(idle)} does nothing without {wanted}; give that too, or leave it out"
+                f"without {wanted} nothing comes of {', '.join(idle)}; give that too, or leave it out"
             )
     if options.many is not None and (other := given("camera", "apply", "sim", "watch")):
         raise InputError(f"--many diagnoses joints' recordings one by one; leave out {', '.join(other)}")

@@ -141,11 +141,26 @@ class ViewPlanner:
             return self._choice(False, stay, present, [], estimate, tool_arm_position, "stays: sees enough")
         obstacles = self._reach.obstacles(tool_arm_position, estimate.values)
         free = self._reach.clear_views(obstacles)
+        free, stay = self._lasting(free, stay, estimate, tool_arm_position)
         if strategy == "random":
             if rng is None:
                 raise InputError("strategy 'random' needs a generator; hand in np.random.default_rng(seed)")
             return self._random(free, obstacles, stay, estimate, tool_arm_position, rng)
         return self._best(free, obstacles, stay, estimate, tool_arm_position)
+
+    def _lasting(
+        self, free: list[View], stay: _Scored, estimate: Estimate, tool: np.ndarray
+    ) -> tuple[list[View], _Scored]:
+        """Views that the tool arm's way to its sub-goals leaves free too, if there are any, and to stay.
+
+        A camera beside that way sees best, until the arm comes before it and no way leads out.
+        """
+        coming = self._reach.way_capsules(tool, estimate.values)
+        lasting = [view for view in free if self._reach.is_clear(view.capsules, coming)]
+        if not lasting:
+            return free, stay
+        here = self._reach.camera_capsules(stay.joint_position)
+        return lasting, stay if self._reach.is_clear(here, coming) else replace(stay, utility=-np.inf)
 
     def _best(
         self, free: list[View], obstacles: Capsules, stay: _Scored, estimate: Estimate, tool: np.ndarray
@@ -169,6 +184,8 @@ class ViewPlanner:
             reason = f"stays: the best of {len(free)} views gains {gain:.2f} nat, below {s.min_gain:.2f}"
             return self._choice(False, stay, stay.score, seen, estimate, tool, reason)
         reason = f"the best of {len(free)} views gains {gain:.2f} nat after the price of its motion"
+        if not np.isfinite(stay.utility):
+            reason = f"the best of {len(free)} views: the tool arm's way leads through the present one"
         return self._choice(True, best, stay.score, seen, estimate, tool, reason)
 
     def _random(

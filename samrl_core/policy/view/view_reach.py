@@ -31,6 +31,7 @@ class ReachSettings:
     clearance: float = 0.03  # between the camera arm and anything else [m]
     camera_radius: float = 0.05  # sphere about the camera's body and its bracket [m]
     way_points: int = 12  # configurations that are checked along a straight motion in joint space
+    way_step: float = 0.02  # of the tool's tip, from one sub-goal that is checked to the next at least [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +133,26 @@ class ViewReach:
                 *(Capsules.of_parts(link.parts, pose) for link, pose in zip(chain, hanging, strict=True)),
             )
         )
+
+    def way_capsules(self, joint_position: np.ndarray, values: np.ndarray) -> Capsules:
+        """The tool arm on its way through the sub-goals ahead of a joint position (J,) [rad].
+
+        At sub-goals that are `way_step` apart at least; those out of the arm's reach are left out.
+        """
+        at, flange = joint_position, self._tool_arm.flange_in_base(joint_position)
+        lever = flange.rotation @ self._tool.tip_in_flange.position
+        tip, found = flange.position + lever, []
+        for goal in self._task.sub_goals(values, tip):
+            if float(np.linalg.norm(goal.tip_position - tip)) < self.settings.way_step:
+                continue
+            tip = goal.tip_position
+            wanted = Pose(tip - lever, flange.quat_xyzw)
+            try:
+                at = solve_ik(self._tool_arm, wanted, at, q0=at, iterations=60, tolerance=1e-4)
+            except ReachError:
+                continue
+            found.append(self.tool_capsules(at, values))
+        return Capsules.joined(found)
 
     def body_capsules(self, values: np.ndarray) -> Capsules:
         """The task's bodies where the estimate has them."""

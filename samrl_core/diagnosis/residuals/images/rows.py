@@ -24,6 +24,8 @@ BLUR = 0.016  # of outlines, share of the image's width: shifts up to it stay li
 LEAST_OUTLINE = 0.3  # squared gradient of an outline in a tile, below which it says nothing
 ROBUST = 1.4826
 UNSEEN = 255  # label of pixels that a corrected lens did not see
+WHITE = 0.97  # of full scale, from which on a colour is at the end of its range, blur and noise included
+LEAST_LIGHT = 0.05  # share, from which on more light can be what brings a colour to its end
 CHANNELS = ("depth", "mask", "color", "depth_noise")
 UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
 OF_CHANNEL = {  # columns that are no flow, by channel
@@ -158,9 +160,16 @@ def _depth_rows(
 
 
 def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
+    """Brightness of a surface in a tile against the model's, and what more light does to it.
+
+    Colours end at white. Where a tile has one that does, its column is not the slope but the secant: what so
+    much more light as the other colours show would do to it, over that much. With the slope such tiles would
+    deny the light that the others show.
+    """
     grey, expected = frame.color.mean(axis=2), model.mean(axis=2)
     tiles = _tiles(*grey.shape)
     value, where, shape, columns = [], [], [], []
+    means, medians = [], []
     for group, mask in inside.items():
         for tile in np.unique(tiles[mask]):
             chosen = mask & (tiles == tile)
@@ -168,6 +177,8 @@ def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.nd
                 continue
             e = float(expected[chosen].mean())
             value.append(float(np.median(grey[chosen])) - e)
+            means.append(model[chosen].mean(axis=0))
+            medians.append(np.median(frame.color[chosen], axis=0))
             where.append(int(tile))
             shape.append(1.0)
             columns.append(
@@ -177,7 +188,22 @@ def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.nd
                     "paint_static": np.array([float(group == STATIC)]),
                 }
             )
+    for k, light in _secants(np.array(means), np.array(medians)).items():
+        columns[k]["light"] = np.array([light])
     return _stacked(value, where, shape, columns)
+
+
+def _secants(expected: np.ndarray, seen: np.ndarray) -> dict[int, float]:
+    """Columns of light of the tiles (N, 3) that have a colour at its end, by index."""
+    if not len(seen):
+        return {}
+    white = seen >= WHITE
+    ratio = seen[~white] / np.maximum(expected[~white], 1e-3)
+    more = float(np.median(ratio)) - 1.0 if len(ratio) else 0.0
+    if more < LEAST_LIGHT:
+        return {}
+    lit = np.minimum((1.0 + more) * expected, 1.0)
+    return {int(k): float((lit[k] - expected[k]).mean() / more) for k in np.flatnonzero(white.any(axis=1))}
 
 
 def _noise_rows(

@@ -162,9 +162,9 @@ def _depth_rows(
 def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
     """Brightness of a surface in a tile against the model's, and what more light does to it.
 
-    Colours end at white. Where a tile has one that does, its column is not the slope but the secant: what so
-    much more light as the other colours show would do to it, over that much. With the slope such tiles would
-    deny the light that the others show.
+    Colours end at white. Where a tile has one that does, its column is not the gradient but the secant: what
+    so much more light as the other colours show would do to it, over that much. With the gradient such tiles
+    would deny the light that the others show.
     """
     grey, expected = frame.color.mean(axis=2), model.mean(axis=2)
     tiles = _tiles(*grey.shape)

@@ -69,13 +69,13 @@ class ArmMotion:
         self.reading: ArmReading | None = None
         self.commanded = np.zeros(len(spec.joint_names))
 
-    def move(self, waypoints: list[np.ndarray]) -> None:
-        """Start towards waypoints (J,) [rad], smoothly from wherever the arm is going.
+    def move(self, waypoints: list[np.ndarray], least_s: float = 0.0) -> None:
+        """Start towards waypoints (J,) [rad], smoothly from wherever the arm is; `least_s` as the smoother's.
 
         Raises:
             LimitError: a waypoint beyond the limits; the motion in progress is not touched.
         """
-        self._smoother.set_waypoints(waypoints)
+        self._smoother.set_waypoints(waypoints, least_s)
         self.busy = True
         self._started_ns = self._last_ns
         self._arrived_ns = -1

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import MotionStatus, ToolAction
 
-from samrl_core.cell.control.cartesian import LONGEST_DISPLACEMENT, straight_line
+from samrl_core.cell.control.cartesian import ACTION_S, LONGEST_DISPLACEMENT, straight_line
 from samrl_core.cell.control.guard import CommandGuard
 from samrl_core.cell.control.trajectory_rules import TrajectoryPoint, check_trajectory
 from samrl_core.cell.robots.arm_model import nominal_payloads
@@ -45,6 +45,12 @@ class ManipulatorSettings:
     horizon: float = setting(0.04, "how far ahead of a reading its command is stamped", "s", (0.004, 0.1))
     leash: float = setting(0.01, "commanded tool position may lead the measured one by", "m", (1e-3, 0.1))
     waypoint_spacing: float = setting(0.005, "of the straight line of an action", "m", (5e-4, 0.05))
+    action_duration: float = setting(
+        ACTION_S,
+        "a short action takes so long at least, as in the model; a touch in half the time hits twice as hard",
+        "s",
+        (0.0, 5.0),
+    )
     task_action_limit: float = setting(
         LONGEST_DISPLACEMENT, "longest displacement accepted", "m", (1e-3, 0.2)
     )
@@ -195,7 +201,8 @@ class Manipulator(Behaviour):
                 displacement,
                 arm.commanded,
                 self._settings.waypoint_spacing,
-            )
+            ),
+            self._settings.action_duration,
         )
         self._action = (message, tip)
         self._taken = self._place(message)

@@ -74,6 +74,7 @@ class JointSmoother:
         self._input.max_jerk = (jerk_scaling * limits.jerk).tolist()
         self._queue: deque[np.ndarray] = deque()
         self._final_velocity = np.zeros(joints)
+        self._least_s = 0.0  # of the motion to a single target [s]
         self._done = True
         self.reset(0.5 * (limits.lower + limits.upper))
 
@@ -110,20 +111,24 @@ class JointSmoother:
         """
         q = self._checked_target(position)
         v = self._checked_velocity(np.zeros_like(q) if velocity is None else velocity, q, "arrive slower")
-        self._queue = deque([q])
+        self._queue, self._least_s = deque([q]), 0.0
         self._final_velocity = v
         self._aim()
 
-    def set_waypoints(self, waypoints: list[np.ndarray]) -> None:
-        """Go through positions (J,) [rad] and stop at the last.
+    def set_waypoints(self, waypoints: list[np.ndarray], least_s: float = 0.0) -> None:
+        """Go through positions (J,) [rad] and stop at the last; a single one takes `least_s` at least.
 
         Raises:
-            InputError: no waypoint, wrong length, or a value that is not finite; nothing changes.
+            InputError: no waypoint, wrong length, or a value that is not finite or negative; nothing changes.
             LimitError: a waypoint beyond a position limit; nothing changes.
         """
         if not waypoints:
             raise InputError("no waypoint given; give at least one")
-        self._queue = deque([self._checked_target(w) for w in waypoints])
+        if not 0.0 <= least_s < math.inf:
+            raise InputError(f"least_s is {least_s} s, must be finite and not negative")
+        targets = [self._checked_target(w) for w in waypoints]
+        self._least_s = least_s if len(targets) == 1 else 0.0
+        self._queue = deque(targets)
         self._final_velocity = np.zeros_like(self._queue[0])
         self._aim()
 
@@ -137,6 +142,7 @@ class JointSmoother:
         self._input.synchronization = ruckig.Synchronization.No
         self._input.target_velocity = zeros
         self._input.target_acceleration = zeros
+        self._input.minimum_duration = None
 
     def step(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position [rad], velocity [rad/s] and acceleration [rad/s2] one period later, each (J,).
@@ -179,6 +185,7 @@ class JointSmoother:
         self._input.target_position = self._queue[0].tolist()
         self._input.target_velocity = self._final_velocity.tolist() if len(self._queue) == 1 else zeros
         self._input.target_acceleration = zeros
+        self._input.minimum_duration = self._least_s or None
         self._done = False
 
     def _checked_target(self, position: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from samrl_core.cell.control.cartesian import ACTION_S
 from samrl_core.common.errors import InputError
 from samrl_core.model.physics.scene import ContactPair, PhysicsScene
 
@@ -30,7 +31,7 @@ class ContactSettings:
 class TaskPhysicsSettings:
     """Time of an action, and contact."""
 
-    action_s: float = 0.1  # the tip moves, with minimal jerk [s]
+    action_s: float = ACTION_S  # the tip moves, with minimal jerk [s]
     rest_s: float = 0.3  # then stands still, while the next image is taken and fitted [s]
     contact: ContactSettings = field(default_factory=ContactSettings)
 

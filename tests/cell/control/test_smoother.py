@@ -192,3 +192,23 @@ def test_senseless_settings_are_refused(options: dict) -> None:
         JointSmoother(LIMITS, PERIOD, **options)
     with pytest.raises(InputError, match="period"):
         JointSmoother(LIMITS, 0.0)
+
+
+def test_a_short_motion_takes_no_less_than_it_is_told() -> None:
+    """A touch of 1 mm in half the time hits twice as hard."""
+    near = PANDA.home + 0.002
+    fast, slow = at_home(), at_home()
+    fast.set_waypoints([near])
+    slow.set_waypoints([near], least_s=0.1)
+    hasty, told = run(fast), run(slow)
+    assert len(hasty) * PERIOD < 0.06 and 0.1 <= len(told) * PERIOD < 0.12
+    top = [max(float(np.abs(dq).max()) for _, dq, _ in states) for states in (hasty, told)]
+    assert top[1] < 0.7 * top[0]
+    slow.set_waypoints([PANDA.home])  # what was told holds for that motion alone
+    assert len(run(slow)) * PERIOD < 0.06
+    slow.set_waypoints([near], least_s=0.5)
+    slow.step()
+    slow.stop()
+    assert len(run(slow)) * PERIOD < 0.1
+    with pytest.raises(InputError, match="least_s is -1"):
+        slow.set_waypoints([near], least_s=-1.0)

@@ -35,6 +35,7 @@ class Backlash(Deflection):
     excitation = "load reversals, with both sides observed"
     experiment = "micro_reversals"
     confounded_with = ("joint_elasticity", "transmission_hysteresis", "coulomb_friction")
+    contains = ("joint_elasticity",)  # the flank is a spring: with the gap gone that alone is left
     parameters = (Parameter("b", "rad", 0.0001, 0.02, "half width of the gap"),)
 
     def acts_on_arm(self, trial: Trial) -> bool:

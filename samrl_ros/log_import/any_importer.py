@@ -117,12 +117,12 @@ def _with_logs(text: str, path: Path, logs: Sequence[Path], held_out: Sequence[P
             "do so under `recordings` and leave LOG out"
         )
     source = next(iter(sources)) if isinstance(sources, dict) else "log"  # a missing one is refused later
-    names = _names([*logs, *held_out])
+    names, held = _names([*logs, *held_out]), {log.resolve() for log in held_out}
     recordings = []
     for log, name in names.items():
         about: dict[str, Any] = {**how, "name": name, "files": {source: str(log)}}
         if held_out:
-            about["role"] = "held_out" if log in {h.resolve() for h in held_out} else "fit"
+            about["role"] = "held_out" if log in held else "fit"
         recordings.append(about)
     return yaml.safe_dump({**general, "recordings": recordings}, sort_keys=False, allow_unicode=True)
 

@@ -85,9 +85,7 @@ def _load_mapped(options: DiagnoseOptions, mapping: Path, model: NominalModel | 
         )
     if not fit:
         raise InputError(f"{mapping.name}: every recording is held out; leave one to fit")
-    if not held_out and len(fit) > 1:
-        held_out = [fit.pop()]
-    return _of_one_arm(options, model, [[(r,) for r in fit], [(r,) for r in held_out]], notes)
+    return _of_one_arm(options, model, [(r,) for r in fit], [(r,) for r in held_out], notes)
 
 
 def _divided(kind: str, fit: list, held_out: list, notes: list[str], tolerances: Path | None) -> Loaded:
@@ -143,8 +141,6 @@ def _load_arms(
     from samrl_ros.recordings import read_tolerances
 
     fit_paths = [run for path in fit_paths for run in runs_in(path)]
-    if not held_paths and len(fit_paths) > 1:
-        held_paths = [fit_paths.pop()]
     urdf = None if model is None else model.urdf
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     drafted = "" if options.urdf is None else f" --urdf {options.urdf}"
@@ -158,21 +154,24 @@ def _load_arms(
             group.append(recordings)
             notes += more
         groups.append(group)
-    return _of_one_arm(options, model, groups, notes)
+    return _of_one_arm(options, model, *groups, notes)
 
 
 def _of_one_arm(
     options: DiagnoseOptions,
     model: NominalModel | None,
-    groups: Sequence[Sequence[tuple[ArmRecording, ...]]],
+    fit_logs: list[tuple[ArmRecording, ...]],
+    held_logs: list[tuple[ArmRecording, ...]],
     notes: list[str],
 ) -> Loaded:
-    """The arm that moves, of fitted and held-out logs, checked; a part held out where no log is."""
+    """The arm that moves, checked; where no log is held out the last of several is, or a part of one."""
     from samrl_ros.recordings.described import described_by
 
-    role = options.arm or _moving_role([*groups[0], *groups[1]])
+    if not held_logs and len(fit_logs) > 1:
+        fit_logs, held_logs = fit_logs[:-1], fit_logs[-1:]
+    role = options.arm or _moving_role([*fit_logs, *held_logs])
     chosen: list[list[ArmRecording]] = []
-    for group in groups:
+    for group in (fit_logs, held_logs):
         one = []
         for recordings in group:
             found = [r for r in recordings if r.arm.role == role]

@@ -17,6 +17,7 @@ from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.resampling import even
 
 UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi}  # of positions that arms log, in rad
 _MOMENTS = 600  # of a log, that are looked at
@@ -146,13 +147,11 @@ class _Log:
         step = float(np.median(np.diff(time)))
         if not step > 0.0:
             return None
-        grid = np.arange(time[0], time[-1], step)
+        grid, q, _ = even(time, position)
+        _, tau, _ = even(time, effort)
         window = max(5, 2 * round(0.5 * _SMOOTHED_S / step) + 1)
         if len(grid) < 4 * window:
             return None
-        q, tau = (
-            np.column_stack([np.interp(grid, time, c) for c in block.T]) for block in (position, effort)
-        )
         smooth = [
             savgol_filter(q, window, 3, deriv=order, delta=step, axis=0)[window:-window] for order in range(3)
         ]

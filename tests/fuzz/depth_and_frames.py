@@ -21,7 +21,7 @@ from samrl_ros.log_import.formats.rosbag import list_topics
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
 from tests.fuzz.reader import Reader
-from tests.recordings.frame_bags import BEGIN_S, FrameLog, write_frames
+from tests.recordings.logs.frame_bags import BEGIN_S, FrameLog, write_frames
 
 SIZE = (36, 48)  # of an image [pixels], enough for a plane
 INTRINSICS = {"fx": 45.0, "fy": 45.0, "ppx": 23.5, "ppy": 17.5, "depth_scale": 0.001}

@@ -12,7 +12,7 @@ from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.writing import as_yaml
 from tests.diagnosis.bodies.body_worlds import Tracker, World, several, toss
 from tests.fuzz.reader import Reader
-from tests.recordings import body_logs
+from tests.recordings.logs import body_logs
 
 
 def _draft(path: Path) -> None:

@@ -16,7 +16,7 @@ from samrl_ros.cli.diagnosis.load import load
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.cli.main import run
 from samrl_ros.recordings.described import model_of
-from tests.recordings.made_logs import JOINTS, MOTION, by_joint, urdf_of, write_csv
+from tests.recordings.logs.made_logs import JOINTS, MOTION, by_joint, urdf_of, write_csv
 
 
 def log(path: Path, factor: float = 1.0) -> Path:

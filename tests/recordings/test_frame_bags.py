@@ -21,7 +21,7 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.transform_tree import read_transform_table
 from tests.diagnosis.poses.pose_worlds import CAMERA, matrix
-from tests.recordings.frame_bags import BEGIN_S, FrameLog, arm_frames, flange_at, write_frames
+from tests.recordings.logs.frame_bags import BEGIN_S, FrameLog, arm_frames, flange_at, write_frames
 
 FLANGE, SEEN = "tool0 in base_link", "tag36h11:7 in camera_color_optical_frame"
 ERROR = matrix((0.006, -0.004, 0.005), (0.01, -0.008, 0.006))

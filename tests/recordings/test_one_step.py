@@ -19,9 +19,9 @@ from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.foreign import runs_in
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping
-from tests.recordings.made_logs import JOINTS, MOTION, by_joint, ros2_bag, urdf_of, write_csv
-from tests.recordings.test_pose_draft import opencv, two_files
-from tests.recordings.test_pose_draft import ros2_bag as pose_bag
+from tests.recordings.draft.test_pose_draft import opencv, two_files
+from tests.recordings.draft.test_pose_draft import ros2_bag as pose_bag
+from tests.recordings.logs.made_logs import JOINTS, MOTION, by_joint, ros2_bag, urdf_of, write_csv
 
 
 def write_columns(path: Path, **columns: np.ndarray) -> Path:

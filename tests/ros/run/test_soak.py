@@ -20,7 +20,7 @@ from samrl_ros.cell.soak.process_watch import ProcessWatch, read_samples
 from samrl_ros.cell.soak.report import report_soak
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from tests.ros.bag_files import record
-from tests.ros.small_run import new, stamped
+from tests.ros.run.small_run import new, stamped
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

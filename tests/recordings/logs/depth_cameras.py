@@ -1,7 +1,7 @@
 """Depth of a wall as depth cameras and data sets write it, by NumPy and Pillow alone.
 
 Noise grows with the square of the depth, a pattern of 0.04 % lasts, an edge and 3 % of the pixels are holes.
-python -m tests.recordings.depth_cameras DIR makes a folder for each case.
+python -m tests.recordings.logs.depth_cameras DIR makes a folder for each case.
 """
 
 from __future__ import annotations

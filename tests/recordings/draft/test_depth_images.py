@@ -15,7 +15,7 @@ from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.formats.depth_images import distance_in, is_depth_file
 from samrl_ros.log_import.formats.intrinsics import Intrinsics, read_cameras
-from tests.recordings.depth_cameras import (
+from tests.recordings.logs.depth_cameras import (
     CX,
     CY,
     FX,

@@ -53,7 +53,7 @@ def test_the_difference_comes_with_the_model_image_of_the_same_instant() -> None
     from samrl_ros.cell.report.pictures import COLOR, MODEL
     from samrl_ros.cell.viewer.viewer_messages import DIFFERENCE
     from samrl_ros.conversions.from_message import image, stamp_ns
-    from tests.ros.small_run import picture, stamped
+    from tests.ros.run.small_run import picture, stamped
 
     camera = [(k, COLOR, stamped(picture(k), k + 1)) for k in range(100)]
     gone, there = stamped(picture(60), 7), stamped(picture(60), 91)

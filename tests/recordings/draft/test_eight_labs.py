@@ -12,7 +12,7 @@ from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Effort
-from tests.recordings.eight_labs import LABS, make_lab
+from tests.recordings.logs.eight_labs import LABS, make_lab
 
 ASKED: dict[str, tuple[str, tuple[str, ...]]] = {  # kind, and a part of each question
     "ur_rtde": ("joints", ()),

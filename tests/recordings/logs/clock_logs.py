@@ -1,6 +1,6 @@
 """Stamps of two clocks as labs log them, five minutes at 30 Hz, by NumPy alone.
 
-python -m tests.recordings.clock_logs DIR makes a file for each.
+python -m tests.recordings.logs.clock_logs DIR makes a file for each.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping, read_mapping
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
-from tests.recordings.made_logs import (
+from tests.recordings.logs.made_logs import (
     JOINTS,
     MOTION,
     NUMBERS,

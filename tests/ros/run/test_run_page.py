@@ -18,7 +18,7 @@ from samrl_ros.cell.report.page import write_run_page
 from samrl_ros.cell.report.run_record import losses_of, read_run
 from samrl_ros.cell.report.view_sphere import view_figure
 from tests.ros.bag_files import record
-from tests.ros.small_run import ERROR_RAD, new, small_run
+from tests.ros.run.small_run import ERROR_RAD, new, small_run
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

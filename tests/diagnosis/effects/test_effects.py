@@ -21,7 +21,7 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import CASES, Case, find_form
-from tests.diagnosis.test_agreement import likelihood_of, true_hypothesis
+from tests.diagnosis.effects.test_agreement import likelihood_of, true_hypothesis
 
 EACH = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.family)
 # A shape for which the response is that of a nominal drive.

@@ -1,6 +1,6 @@
 """Logs as eight labs write them, one physical effect in each, made with NumPy and SciPy alone.
 
-python -m tests.recordings.eight_labs DIR makes a folder for each.
+python -m tests.recordings.logs.eight_labs DIR makes a folder for each.
 """
 
 from __future__ import annotations

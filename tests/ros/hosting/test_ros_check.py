@@ -115,7 +115,7 @@ def test_the_profile_lets_a_large_best_effort_image_through(ros_domain: int) -> 
         "node.destroy_node()\n"
         "stop_ros()\n"
     )
-    root = str(Path(__file__).resolve().parents[2])
+    root = str(Path(__file__).resolve().parents[3])
     environment = {name: value for name, value in os.environ.items() if name != "FASTDDS_BUILTIN_TRANSPORTS"}
     environment["PYTHONPATH"] = root
     command = [sys.executable, "-c", receiver]

@@ -25,8 +25,8 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.pose_specs import LENGTHS
 from tests.diagnosis.bodies.body_worlds import Tracker, World, bounces, several, slide, toss
-from tests.recordings import body_logs
-from tests.recordings.body_logs import Y_UP, Writer
+from tests.recordings.logs import body_logs
+from tests.recordings.logs.body_logs import Y_UP, Writer
 
 TURNED = World(gravity=(0.6, 0.0, -9.79))
 # Writer, rotation of the log's frame against ours, and which poses were not lost.

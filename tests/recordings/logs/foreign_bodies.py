@@ -1,6 +1,6 @@
 """Tracks of bodies in other frames and of other motions, by NumPy alone.
 
-    python -m tests.recordings.foreign_bodies OUT
+    python -m tests.recordings.logs.foreign_bodies OUT
 
 Tosses and slides whose z points down or whose y points up, balls and cylinders that roll down an incline that
 is stated, a block that slides on it, and a box that is pushed as MIT's planar pushing data have it.

@@ -17,7 +17,7 @@ from samrl_core.common.errors import InputError
 from tests.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.live]
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 ECHO = Path(__file__).with_name("echo_node.py")
 
 

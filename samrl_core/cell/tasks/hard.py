@@ -60,6 +60,7 @@ def _flipping() -> Task:
         blade_width=0.030,
         surface_deviation=0.0029,
         shaken=True,
+        upright=(1.2, 1.4),
         usual_policy="touch",
         force_limit=BENDING_FORCE,
         max_actions=60,

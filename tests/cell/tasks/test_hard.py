@@ -55,7 +55,7 @@ def inserted(task: PegInsertion, values: np.ndarray, depth: float, force: float)
 def test_a_variant_is_its_plain_task_with_other_settings(task: Task) -> None:
     plain = TASKS[plain_name(task.name)]
     assert type(task) is type(plain) and task.max_actions < plain.max_actions
-    assert task.action_limit == plain.action_limit
+    assert task.action_limit >= plain.action_limit  # so that its networks may act here
 
 
 def test_fits_spread_over_two_to_five_tenths_of_a_millimetre() -> None:

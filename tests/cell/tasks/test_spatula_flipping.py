@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from samrl_core.cell.robots.cells import cell_named
+from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.shapes import DISC_SIDES as SIDES
 from samrl_core.cell.tasks.shapes import disc_mesh
 from samrl_core.cell.tasks.spatula_flipping.pancake import BAKED_COLOR, PAINT, RAW_COLOR
@@ -144,6 +145,33 @@ def test_the_arc_goes_from_the_table_over_the_lip() -> None:
     from_foot = np.array(places) - [TASK.lip_x, 0.0, TASK.low]
     np.testing.assert_allclose(np.linalg.norm(from_foot, axis=1), TASK.arc_radius)
     assert places[-1][0] > TASK.lip_x
+
+
+def test_no_action_ends_where_the_hard_pancake_stands_by_itself() -> None:
+    """From wherever the edge has come to on its arc, straight steps lead past those angles, in one action."""
+    task = task_named("spatula_flipping_hard")
+    assert isinstance(task, SpatulaFlipping)
+    low, high = task.upright
+    flat = np.array([p.nominal for p in task.parameters()])
+    for start in np.linspace(0.0, low, 60):
+        radius = task.arc_radius
+        tip = np.array([task.lip_x - radius * math.cos(start), 0.0, task.low + radius * math.sin(start)])
+        angle = start
+        while goals := task.sub_goals(flat, tip):
+            way = goals[0].tip_position - tip
+            tip = tip + way * min(1.0, goals[0].max_step / float(np.linalg.norm(way)))
+            angle, before = math.atan2(tip[2] - task.low, task.lip_x - tip[0]), angle
+            assert angle > before
+            assert not low + 1e-3 < angle < high - 1e-3, f"from {start} rad it waits at {angle} rad"
+            if angle > high:
+                break
+        assert goals and task.action_limit < 0.02
+
+
+def test_an_upright_range_must_rise() -> None:
+    """Within the arc."""
+    with pytest.raises(InputError, match=r"upright is \(1.4, 1.2\) rad"):
+        SpatulaFlipping(upright=(1.4, 1.2))
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ import numpy as np
 from samrl_core.cell.tasks.task import SubGoal
 
 _NEAR = 0.012  # from the arc, within which the edge is on it [m]
+_REACHED = 0.002  # distance from a sub-goal [m]
+_ROUNDED = 1e-6  # [rad]
 _BEFORE = 0.004  # so far before the place where it begins too [m]
 
 
@@ -23,16 +25,35 @@ class Arc:
     end: float  # angle at which it ends [rad]
     step: float  # angle between two sub-goals at most [rad]
     push_step: float  # largest displacement per action [m]
+    upright: tuple[float, float]  # angles between which the pancake stands by itself [rad]
+
+    @property
+    def step_across(self) -> float:
+        """Displacement that goes through `upright` in one action from wherever its end comes next; 0 where
+        nothing is to be crossed [m].
+        """
+        low, high = self.upright
+        turn = high - low + 0.5 * self.step
+        return 2.0 * self.radius * math.sin(0.5 * turn) + _REACHED if low < high else 0.0
 
     def goals(self, y: float) -> list[tuple[float, SubGoal]]:
-        """Angles [rad] and sub-goals `turn_1`, `turn_2`, ... at a `y` [m]."""
+        """Angles [rad] and sub-goals `turn_1`, `turn_2`, ... at a `y` [m].
+
+        None lies within `upright`: a pancake that stands on its rim rolls off while somebody thinks. It is
+        turned to where the blade still holds it, and in one action on to where it falls over.
+        """
+        low, high = self.upright
         count = math.ceil(self.end / self.step - 1e-9)
-        found = []
+        found: list[tuple[float, SubGoal]] = []
         for k in range(1, count + 1):
             angle = self.end * k / count
+            if low + _ROUNDED < angle < high - _ROUNDED:
+                continue
+            crosses = found and found[-1][0] < high - _ROUNDED <= angle
             offset = self.radius * np.array([-math.cos(angle), math.sin(angle)])
             place = np.array([self.foot[0] + offset[0], y, self.foot[1] + offset[1]])
-            found.append((angle, SubGoal(f"turn_{k}", place, 0.002, self.push_step)))
+            step = max(self.push_step, self.step_across) if crosses else self.push_step
+            found.append((angle, SubGoal(f"turn_{k}", place, _REACHED, step)))
         return found
 
     def left(self, y: float, tip: np.ndarray) -> tuple[SubGoal, ...]:

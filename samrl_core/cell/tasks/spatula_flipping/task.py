@@ -35,6 +35,8 @@ PANCAKE = "pancake"
 LIP = "lip"
 _SIZES = 0.04  # steps of a pancake's size that a physics of its own is built for [-]
 _ACROSS = 0.15  # its centre is believed within +- this of the middle, in y [m]
+_POSITIVE = "pancake_radius pancake_thickness pancake_mass blade_length blade_width blade_thickness".split()
+_POSITIVE += "free_step push_step arc_radius arc_step".split()
 _TURNED_OVER = Pose.from_rotation(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
 
@@ -78,6 +80,10 @@ class SpatulaFlipping(Task):
     arc_radius: float = 0.055  # of the edge's way about the foot of the lip [m]
     arc_end: float = 1.9  # angle above the table at which the arc ends [rad]
     arc_step: float = 0.10  # angle between two sub-goals [rad]
+    upright: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # of the arc: there it stands by itself; equal: nowhere [rad]
     success_axis: float = -0.9  # z of the pancake's axis at most [-]
     success_height: float = 0.030  # its centre was higher than this [m]
     success_speed: float = 0.020  # at the end [m/s]
@@ -99,11 +105,11 @@ class SpatulaFlipping(Task):
     force_limit: float = math.inf  # an episode with a larger contact force has failed [N]
 
     def __post_init__(self) -> None:
-        lengths = ("pancake_radius", "pancake_thickness", "pancake_mass", "blade_length", "blade_width")
-        lengths += ("blade_thickness", "free_step", "push_step", "arc_radius", "arc_step")
-        for field in lengths:
+        for field in _POSITIVE:
             if not getattr(self, field) > 0:
                 raise InputError(f"{field} is {getattr(self, field)}, must be positive")
+        if not 0.0 <= self.upright[0] <= self.upright[1] < self.arc_end:
+            raise InputError(f"upright is {self.upright} rad, must rise from 0 to below {self.arc_end} rad")
         if len(self.half_range) != 2 or not all(0 < half < math.inf for half in self.half_range):
             raise InputError(f"half_range is {self.half_range} m, must be two positive lengths, in x and y")
         if not 0 < self.pancake_rounding < 0.5 * self.pancake_thickness:
@@ -131,7 +137,7 @@ class SpatulaFlipping(Task):
     @property
     def action_limit(self) -> float:
         """See `Task`."""
-        return max(self.free_step, self.push_step)
+        return max(self.free_step, self.push_step, self._arc.step_across)
 
     @property
     def surface_height(self) -> float:
@@ -145,21 +151,13 @@ class SpatulaFlipping(Task):
             InputError: the tool arm's base is not at the world's origin.
         """
         require_origin(cell, self.name)
-        nominal = np.array([p.nominal for p in self.parameters()])
-        pancake = pancake_body(
-            PANCAKE,
-            self.pancake_radius,
-            self.pancake_thickness,
-            self.pancake_rounding,
-            self.pancake_mass,
-            self.body_poses(nominal)[PANCAKE],
-            self.pancake_label,
-            self.pancake_friction,
-        )
+        pose = self.body_poses(np.array([p.nominal for p in self.parameters()]))[PANCAKE]
+        made = self.pancake_radius, self.pancake_thickness, self.pancake_rounding, self.pancake_mass, pose
+        pancake = pancake_body(PANCAKE, *made, self.pancake_label, self.pancake_friction)
         depth, _, height = self.lip_size
         place = np.array([self.lip_x + 0.5 * depth, self.center_y, self.surface + 0.5 * height])
-        lip_in_world = Pose(place, np.array([0.0, 0.0, 0.0, 1.0]))
-        lip = lip_body(LIP, self.lip_size, lip_in_world, self.lip_label, self.lip_friction)
+        there = Pose.from_rotation(place, np.eye(3))
+        lip = lip_body(LIP, self.lip_size, there, self.lip_label, self.lip_friction)
         return Scene((pancake, lip, *bodies_of(self.screens)), self._tool())
 
     def as_made(self, parts: Parts) -> SpatulaFlipping:
@@ -366,7 +364,7 @@ class SpatulaFlipping(Task):
     @property
     def _arc(self) -> Arc:
         foot, turn = (self.lip_x, self._low), (self.arc_radius, self.arc_end, self.arc_step)
-        return Arc(foot, self.under, *turn, self.push_step)
+        return Arc(foot, self.under, *turn, self.push_step, self.upright)
 
     def _values(self, values: np.ndarray) -> np.ndarray:
         v = np.asarray(values, dtype=np.float64)

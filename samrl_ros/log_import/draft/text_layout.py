@@ -6,12 +6,15 @@ that a reader would take for a peculiarity.
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.formats.encoding import decoded_text
 from samrl_ros.log_import.formats.motion_capture import read_motion_capture
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import TEXT_SUFFIXES
@@ -32,14 +35,10 @@ def text_options(path: Path) -> CsvOptions:
     """
     if path.suffix.lower() not in TEXT_SUFFIXES:
         return CsvOptions()
-    lines: list[str] = []
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            for line in stream:
-                lines.append(line.rstrip("\r\n"))
-                if len(lines) == _HEAD:
-                    break
-    except (OSError, UnicodeDecodeError) as error:
+        stream = io.StringIO(decoded_text(path), newline="")
+        lines = [line.rstrip("\r\n") for line in islice(stream, _HEAD)]
+    except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as text: {error}") from error
     if read_motion_capture(path, lines) is not None:
         return CsvOptions()
@@ -54,17 +53,19 @@ def stated_options(options: CsvOptions) -> dict[str, Any]:
 
 def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
     """None where no table of numbers is found."""
-    best: tuple[int, str, str] | None = None
+    best: tuple[tuple[int, int], str, str] | None = None
     for delimiter in _DELIMITERS:
         for decimal in (".", ","):
             if decimal == delimiter:
                 continue
             width = _width(lines, delimiter, decimal)
-            if width > 1 and (best is None or width > best[0]):
-                best = width, delimiter, decimal
+            # Of rows such as `0,1;2;3` most cells are numbers with a point, too: all are with a comma.
+            rank = width, sum(_count_numbers(line, delimiter, decimal) for line in lines)
+            if width > 1 and (best is None or rank > best[0]):
+                best = rank, delimiter, decimal
     if best is None:
         return None
-    width, delimiter, decimal = best
+    (width, _), delimiter, decimal = best
     comment = next((c for c in _COMMENTS if lines[0].startswith(c)), "")
     begin = next(k for k, line in enumerate(lines) if _is_data(line, delimiter, decimal, width))
     above = [k for k in range(begin) if lines[k].strip()]
@@ -89,7 +90,9 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
     if comment or begin > header_at + 1:
         units = _units_row(lines[header_at + 1 : begin], delimiter, width)
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
-        return CsvOptions(**how, header=names, skip_lines=0 if comment else begin)
+        # Lines of a comment are passed over anyway; names that stand in none would be a row of data.
+        plain_names = not lines[header_at].lstrip().startswith(_COMMENTS)
+        return CsvOptions(**how, header=names, skip_lines=begin if plain_names or not comment else 0)
     return CsvOptions(**how, skip_lines=header_at)
 
 
@@ -130,14 +133,23 @@ def _is_data(line: str, delimiter: str, decimal: str, width: int) -> bool:
     """Whether a line is a row of the table: half of what its cells hold are numbers."""
     if not line.strip() or line.lstrip().startswith(_COMMENTS):
         return False
-    cells = [cell.strip().strip('"') for cell in _split(line, delimiter)]
+    cells = _cells(line, delimiter)
     if (width and len(cells) != width) or len(cells) < 2:
         return False
-    number = _DECIMAL_COMMA if decimal == "," else _NUMBER
     filled = [cell for cell in cells if cell]
-    found = sum(
-        1 for cell in filled if number.fullmatch(cell) or (decimal == "," and _NUMBER.fullmatch(cell))
-    )
     if decimal == "," and not any(_DECIMAL_COMMA.fullmatch(cell) for cell in filled):
         return False
-    return bool(filled) and found > _ENOUGH * len(filled)
+    return bool(filled) and _count_numbers(line, delimiter, decimal) > _ENOUGH * len(filled)
+
+
+def _count_numbers(line: str, delimiter: str, decimal: str) -> int:
+    """Cells of a line that are numbers, written with this decimal mark or without one."""
+    return sum(
+        1
+        for cell in _cells(line, delimiter)
+        if _NUMBER.fullmatch(cell) or (decimal == "," and _DECIMAL_COMMA.fullmatch(cell))
+    )
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return [cell.strip().strip('"') for cell in _split(line, delimiter)]

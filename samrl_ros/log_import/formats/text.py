@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.formats.encoding import decoded_text
 from samrl_ros.log_import.formats.motion_capture import read_motion_capture
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
@@ -36,8 +37,7 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
     how: dict[str, Any] = {"sep": "\t" if tab else options.delimiter, "skipinitialspace": True}
     if how["sep"] == " ":
         how["sep"] = r"\s+"
-    with path.open(newline="", encoding="utf-8-sig") as stream:
-        lines = list(stream)
+    lines = list(io.StringIO(decoded_text(path), newline=""))
     if options == CsvOptions() and (captured := read_motion_capture(path, lines)) is not None:
         return captured
     text = "".join(

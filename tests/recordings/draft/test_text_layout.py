@@ -39,6 +39,11 @@ PLAIN = ["0.1,2,3", "0.2,3,4", "0.3,4,5.5"]
             "units.csv", ["t,x,y", "(s),(mm),(mm)", *PLAIN],
             {"skip_lines": 2, "header": ["t [s]", "x [mm]", "y [mm]"]}, ["t [s]", "x [mm]", "y [mm]"],
         ),
+        (  # the names stand below a comment, not in it
+            "below.csv", ["# a tape's distances", "t;x [mm];y", *[r.replace(",", ";") for r in PLAIN]],
+            {"delimiter": ";", "comment": "#", "skip_lines": 2, "header": ["t", "x [mm]", "y"]},
+            ["t", "x [mm]", "y"],
+        ),
     ],
 )  # fmt: skip
 def test_a_text_file_is_read_as_it_was_written(
@@ -62,9 +67,22 @@ def test_what_is_no_table_keeps_the_defaults(tmp_path: Path) -> None:
     for text in ("", "one\n", "# nothing\n", "a,b\nc,d\n"):
         (tmp_path / "a.csv").write_text(text)
         assert text_options(tmp_path / "a.csv") == CsvOptions()
-    (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(InputError, match="cannot be read as text"):
-        text_options(tmp_path / "a.csv")
+    for content in (b"\xff\xfe\x00", b"\x00\x01", b"t,x\n1,\x00\n"):
+        (tmp_path / "a.csv").write_bytes(content)
+        with pytest.raises(InputError, match="cannot be read as text"):
+            text_options(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig", "utf-16"])
+def test_umlauts_and_degrees_hinder_no_numbers(encoding: str, tmp_path: Path) -> None:
+    file = tmp_path / "messung.csv"
+    rows = "\r\n".join(row.replace(",", ";").replace(".", ",") for row in PLAIN)
+    file.write_bytes(f"Höhe 0,75 m\r\nZeit (s);x;Winkel (°)\r\n{rows}\r\n".encode(encoding))
+    options = text_options(file)
+    assert stated_options(options) == {"delimiter": ";", "decimal": ",", "skip_lines": 1}
+    table = read_table(file, options, "it")
+    assert list(table.columns) == ["Zeit (s)", "x", "Winkel (°)"]
+    np.testing.assert_allclose(table.numbers("Winkel (°)", "it"), [3.0, 4.0, 5.5])
 
 
 def test_a_column_may_count_frames(tmp_path: Path) -> None:

@@ -108,10 +108,22 @@ class ShiftedStamps(Form[PoseTrial]):
         shift = self.sign * shape["T"]
         twists = [trial.chain.shift_twist([shift if side in sides else 0.0 for side in (0, 1)])]
         if self.drifts:
-            elapsed = trial.chain.time - trial.chain.time[0]
-            rate = sum((trial.rates[role] for role in self.roles), np.zeros((len(elapsed), 6)))
-            twists.append(elapsed[:, None] * rate)
+            rate = self._rate(trial)
+            twists.append((trial.chain.time - self._middle(trial))[:, None] * rate)
         return trial.columns(np.stack(twists))
+
+    def _rate(self, trial: PoseTrial) -> np.ndarray:
+        """Twist (N, 6) per second of shift."""
+        return sum((trial.rates[role] for role in self.roles), np.zeros((len(trial.chain.time), 6)))
+
+    def _middle(self, trial: PoseTrial) -> float:
+        """The time [s] about which a drift turns: one that turns about the beginning would be an offset, too.
+
+        It is the middle of the motion, not of the time, so that a drift does nothing that a shift does.
+        """
+        moved = np.sum(self._rate(trial) ** 2, axis=1)
+        time, total = trial.chain.time, float(np.sum(moved))
+        return float(time @ moved / total) if total > 0 else float(np.mean(time))
 
     def prior(self, trial: PoseTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         if self.drifts:
@@ -122,7 +134,9 @@ class ShiftedStamps(Form[PoseTrial]):
         return bool(amplitudes[0] > 0.5)
 
     def parameters(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
-        out = {self.parameter: self.reported * float(shape["T"] * amplitudes[0])}
-        if self.drifts:
-            out["drift"] = self.reported * self.sign * float(amplitudes[1])
-        return out
+        shift = self.reported * float(shape["T"] * amplitudes[0])
+        if not self.drifts:
+            return {self.parameter: shift}
+        drift = self.reported * self.sign * float(amplitudes[1])
+        begins = self._middle(trial) - float(trial.chain.time[0])
+        return {self.parameter: shift - drift * begins, "drift": drift}

@@ -51,7 +51,10 @@ def test_friction_is_named_with_its_size() -> None:
 def test_a_table_that_leans_is_told_from_friction_by_slides_in_several_directions() -> None:
     d = told(several(slide, World(gravity=(0.45, 0.0, -9.8)), COUNT, 1))
     assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"
-    assert abs(only(d)["ay"][0] + np.arctan2(0.45, 9.8)) < 0.006 and abs(only(d)["ax"][0]) < 0.006
+    found = only(d)
+    assert abs(found["ay"][0] + np.arctan2(0.45, 9.8)) < 0.006 and abs(found["ax"][0]) < 0.006
+    # The way of the first recording alone makes it no lean along that way, with too narrow an interval.
+    assert d.effects[0].form != "one way" and found["ax"][1] < 0.0 < found["ax"][2]
 
 
 LEAN = (-0.020, -0.015, 1.0)  # normal of a table that leans by four and three times the tolerance

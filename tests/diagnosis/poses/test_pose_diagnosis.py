@@ -77,6 +77,16 @@ def test_a_late_camera_and_a_clock_are_one_and_no_name() -> None:
     assert abs(abs(size.value) - 0.04) < 0.002
 
 
+@pytest.mark.parametrize("latency", [0.045, 0.12])
+def test_a_delay_between_those_that_are_tried_is_as_long_as_it_is(latency: float) -> None:
+    """No drift stands in for the rest of it, and nothing is made up beyond the ends of the arm's track."""
+    d = diagnosis(PoseWorld(latency=latency, seconds=45.0))
+    assert d.verdict == "ambiguous"
+    assert set(d.ambiguity_set[0]) == {"camera_latency@sensor:camera", "clock_offset@arm:camera_arm"}
+    size = d.effects[0].parameters["T"]
+    assert size.ci95[0] < latency < size.ci95[1] and size.ci95[1] - size.ci95[0] < 0.012
+
+
 def test_images_are_not_younger_than_their_stamps() -> None:
     d = diagnosis(PoseWorld(latency=-0.03))
     assert d.verdict == "effect" and d.effects[0].name == "clock_offset@arm:camera_arm"

@@ -37,12 +37,12 @@ class BodyTrial(Observed):
 
     def __init__(
         self, recordings: Sequence[BodyRecording], motions: Motions, constants: BodyConstants,
-        channels: tuple[str, ...], levels: tuple[np.ndarray, np.ndarray],
+        channels: tuple[str, ...], levels: tuple[np.ndarray, np.ndarray], ways: np.ndarray,
     ) -> None:  # fmt: skip
         """Form residuals; `channels` are those of all trials together, `levels` the noise of positions (3,)
-        [m] and of turns (3,) [rad]."""
+        [m] and of turns (3,) [rad], `ways` (S, 3) of every fitted motion, whichever trial it is in."""
         self.recordings, self.recording, self.constants = tuple(recordings), recordings[0], constants
-        self.channels, self.cached = channels, dict[tuple[str, str], Any]()
+        self.channels, self.cached, self.ways = channels, dict[tuple[str, str], Any](), ways
         self.segments, self.rotations, self.level = motions.segments, motions.rotations, levels[0]
         self.impacts = motions.impacts if REBOUND in channels else ()
         self.notes = list[str]()
@@ -301,4 +301,9 @@ def body_trials(
     levels = zip(
         noise_levels([m.path_rests for m in made]), noise_levels([m.turn_rests for m in made]), strict=True
     )
-    return [BodyTrial(b, m, constants, channels, n) for b, m, n in zip(bundles, made, levels, strict=True)]
+    ways = [np.mean(s.velocity, axis=0) * len(s) for m in made[:fitted] for s in m.segments]
+    shared = np.array(ways).reshape(-1, 3)
+    return [
+        BodyTrial(b, m, constants, channels, n, shared)
+        for b, m, n in zip(bundles, made, levels, strict=True)
+    ]

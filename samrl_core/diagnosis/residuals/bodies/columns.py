@@ -111,7 +111,7 @@ def may_roll(trial: BodyTrial) -> bool:
 def across_the_way(trial: BodyTrial) -> np.ndarray:
     """The one of `across` (2,) about which gravity would lean along the mean motion."""
     axes = across(trial)
-    way = np.sum([np.mean(s.velocity, axis=0) * len(s) for s in trial.segments], axis=0)
+    way = np.sum(trial.ways, axis=0)
     gravity = np.asarray(trial.recording.gravity, dtype=float)
     lean = np.array([np.cross(axis, gravity) @ way for axis in axes])
     size = float(np.linalg.norm(lean))
@@ -119,12 +119,11 @@ def across_the_way(trial: BodyTrial) -> np.ndarray:
 
 
 def goes_one_way(trial: BodyTrial) -> bool:
-    """Whether all motions across gravity have about the same direction."""
+    """Whether all fitted motions across gravity have about the same direction, of every recording."""
     up = -np.asarray(trial.recording.gravity, dtype=float)
     up = up / np.linalg.norm(up)
-    ways = [np.mean(s.velocity, axis=0) * len(s) for s in trial.segments]
-    ways = [way - up * (up @ way) for way in ways]
-    whole = float(np.sum([np.linalg.norm(way) for way in ways]))
+    ways = trial.ways - np.outer(trial.ways @ up, up)
+    whole = float(np.sum(np.linalg.norm(ways, axis=1)))
     return whole > 0 and float(np.linalg.norm(np.sum(ways, axis=0))) > ONE_WAY * whole
 
 

@@ -29,6 +29,8 @@ LEAST_POSES = 6
 TIMING_RATE_HZ = 5.0  # below it poses are no motion: nothing is said of clocks
 RATE_STEP_S = 0.01  # of the difference that gives a rate
 NEAREST_M = 0.01  # of a target: nearer poses have the noise of this distance
+END_S, END_SHARE = 0.5, 0.05  # of a recording at either end of an arm's track, the less of the two
+LEFT_OUT = 1e3  # times the noise: as good as left out
 LEVER_M = 0.5  # at which a translation of 1 m/s counts as 2 rad/s, for phases
 # Standard deviations of what the noise estimate lets be off: beyond the catalogue's ranges.
 TRANSLATION, ROTATION, SIZE, ZERO, CLOCK = 0.03, 0.05, 0.05, 0.02, 0.1
@@ -81,6 +83,7 @@ class PoseTrial(Observed):
             self.noise, self._sigma, self.outliers = self._noise(distance, like, few)
         else:
             self.noise, self.outliers, self._sigma = noise, 0, noise.at(distance)
+        self._sigma[self._at_ends()] *= LEFT_OUT
 
     # -- what any recording tells ----------------------------------------------------------------------
 
@@ -215,6 +218,19 @@ class PoseTrial(Observed):
             (self.at_target(rate) for rate in self.rates.values()), np.zeros((len(self.chain.time), 6))
         )
         return np.hypot(np.linalg.norm(total[:, 3:], axis=1), np.linalg.norm(total[:, :3], axis=1) / LEVER_M)
+
+    def _at_ends(self) -> np.ndarray:
+        """Views (N,) at which a shift of stamps would ask for the arm before its track begins, or after its end.
+
+        Nobody knows it there, and what is made up makes every delay wrong, the true one too.
+        """
+        time = self.chain.time
+        if not self.shows_time:
+            return np.zeros(len(time), dtype=bool)
+        width = min(END_S, END_SHARE * self.duration)
+        begin = max(arm.stamps[0] for arm in self.recording.arms) + width
+        end = min(arm.stamps[-1] for arm in self.recording.arms) - width
+        return (time < begin) | (time > end)
 
     # -- noise -----------------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.bodies import SEVERAL
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_ros.log_import.body_specs import TURNS, BodyRecordingSpec, BodyTrackSpec
+from samrl_ros.log_import.formats.rosbag import is_bag
 from samrl_ros.log_import.imported_files import check_names, entries_of
 from samrl_ros.log_import.pose_importer import block_of, inside_range, matrices_of
 from samrl_ros.log_import.pose_specs import ANGLES, LENGTHS, rotations_of
@@ -78,7 +79,7 @@ def _each_file(entry: Any, general: dict[str, Any], data: Path, where: str) -> l
     sources = rest.get("sources", general.get("sources"))
     if not isinstance(sources, dict) or len(sources) != 1:
         raise InputError(f"{where}.glob needs exactly one source; name the files of several by recordings")
-    found = sorted(p for p in data.glob(pattern) if p.is_file())
+    found = sorted(p for p in data.glob(pattern) if p.is_file() or is_bag(p))
     if not found:
         raise InputError(f"{where}.glob: no file in {data} is like {pattern!r}")
     if len(found) > MOST_FILES:

@@ -164,7 +164,13 @@ def _describe_unit(chosen: SeenTrack, fall: FreeFall | None, entry: dict[str, An
         draft.note(key, proof if said not in LENGTHS else f"the log says {said}; {proof}", question)
         return
     if said in LENGTHS or said == "in":
-        draft.note(key, f"the log says {said}")
+        question = ""
+        if chosen.curve is not None:
+            question = (
+                f"what looks like a fall does not have {G:.2f} m/s^2 in it: does the body fly freely, or is it"
+                " carried? If it flies, are unit, frame rate and `gravity` right?"
+            )
+        draft.note(key, f"the log says {said}", question)
         return
     scale = None
     if chosen.time is not None and len(chosen.time.units) == 1:

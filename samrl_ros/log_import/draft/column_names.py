@@ -41,7 +41,7 @@ CARRIED = frozenset(
     " body".split()
 )
 CAMERAS = frozenset("cam camera optical rgb sensor eye".split())
-BASES = frozenset("base world link0 root origin".split())
+BASES = frozenset("base world link0 root origin o".split())  # o: of libfranka's O_T_EE
 
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
 _COMMANDED, _MEASURED = set(COMMANDED.split()), set(MEASURED.split())

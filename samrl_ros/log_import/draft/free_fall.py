@@ -149,6 +149,7 @@ def _fall(windows: _Windows, metres: float, axis: int, up: int) -> tuple[float, 
         & (spread < CLEAR * G)
     )
     kept: list[int] = []
+    each_fall: list[float] = []
     lasted = 0.0
     for run in _runs(falls):
         seconds = float(windows.time[run[-1]] - windows.time[run[0]]) + windows.length
@@ -157,8 +158,10 @@ def _fall(windows: _Windows, metres: float, axis: int, up: int) -> tuple[float, 
         # What slides brakes likewise, but never against the way it goes: a fall speeds up downwards.
         if len(run) > 1 and FALLS_S[0] < seconds < FALLS_S[1] and sinking.max() > LEAST_SPEED and not uneven:
             kept += list(run)
+            each_fall.append(float(np.mean(down[run])))
             lasted += seconds
-    if not kept:
+    # One body is pulled alike in every fall; what is moved about bends now more, now less.
+    if not kept or float(np.std(each_fall)) > UNEVEN * G + 2.0 * float(np.median(spread[kept])):
         return None
     weights = 1.0 / (spread[kept] ** 2 + (0.05 * G) ** 2)
     mean = (weights[:, None] * acceleration[kept]).sum(axis=0) / weights.sum()

@@ -10,12 +10,14 @@ import numpy as np
 
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import is_time
+from samrl_ros.log_import.draft.matrix_columns import ROWS, WIDTHS, matrix_order, row_by_row
 from samrl_ros.log_import.table import Table
 
 LEAST = 6  # rows, below which no pair of poses says anything
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _UNITS = {"m": "m", "cm": "cm", "mm": "mm", "rad": "rad", "deg": "deg", "in": "in", "px": "px"}
 _POSITION = {"p", "pos", "position", "t", "trans", "translation", "tvec", "loc", "location", "xyz"}
+_IN_PLANE = {"xy", "xz", "yz"}  # of arrays with two numbers
 _QUATERNION = {"q", "quat", "quaternion", "orientation", "rotation", "rot", "ori"}
 _VECTOR = {"rvec", "rotvec", "rodrigues", "aa", "axisangle"}
 _EULER = {"rpy", "euler"}
@@ -27,7 +29,6 @@ RATES = frozenset(
 _LETTERS = ("x", "y", "z", "w")
 _FULL = {"position": 3, "quaternion": 4, "rotation_vector": 3, "rpy": 3}
 _UNIT_LENGTH = 0.01  # by which a quaternion's length may differ from 1
-_TURNED = 1e-3  # likewise of rotation matrices
 JUMP = 5.0  # typical steps to the origin, from which on a zero is no place
 
 
@@ -93,6 +94,7 @@ def find_positions(table: Table) -> list[FoundTrack]:
     single: dict[tuple[tuple[str, ...], str], dict[str, str]] = defaultdict(dict)
     units: dict[tuple[tuple[str, ...], str], str] = {}
     numbered: dict[tuple[str, ...], dict[int, str]] = defaultdict(dict)
+    counted: dict[tuple[str, ...], dict[int, str]] = defaultdict(dict)
     arrays: dict[str, np.ndarray] = {}
     for name in table.columns:
         values = numbers_of(table, name)
@@ -111,6 +113,8 @@ def find_positions(table: Table) -> list[FoundTrack]:
             units[stem, kind] = unit
         elif _is_pose_number(words):
             numbered[tuple(w for w in words[:-1] if w != "pose")][int(words[-1])] = name
+        elif len(words) > 1 and words[-1].isdecimal():
+            counted[tuple(words[:-1])][int(words[-1])] = name
     _add_helical_quaternions(single)
     for (stem, kind), columns in single.items():
         letters = [letter for letter in _LETTERS[: _FULL[kind]] if letter in columns]
@@ -127,6 +131,10 @@ def find_positions(table: Table) -> list[FoundTrack]:
             track.vague = kind == "rotation_vector" and not set(_words_of(columns["x"])) & _VECTOR
     for stem, named in numbered.items():
         _add_parts(found, stem, [Component(named[k]) for k in sorted(named)])
+    for stem, named in counted.items():
+        if len(named) in WIDTHS:
+            parts = [Component(named[k]) for k in sorted(named)]
+            _add_matrix(found, stem, parts, np.column_stack([arrays[part.column] for part in parts]))
     tracks = _paired(list(found.values()))
     return tracks or _find_unnamed(arrays)
 
@@ -189,7 +197,7 @@ def _add_array(
     """An array (N, width) that is a part of a pose by its name and width."""
     first, width = words[0] if words else "", values.shape[1]
     kind, known = {
-        2: ("position", _POSITION),
+        2: ("position", _POSITION | _IN_PLANE),
         3: (
             "rotation_vector" if set(words) & _VECTOR or first == "rvec" else "position",
             _VECTOR | _POSITION,
@@ -204,7 +212,7 @@ def _add_array(
     }.get(width, ("", set()))
     if not kind or not known or (kind in ("position", "pose") and set(words) & RATES):
         return
-    if width < 4 and not set(words) & (_POSITION | _VECTOR):  # two or three numbers are joints as well
+    if width < 4 and not set(words) & (known | _VECTOR):  # two or three numbers are joints as well
         return
     if kind == "planar":
         if (np.diff(values[np.isfinite(values[:, 0]), 0]) > 0).all():
@@ -214,6 +222,9 @@ def _add_array(
             )
         return
     stem = tuple(words[1:] if first in known else words[:-1] if words and words[-1] in known else words)
+    if kind == "matrix":
+        _add_matrix(found, stem, [Component(name, k) for k in range(width)], values)
+        return
     track = found.setdefault(stem, FoundTrack(stem))
     order = next((o for o in ("wxyz", "xyzw") if o in words), "")
     if kind == "pose":
@@ -222,9 +233,23 @@ def _add_array(
         return
     track.columns[kind] = [Component(name)]
     if kind == "position":
-        track.unit, track.axes = unit, "xyz"[:width]
+        track.unit, track.axes = unit, next((w for w in words if w in _IN_PLANE), "xyz"[:width])
     elif kind == "quaternion":
         track.order = order
+
+
+def _add_matrix(
+    found: dict[tuple[str, ...], FoundTrack],
+    stem: tuple[str, ...],
+    parts: list[Component],
+    values: np.ndarray,
+) -> None:
+    """Numbers (N, 12 or 16) of a homogeneous matrix, which a mapping names row by row; others are none."""
+    if not (order := matrix_order(values)):
+        return
+    whole = order == ROWS and len({part.column for part in parts}) == 1
+    listed = [Component(parts[0].column)] if whole else [parts[k] for k in row_by_row(len(parts), order)]
+    found.setdefault(stem, FoundTrack(stem)).columns["matrix"] = listed
 
 
 def _is_planar(words: list[str]) -> bool:
@@ -284,9 +309,7 @@ def _find_unnamed(arrays: dict[str, np.ndarray]) -> list[FoundTrack]:
         found = {"position": parts[:3], "rotation_vector": parts[3:]}
         return [FoundTrack((), found, named=False, vague=True)]
     if numbers.shape[1] == 12:
-        turns = numbers.reshape(-1, 3, 4)[:, :, :3]
-        off = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max()
-        return [FoundTrack((), {"matrix": parts}, named=False)] if off < _TURNED else []
+        return [FoundTrack((), {"matrix": parts}, named=False)] if matrix_order(numbers) == ROWS else []
     return [FoundTrack((), {"position": parts}, named=False)] if numbers.shape[1] == 3 else []
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.clock_draft import describe_clocks, find_clocks
+from samrl_ros.log_import.draft.clock_draft import COUNTERS, describe_clocks, find_clocks
 from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable
@@ -40,7 +40,8 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
         name: v for name in tables[0].table.columns if (v := _numbers(tables[0].table, name)) is not None
     }
     true = [name for name in columns if says_truth(name)]
-    read = [name for name in columns if _says_depth(name) and not says_truth(name)]
+    counts = {name for name in columns if COUNTERS & set(words_in(name.rpartition(".")[2]))}
+    read = [name for name in columns if _says_depth(name) and not says_truth(name) and name not in counts]
     read = read or [name for name in columns if _says_measured_length(name)]
     pairs = [(a, b) for a in read for b in true if _alike(columns[a], columns[b])]
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")

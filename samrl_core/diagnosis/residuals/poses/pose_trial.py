@@ -220,7 +220,7 @@ class PoseTrial(Observed):
         return np.hypot(np.linalg.norm(total[:, 3:], axis=1), np.linalg.norm(total[:, :3], axis=1) / LEVER_M)
 
     def _at_ends(self) -> np.ndarray:
-        """Views (N,) at which a shift of stamps would ask for the arm before its track begins, or after its end.
+        """Views (N,) at which a shift of stamps asks for the arm before its track begins, or after its end.
 
         Nobody knows it there, and what is made up makes every delay wrong, the true one too.
         """

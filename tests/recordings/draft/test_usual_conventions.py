@@ -1,0 +1,85 @@
+"""Drafts of logs in conventions that are usual elsewhere: matrices by columns, KUKA's angles, folders of bags."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as BagWriter
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
+
+from samrl_ros.log_import.body_importer import bodies_of
+from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.matrix_columns import matrix_order, row_by_row
+from samrl_ros.log_import.draft.writing import as_yaml
+from tests.diagnosis.bodies.body_worlds import World, several, toss
+from tests.diagnosis.poses.pose_worlds import RATE_HZ, PoseWorld, flange, record
+
+SEEN_NAMES = "stamp,tag_pos_x_mm,tag_pos_y_mm,tag_pos_z_mm,tag_qw,tag_qx,tag_qy,tag_qz"
+
+
+def drafted(*paths: Path) -> Draft:
+    return draft_any(paths, None, None)
+
+
+def save(path: Path, names: str, *columns: np.ndarray) -> None:
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=names, comments="", fmt="%.9f")
+
+
+def save_tag(folder: Path) -> np.ndarray:
+    """Detections of a tag with w first and in mm; the flange's poses (N, 4, 4) at its stamps."""
+    made = record(PoseWorld(seconds=12.0)).seen
+    quaternions = made.quat_xyzw[:, [3, 0, 1, 2]]
+    save(folder / "tag.csv", SEEN_NAMES, made.time, 1e3 * made.position, quaternions)
+    return flange(np.arange(len(made.time)) / RATE_HZ, PoseWorld(seconds=12.0))
+
+
+@pytest.mark.parametrize("width", [12, 16])
+@pytest.mark.parametrize("order", ["rows", "columns"])
+def test_numbers_of_a_matrix_tell_their_order(width: int, order: str) -> None:
+    turns = Rotation.random(5, random_state=1).as_matrix()
+    matrices = np.tile(np.eye(4), (5, 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = turns, [0.3, -0.2, 1.4]
+    rows = matrices[:, : width // 4]
+    numbers = (rows if order == "rows" else np.swapaxes(rows, 1, 2)).reshape(5, width)
+    assert matrix_order(numbers) == order
+    np.testing.assert_allclose(numbers[:, row_by_row(width, order)], rows.reshape(5, width))
+    assert matrix_order(numbers + 0.1) == ""
+
+
+def test_a_column_major_matrix_is_taken_row_by_row(tmp_path: Path) -> None:
+    """libfranka's O_T_EE; without it the tag alone was a body that falls."""
+    poses = save_tag(tmp_path)
+    numbers = np.swapaxes(poses, 1, 2).reshape(-1, 16)
+    names = ",".join(["time_s", *(f"O_T_EE_{k}" for k in range(16))])
+    save(tmp_path / "franka.csv", names, np.arange(len(poses)) / RATE_HZ, numbers)
+    draft = drafted(tmp_path)
+    assert draft.kind == "poses"
+    listed = draft.poses["camera_arm"]["flange"]["matrix"]
+    assert listed[:5] == ["O_T_EE_0", "O_T_EE_4", "O_T_EE_8", "O_T_EE_12", "O_T_EE_1"]
+    assert draft.poses["target_in_camera"]["order"] == "xyzw"  # as the formulas stand, by the names
+
+
+def test_tosses_in_bags_of_one_folder_are_motions_of_one_body(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = "Pose Point Quaternion PoseStamped".split()
+    pose, point, quaternion, stamped = (store.types[f"geometry_msgs/msg/{kind}"] for kind in kinds)
+    header, moment = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    made = several(toss, World(), 2, 3)
+    for each in made:
+        writer = BagWriter(tmp_path / each.name, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        with writer as bag:
+            topic = bag.add_connection("/mocap/block/pose", stamped.__msgtype__, typestore=store)
+            for t, x, q in zip(each.track.time, each.track.position, each.track.quat_xyzw, strict=True):
+                stamp = moment(sec=int(t) + 5, nanosec=int(1e9 * (t % 1.0)))
+                message = stamped(header(stamp, "world"), pose(point(*x), quaternion(*q)))
+                bag.write(topic, int(1e9 * (t + 5)), store.serialize_cdr(message, stamped.__msgtype__))
+    draft = drafted(tmp_path)
+    assert draft.kind == "bodies" and not draft.questions
+    got = [each.recording for each in bodies_of(as_yaml(draft), tmp_path / "m.yaml", tmp_path)]
+    assert [each.name for each in got] == [each.name for each in made]
+    np.testing.assert_allclose(got[0].track.position, made[0].track.position, atol=1e-9)

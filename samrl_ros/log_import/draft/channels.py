@@ -247,16 +247,19 @@ def add_effort(
         draft.unused.append(
             f"{name_of(each)}: multiply by torque constant and gear ratio, then use it as effort"
         )
-    if not measured or effort is Effort.none:
+    if commanded := _add_commanded_effort(found, position, order, draft):
+        link = effort is Effort.link or (effort is Effort.ask and _measure_behind_gears(draft))
+        if not (measured and link):
+            draft.unused += [f"{name_of(each)}: beside the commanded torque" for each in measured]
+            return [commanded, *measured[:1], *currents]
+    elif not measured or effort is Effort.none:
         if not measured:
             undriven = "command" not in draft.channels and effort is Effort.ask
             question = "what drives the joints, neither command nor effort? If nothing, say --effort passive"
             draft.note("channels.states.effort", "no efforts were found", question if undriven else "")
         return currents
     best = measured[0]
-    link = effort is Effort.link or (
-        effort is Effort.ask and all(name.startswith(_LINK_SENSORS) for name in draft.joints)
-    )
+    link = effort is Effort.link or (effort is Effort.ask and _measure_behind_gears(draft))
     unit = "N m" if best.part.ros or not best.meaning.unit else best.meaning.unit
     unit_question = "" if best.part.ros or best.meaning.unit else f"is {name_of(best)} in N m?"
     quantity = quantity_of(best, order, unit, draft, "states")
@@ -264,7 +267,7 @@ def add_effort(
         reason = "as stated" if effort is Effort.link else "these arms measure torque behind the gears"
         draft.note("channels.states.effort", f"{name_of(best)}: {reason}", unit_question, "torque_unit")
         draft.channels["states"]["effort"] = quantity
-        return [best, *currents]
+        return [best, *([commanded] if commanded else []), *currents]
     question = unit_question
     if effort is Effort.ask:
         question = (
@@ -275,6 +278,36 @@ def add_effort(
     draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question, asks)
     draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
     return [best, *currents]
+
+
+def _measure_behind_gears(draft: Draft) -> bool:
+    """Whether the joints' names are those of arms with torque sensors at the links."""
+    return all(name.startswith(_LINK_SENSORS) for name in draft.joints)
+
+
+def _add_commanded_effort(
+    found: list[NamedBlock], position: NamedBlock, order: list[str], draft: Draft
+) -> NamedBlock | None:
+    """A torque whose name says that it was commanded; None where there is none."""
+    there = [
+        c
+        for c in found
+        if c.part is position.part
+        and c.meaning.quantity == "effort"
+        and c.meaning.commanded
+        and not c.meaning.computed
+        and set(order) <= set(c.block.labels)
+    ]
+    if not there:
+        return None
+    best = there[0]
+    unit = "N m" if best.part.ros or not best.meaning.unit else best.meaning.unit
+    question = "" if best.part.ros or best.meaning.unit else f"is {name_of(best)} in N m, at the joints?"
+    reason = f"{name_of(best)}: the name says a commanded torque"
+    draft.note("channels.commanded_effort.effort", reason, question, "torque_unit")
+    quantity = quantity_of(best, order, unit, draft, "states")
+    draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
+    return best
 
 
 def add_motor_input(

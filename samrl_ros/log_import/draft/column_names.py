@@ -43,6 +43,7 @@ CARRIED = frozenset(
 CAMERAS = frozenset("cam camera optical rgb sensor eye".split())
 BASES = frozenset("base world link0 root origin o".split())  # o: of libfranka's O_T_EE
 
+_ANGLES, _PER_SECOND = frozenset("rad deg degrees degree mrad rev".split()), frozenset("s sec".split())
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
 _COMMANDED, _MEASURED = set(COMMANDED.split()), set(MEASURED.split())
 _COMPUTED, _TIME = set(COMPUTED.split()), set(TIME.split())
@@ -68,6 +69,8 @@ def meaning(name: str) -> NameMeaning:
     # The last word that names something other than an angle: `joint_position_velocity` does not occur.
     quantity = next((q for q in reversed(quantities) if q != "position"), quantities[0] if quantities else "")
     units = [UNIT_WORDS[word] for word in words if word in UNIT_WORDS]
+    if quantity in ("", "position") and (rate := _rate_in(words)):
+        quantity, units = rate, []  # qd_deg_s
     if (electric := _ELECTRIC.search(name)) and quantity in ("", "current", "voltage"):
         units = [electric[1]]
         quantity = quantity or ("current" if electric[1].endswith("A") else "voltage")
@@ -79,6 +82,14 @@ def meaning(name: str) -> NameMeaning:
         computed=bool(found & _COMPUTED),
         unit=units[-1] if units else "",
     )
+
+
+def _rate_in(words: Sequence[str]) -> str:
+    """Quantity that a unit per s or per s2 at the end of a name says; empty where there is none."""
+    for unit, per, *power in (each for each in (words[-2:], words[-3:]) if len(each) > 1):
+        if unit in _ANGLES and per in _PER_SECOND and power in ([], ["2"]):
+            return "acceleration" if power else "velocity"
+    return ""
 
 
 def is_time(name: str) -> bool:

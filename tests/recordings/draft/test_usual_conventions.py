@@ -83,3 +83,16 @@ def test_tosses_in_bags_of_one_folder_are_motions_of_one_body(tmp_path: Path) ->
     got = [each.recording for each in bodies_of(as_yaml(draft), tmp_path / "m.yaml", tmp_path)]
     assert [each.name for each in got] == [each.name for each in made]
     np.testing.assert_allclose(got[0].track.position, made[0].track.position, atol=1e-9)
+
+
+def test_a_commanded_torque_and_degrees_per_second_say_what_they_are(tmp_path: Path) -> None:
+    """The torque was left out, and the log was sure that it had none."""
+    time = np.arange(0.0, 6.0, 0.01)
+    angle = np.stack([np.sin(time), 0.5 * np.cos(1.3 * time)], axis=1)
+    rate = np.stack([np.cos(time), -0.65 * np.sin(1.3 * time)], axis=1)
+    names = "time_s,j1_q_deg,j2_q_deg,j1_qd_deg_s,j2_qd_deg_s,j1_tau_cmd_Nm,j2_tau_cmd_Nm"
+    save(tmp_path / "run.csv", names, time, np.degrees(angle), np.degrees(rate), 3.0 * angle)
+    draft = drafted(tmp_path / "run.csv")
+    assert draft.kind == "joints" and not draft.questions
+    assert draft.channels["states"]["velocity"]["unit"] == "deg/s"
+    assert draft.channels["commanded_effort"]["effort"]["unit"] == "N m"

@@ -1,4 +1,4 @@
-"""Drafts of logs in conventions that are usual elsewhere: matrices by columns, KUKA's angles, folders of bags."""
+"""Drafts of logs in usual conventions: matrices by columns, KUKA's angles, bags in a folder."""
 
 from __future__ import annotations
 

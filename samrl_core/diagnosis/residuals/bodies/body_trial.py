@@ -304,6 +304,5 @@ def body_trials(
     ways = [np.mean(s.velocity, axis=0) * len(s) for m in made[:fitted] for s in m.segments]
     shared = np.array(ways).reshape(-1, 3)
     return [
-        BodyTrial(b, m, constants, channels, n, shared)
-        for b, m, n in zip(bundles, made, levels, strict=True)
+        BodyTrial(b, m, constants, channels, n, shared) for b, m, n in zip(bundles, made, levels, strict=True)
     ]

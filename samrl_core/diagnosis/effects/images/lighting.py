@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
-from samrl_core.diagnosis.effects.form import Form, Place
+from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.effects.image_forms import ImageColumns
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
@@ -24,7 +28,15 @@ class Lighting(Effect[ImageTrial]):
     simulated = False
 
     def forms(self, trial: ImageTrial, place: Place) -> tuple[Form[ImageTrial], ...]:
-        return (ImageColumns(place=place, amplitudes=("g",), columns_of=("light",), spreads=(0.4,)),)
+        return (Brightness(place=place, amplitudes=("log_gain",), columns_of=("light",), spreads=(0.4,)),)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Brightness(ImageColumns):
+    """Its amplitude is a logarithm, as the rows of brightness are."""
+
+    def parameters(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        return {"g": float(np.expm1(amplitudes[0]))}
 
 
 EFFECT = Lighting()

@@ -25,7 +25,7 @@ LEAST_OUTLINE = 0.3  # squared gradient of an outline in a tile, below which it 
 ROBUST = 1.4826
 UNSEEN = 255  # label of pixels that a corrected lens did not see
 WHITE = 0.97  # of full scale, from which on a colour is at the end of its range, blur and noise included
-LEAST_LIGHT = 0.05  # share, from which on more light can be what brings a colour to its end
+DARK = 0.02  # of full scale, below which nothing is said of ratios
 CHANNELS = ("depth", "mask", "color", "depth_noise")
 UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
 OF_CHANNEL = {  # columns that are no flow, by channel
@@ -160,50 +160,52 @@ def _depth_rows(
 
 
 def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
-    """Brightness of a surface in a tile against the model's, and what more light does to it.
+    """Brightness of a surface in a tile against the model's: e log(seen / e) for e expected.
 
-    Colours end at white. Where a tile has one that does, its column is not the gradient but the secant: what
-    so much more light as the other colours show would do to it, over that much. With the gradient such tiles
-    would deny the light that the others show.
+    Twice the light shows twice the paint as well: light adds to the logarithm, whatever the paint is. Times
+    what is expected it is the difference of brightness where that is small, and as noisy. A difference
+    would take a lamp on a dark paint for a weaker one.
     """
-    grey, expected = frame.color.mean(axis=2), model.mean(axis=2)
-    tiles = _tiles(*grey.shape)
-    value, where, shape, columns = [], [], [], []
-    means, medians = [], []
+    tiles = _tiles(*model.shape[:2])
+    means, medians, groups, where = [], [], [], []
     for group, mask in inside.items():
         for tile in np.unique(tiles[mask]):
             chosen = mask & (tiles == tile)
             if chosen.sum() < LEAST_PIXELS:
                 continue
-            e = float(expected[chosen].mean())
-            value.append(float(np.median(grey[chosen])) - e)
             means.append(model[chosen].mean(axis=0))
             medians.append(np.median(frame.color[chosen], axis=0))
+            groups.append(group)
             where.append(int(tile))
-            shape.append(1.0)
-            columns.append(
-                {
-                    "light": np.array([e]),
-                    "paint_object": np.array([float(group == OBJECT)]),
-                    "paint_static": np.array([float(group == STATIC)]),
-                }
-            )
-    for k, light in _secants(np.array(means), np.array(medians)).items():
-        columns[k]["light"] = np.array([light])
-    return _stacked(value, where, shape, columns)
+    if not where:
+        return _stacked([], [], [], [])
+    expected, of_group = np.array(means), np.array(groups)
+    e = np.maximum(expected.mean(axis=1), DARK)
+    seen = np.maximum(_unclipped(expected, np.array(medians), of_group).mean(axis=1), DARK)
+    columns = {"light": e, "paint_object": of_group == OBJECT, "paint_static": of_group == STATIC}
+    return Rows(
+        e * np.log(seen / e), np.array(where), np.ones(len(where)),
+        {name: np.asarray(one, dtype=float)[None] for name, one in columns.items()},
+    )  # fmt: skip
 
 
-def _secants(expected: np.ndarray, seen: np.ndarray) -> dict[int, float]:
-    """Columns of light of the tiles (N, 3) that have a colour at its end, by index."""
-    if not len(seen):
-        return {}
+def _unclipped(expected: np.ndarray, seen: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Colours (N, 3) of tiles as they would be if none ended at white.
+
+    Of a colour at white all that is known is that it is at least that. It is taken to be brighter than
+    expected by as much as the tile's other colours, or those of all tiles of the group where none is left.
+    """
     white = seen >= WHITE
-    ratio = seen[~white] / np.maximum(expected[~white], 1e-3)
-    more = float(np.median(ratio)) - 1.0 if len(ratio) else 0.0
-    if more < LEAST_LIGHT:
-        return {}
-    lit = np.minimum((1.0 + more) * expected, 1.0)
-    return {int(k): float((lit[k] - expected[k]).mean() / more) for k in np.flatnonzero(white.any(axis=1))}
+    if not white.any():
+        return seen
+    brighter = np.where(white, np.nan, np.log(np.maximum(seen, DARK) / np.maximum(expected, DARK)))
+    known = ~white.all(axis=1)
+    more = np.zeros(len(seen))
+    more[known] = np.nanmean(brighter[known], axis=1)
+    for one in np.unique(group[~known]):
+        others = brighter[(group == one) & known]
+        more[(group == one) & ~known] = np.nanmedian(others) if len(others) else 0.0
+    return np.where(white, np.maximum(seen, expected * np.exp(more)[:, None]), seen)
 
 
 def _noise_rows(

@@ -16,8 +16,8 @@ class Lighting(Effect[ImageTrial]):
     """The whole scene is brighter or darker than the model expects; edges and depth stay."""
 
     family, number, title = "lighting", 48, "Lighting and exposure"
-    meaning = "The scene's brightness or colour differs from the model."
-    remedy = "Fix exposure and white balance, and shield or model the light."
+    meaning = "The scene is brighter or darker than the model expects; its hue is not compared."
+    remedy = "Fix the exposure, and shield or model the light."
     formula = "brightness = (1 + g) expected"
     source = "gain 0.5 to 2"
     acts_on = "reading"

@@ -34,7 +34,7 @@ UNIT_WORDS = {
 # Of poses: what a camera sees, what an arm carries, cameras' frames and the frames that arms stand in.
 SEEN = frozenset(
     "tag tags marker markers target aruco apriltag april board charuco checkerboard chessboard object cam"
-    " camera detection detected vision optical pattern eye tracking".split()
+    " camera detection detected vision optical pattern eye tracking tvec rvec".split()
 )
 CARRIED = frozenset(
     "robot flange ee eef tcp tool tool0 gripper hand effector endeffector fk arm wrist base link7 link8"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from samrl_ros.log_import.draft.angle_names import LETTERS, OPENCV, add_makers_angles, part_opencv
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import is_time
 from samrl_ros.log_import.draft.matrix_columns import ROWS, WIDTHS, matrix_order, row_by_row
@@ -95,6 +96,7 @@ def find_positions(table: Table) -> list[FoundTrack]:
     units: dict[tuple[tuple[str, ...], str], str] = {}
     numbered: dict[tuple[str, ...], dict[int, str]] = defaultdict(dict)
     counted: dict[tuple[str, ...], dict[int, str]] = defaultdict(dict)
+    letters: dict[tuple[str, ...], dict[str, tuple[str, str]]] = defaultdict(dict)
     arrays: dict[str, np.ndarray] = {}
     for name in table.columns:
         values = numbers_of(table, name)
@@ -113,19 +115,23 @@ def find_positions(table: Table) -> list[FoundTrack]:
             units[stem, kind] = unit
         elif _is_pose_number(words):
             numbered[tuple(w for w in words[:-1] if w != "pose")][int(words[-1])] = name
+        elif words and words[-1] in LETTERS:
+            letters[tuple(words[:-1])][words[-1]] = (name, unit)
         elif len(words) > 1 and words[-1].isdecimal():
             counted[tuple(words[:-1])][int(words[-1])] = name
     _add_helical_quaternions(single)
+    part_opencv(single, units)
+    add_makers_angles(single, units, letters)
     for (stem, kind), columns in single.items():
-        letters = [letter for letter in _LETTERS[: _FULL[kind]] if letter in columns]
-        if kind != "position" and len(letters) < _FULL[kind]:
+        axes = [letter for letter in _LETTERS[: _FULL[kind]] if letter in columns]
+        if kind != "position" and len(axes) < _FULL[kind]:
             continue
         track = found.setdefault(stem, FoundTrack(stem))
-        track.columns[kind] = [Component(columns[letter]) for letter in letters]
+        track.columns[kind] = [Component(columns[letter]) for letter in axes]
         if kind == "quaternion":
             track.order = "xyzw"  # by their letters
         elif kind == "position":
-            track.unit, track.axes = units[stem, kind], "".join(letters)
+            track.unit, track.axes = units[stem, kind], "".join(axes)
         else:
             track.angle_unit = units[stem, kind]
             track.vague = kind == "rotation_vector" and not set(_words_of(columns["x"])) & _VECTOR
@@ -172,7 +178,7 @@ def _component(words: list[str]) -> tuple[tuple[str, ...], str, str] | None:
         (_QUATERNION, "quaternion"), (_VECTOR, "rotation_vector"), (_EULER, "rpy"), (_POSITION, "position"),
     ):  # fmt: skip
         if before in names and last in _LETTERS[: _FULL[kind]]:
-            return tuple(rest[:-1]), kind, last
+            return tuple(rest[:-1]) or (OPENCV if before in ("rvec", "tvec") else ()), kind, last
     if rest and rest[0] == "q":  # q_RS_w, of EuRoC's data sets
         return tuple(rest[1:]), "quaternion", last
     if rest and rest[0] == "p" and last != "w":

@@ -48,6 +48,17 @@ def test_friction_is_named_with_its_size() -> None:
     assert d.gap is not None and d.gap.shrink is not None and d.gap.shrink > 0.5
 
 
+def test_friction_that_grows_with_speed_is_no_drag_by_its_square() -> None:
+    """A drag was friction that grows with speed, and of a coefficient that it did not have."""
+    ice = Support(friction=0.03)
+    d = told(several(slide, World(friction=0.03, drag=0.3), COUNT, 5, support=ice))
+    assert d.verdict == "none_of_mine" and "square of the speed" in " ".join(d.reasons)
+    d = told(several(slide, World(friction=0.03, viscous=0.04), COUNT, 1, support=ice))
+    assert d.verdict == "effect" and d.effects[0].name == "contact_friction@body:puck"
+    _, low, high = only(d)["b"]
+    assert low < 0.04 < high and high - low < 0.02
+
+
 def test_a_table_that_leans_is_told_from_friction_by_slides_in_several_directions() -> None:
     d = told(several(slide, World(gravity=(0.45, 0.0, -9.8)), COUNT, 1))
     assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"

@@ -45,7 +45,12 @@ class ContactFriction(Effect[BodyTrial]):
             found = {"mu": t.constants.friction + float(amplitudes[0])}
             return found | ({"b": float(amplitudes[1])} if len(amplitudes) > 1 else {})
 
+        growth = OfMotion(
+            name="grows with speed, mu as stated", place=place, amplitudes=("b",),
+            of=columns.friction_by_speed, spreads=(0.1,), surprise=2.0,
+        )  # fmt: skip
         return (
+            growth,
             Coefficient(
                 name="coefficient", place=place, amplitudes=("mu",), of=columns.friction, spreads=(0.15,),
                 reported=sizes,

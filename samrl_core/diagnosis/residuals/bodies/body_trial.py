@@ -23,6 +23,7 @@ POSITIONS = tuple(f"position_{axis}" for axis in "xyz")
 TURNS = tuple(f"rotation_{axis}" for axis in "xyz")
 REBOUND = "rebound"
 DRAG = "drag of the air"
+SLIDING_DRAG = "a drag that grows with the square of the speed"
 UNITS = {**dict.fromkeys(POSITIONS, "m"), **dict.fromkeys(TURNS, "rad"), REBOUND: "m/s"}
 
 Field = Callable[[Segment], np.ndarray]
@@ -204,6 +205,8 @@ class BodyTrial(Observed):
             out["a force across the velocity (spin in air)"] = self.accelerated(lift)
         if self.slides:
             out["a force across the sliding"] = self.accelerated(curl)
+        if self.slides and not self.flies:
+            out[SLIDING_DRAG] = self.accelerated(drag)
         return out
 
     def _positions(self, paths: Sequence[np.ndarray]) -> Columns:

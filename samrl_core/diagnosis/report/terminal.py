@@ -41,7 +41,7 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
             _line("looks like", f"{hint} ({correlation:+.2f}) at {words.place(s.place)}, {s.channel}")
         )
     if d.ambiguity_set:
-        lines.append(_line("could be", " or ".join(words.effect(n) for n in d.ambiguity_set[0])))
+        lines.append(_line("could be", " or ".join(_candidate(d, name) for name in d.ambiguity_set[0])))
     if d.next_experiment is not None:
         n = d.next_experiment
         lines.append(
@@ -54,7 +54,7 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
     if d.not_testable:
         names = ", ".join(FAMILIES[f].title if f in FAMILIES else f for f in d.not_testable)
         lines.append(_line("not testable", f"{len(d.not_testable)}: {names}"))
-    tail = [_line("files", "  ".join(files))] if files else []
+    tail = [_line("files", _in_one_folder(files))] if files else []
     return _fit(lines[: LINES - len(tail)] + tail)
 
 
@@ -75,6 +75,22 @@ def _which(d: Diagnosis) -> list[str]:
         values = words.parameters(e) or "no parameters"
         lines.append(_line("which", f"{e.name}, probability {e.probability:.2f}: {values}"))
     return lines
+
+
+def _candidate(d: Diagnosis, name: str) -> str:
+    """A cause that cannot be told from others, with the size that it would have."""
+    found = next((e for e in (*d.effects, *d.runner_ups) if e.name == name), None)
+    sizes = "" if found is None else words.parameters(found)
+    return f"{words.effect(name)} ({sizes})" if sizes else words.effect(name)
+
+
+def _in_one_folder(files: Sequence[str]) -> str:
+    """Files by their names, behind the folder that holds them all; else as they are."""
+    folders = {file.rpartition("/")[0] for file in files}
+    if len(folders) > 1 or folders == {""}:
+        return "  ".join(files)
+    (folder,) = folders
+    return f"in {folder}: {', '.join(file.rpartition('/')[2] for file in files)}"
 
 
 def _how_far(gap: HeldOutGap) -> str:

@@ -56,28 +56,33 @@ def effect(name: str) -> str:
 
 def parameter(estimate: ParameterEstimate) -> str:
     """Value with half its 95 % interval and unit, to the digits that the interval supports."""
-    low, high = estimate.ci95
-    half = (high - low) / 2
-    unit = f" {unit}" if (unit := symbol(estimate.unit)) else ""
+    by, unit = _scale(estimate)
+    value, half = by * estimate.value, by * (estimate.ci95[1] - estimate.ci95[0]) / 2
+    unit = f" {unit}" if unit else ""
     if not (math.isfinite(half) and half > 0):
-        return f"{number(estimate.value)}{unit}"
+        return f"{number(value)}{unit}"
     digits = _decimals(half, 2)
-    if digits > 6 or abs(estimate.value) >= 1e6:
-        return f"{estimate.value:.3g} ± {half:.2g}{unit}"
-    return f"{estimate.value:.{max(digits, 0)}f} ± {half:.{max(digits, 0)}f}{unit}"
+    if digits > 6 or abs(value) >= 1e6:
+        return f"{value:.3g} ± {half:.2g}{unit}"
+    return f"{value:.{max(digits, 0)}f} ± {half:.{max(digits, 0)}f}{unit}"
+
+
+def _scale(estimate: ParameterEstimate) -> tuple[float, str]:
+    """What a number is shown times, and the unit behind it: small pure numbers are parts per million."""
+    half = (estimate.ci95[1] - estimate.ci95[0]) / 2
+    small = estimate.unit == "1" and 0 < half < math.inf and _decimals(half, 2) > 6
+    return (1e6, "ppm") if small else (1.0, symbol(estimate.unit))
 
 
 def value(estimate: ParameterEstimate) -> str:
     """The value alone with its unit, to the digits that the interval supports."""
-    return (
-        parameter(estimate).partition(" ± ")[0].removesuffix(f" {symbol(estimate.unit)}")
-        + f" {symbol(estimate.unit)}".rstrip()
-    )
+    unit = f" {_scale(estimate)[1]}"
+    return parameter(estimate).partition(" ± ")[0].removesuffix(unit) + unit.rstrip()
 
 
 def interval(estimate: ParameterEstimate) -> str:
     """The 95 % interval in brackets."""
-    low, high = estimate.ci95
+    low, high = (_scale(estimate)[0] * end for end in estimate.ci95)
     half = (high - low) / 2
     if not (math.isfinite(half) and half > 0):
         return f"[{number(low)}, {number(high)}]"

@@ -172,7 +172,8 @@ def judge_set(
         alarms += invariance_alarms(whole, chosen, selection.correlation_time)
         for h in chosen.hypotheses:
             alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
-    alarms += (doubted := doubts(evidence, chosen, selection.threshold))
+    doubted = doubts(evidence, chosen, selection.threshold)
+    alarms = [*doubted, *alarms]  # what was seen says more than what an effect of the library cannot do
     progress("how far")
     far = how_far(held, selection, simulate, rng, progress, likelihood)
     alarms += list(far.alarms)

@@ -1,4 +1,4 @@
-"""Names of poses that only their neighbours explain: angles of robot makers, OpenCV's vectors beside a pose."""
+"""Names of poses that only neighbours explain: robot makers' angles, OpenCV's vectors beside a pose."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,10 +56,18 @@ def test_the_effect_is_named_with_its_parameters_and_how_far() -> None:
 
 
 def test_an_ambiguous_gap_shows_the_set_and_the_next_recording() -> None:
-    text = "\n".join(summary(samples.diagnosis("ambiguous")))
-    assert "Backlash at joint panda_joint4 or Joint elasticity at joint panda_joint4" in text
+    text = " ".join(" ".join(summary(samples.diagnosis("ambiguous"))).split())
+    # Each with the size that it would have.
+    assert re.search(r"Backlash at joint panda_joint4 \(.+ ± .+\) or Joint elasticity at", text)
     assert "samrl excite next.yaml" in text
     assert "which" not in text  # nothing is named
+
+
+def test_files_of_one_folder_are_named_behind_it() -> None:
+    """Whole paths of three files were cut off before the report's name."""
+    folder = "/data/cells/panda/2026-11-02/afternoon/report"
+    text = summary(samples.diagnosis("effect"), [f"{folder}/report.json", f"{folder}/report.html"])[-1]
+    assert text.endswith(f"in {folder}: report.json, report.html")
 
 
 def test_an_unknown_gap_names_nothing_and_warns_of_the_nearest() -> None:
@@ -74,6 +83,8 @@ def test_an_unknown_gap_names_nothing_and_warns_of_the_nearest() -> None:
         (ParameterEstimate(8200.0, "N m/rad", (7100.0, 9400.0)), "8200 ± 1150 N m/rad"),
         (ParameterEstimate(-3e-9, "s", (-4e-9, -2e-9)), "-3e-09 ± 1e-09 s"),
         (ParameterEstimate(1.5, "", (1.5, 1.5)), "1.5"),
+        (ParameterEstimate(2e-4, "1", (1.993e-4, 2.007e-4)), "200.00 ± 0.70 ppm"),
+        (ParameterEstimate(2.0, "1", (float("-inf"), float("inf"))), "2"),
         (ParameterEstimate(2.0, "s", (float("-inf"), float("inf"))), "2 s"),
     ],
 )

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from samrl_ros.log_import.draft.blocks import ROS_TYPES, numbers_of
 from samrl_ros.log_import.draft.body_draft import draft_bodies
-from samrl_ros.log_import.draft.clock_draft import draft_stamped_topic
+from samrl_ros.log_import.draft.clock_draft import LEAST, draft_stamped_topic
 from samrl_ros.log_import.draft.depth_draft import draft_depth_images
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft, Effort
@@ -15,6 +16,7 @@ from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_poses
 from samrl_ros.log_import.draft.reading_draft import draft_readings
 from samrl_ros.log_import.draft.seen_tracks import are_at_once, is_named_body, is_of_a_machine
 from samrl_ros.log_import.draft.transform_chains import find_bag_chains
+from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 
 
 def draft_any(
@@ -58,11 +60,36 @@ def _draft_tracks(paths: Sequence[Path], tables: Sequence[LoggedTable]) -> Draft
     if any(is_of_a_machine(each, tracks) for each in tracks):
         return None
     bodies = draft_bodies(tracks)
+    if bodies is not None and _joints_beside(paths) and (bodies.questions or not bodies.falls):
+        return None  # what a camera sees while joints move; a body that falls beside them is sure
+    if bodies is not None and (beside := _tables_beside(tables)):
+        bodies.note(
+            "bodies.track", f"{', '.join(beside)} {'lies' if len(beside) == 1 else 'lie'} beside it, without"
+            " a pose that was found", "does it move freely, and is it not on what those tell of (an arm)?",
+        )  # fmt: skip
     at_once = are_at_once(tracks)
     alone = not at_once and bodies is not None and (_few_poses(tracks) or bodies.falls)
     if bodies is not None and (alone or any(map(is_named_body, tracks))):
         return bodies  # what an arm carries does not fall
     return draft_poses(tracks) or bodies
+
+
+def _joints_beside(paths: Sequence[Path]) -> bool:
+    """Whether a bag tells of joints, too."""
+    topics = [topic for path in paths if is_bag(path) for topic in list_topics(path, "the log")]
+    return any(topic.type in ROS_TYPES and topic.count >= LEAST for topic in topics)
+
+
+def _tables_beside(tables: Sequence[LoggedTable]) -> list[str]:
+    """Files with many rows of numbers and no track, beside files with tracks."""
+    found = []
+    for each in tables:
+        if each.part or each.tracks():
+            continue
+        columns = [numbers_of(each.table, name) for name in each.table.columns]
+        if any(values is not None and len(values) >= LEAST for values in columns):
+            found.append(each.path.name)
+    return list(dict.fromkeys(found))
 
 
 def _few_poses(tracks: Sequence[LoggedTrack]) -> bool:

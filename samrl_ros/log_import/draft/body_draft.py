@@ -260,7 +260,7 @@ def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None
         gravity["xyz".index(axes[axis])] = -G * up
         sign = "+" if up > 0 else "-"
         draft.note(key, f"{sign}{axes[axis]} is up: what is tossed comes back from there, in whatever unit")
-        draft.bodies["gravity"], draft.falls = gravity, True
+        draft.bodies["gravity"] = gravity  # not proven by 9.81 m/s^2: what is carried bends its path, too
         return
     if "z" in axes:
         letter, up, why = _guess_up(chosen)

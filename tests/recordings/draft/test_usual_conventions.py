@@ -96,3 +96,29 @@ def test_a_commanded_torque_and_degrees_per_second_say_what_they_are(tmp_path: P
     assert draft.kind == "joints" and not draft.questions
     assert draft.channels["states"]["velocity"]["unit"] == "deg/s"
     assert draft.channels["commanded_effort"]["effort"]["unit"] == "N m"
+
+
+def test_a_tag_beside_what_nobody_understands_is_no_sure_body(tmp_path: Path) -> None:
+    save_tag(tmp_path)
+    assert drafted(tmp_path).questions  # a tag alone
+    numbers = np.random.default_rng(1).standard_normal((400, 3))
+    save(tmp_path / "arm.csv", "time_s,u1,u2,u3", 0.03 * np.arange(400), numbers)
+    draft = drafted(tmp_path)
+    assert draft.kind != "bodies" or any("arm.csv" in guess.reason for guess in draft.guesses)
+    assert draft.questions
+
+
+def test_angles_of_robot_makers_are_roll_pitch_and_yaw(tmp_path: Path) -> None:
+    """KUKA's A, B and C turn about z, y and x; OpenCV's vectors stand beside them in one table."""
+    made = record(PoseWorld(seconds=12.0)).seen
+    poses = flange(made.time, PoseWorld(seconds=12.0))
+    angles = Rotation.from_matrix(poses[:, :3, :3]).as_euler("ZYX", degrees=True)
+    vectors = Rotation.from_quat(made.quat_xyzw).as_rotvec()
+    names = "nr,X [mm],Y [mm],Z [mm],A [deg],B [deg],C [deg],rvec_x,rvec_y,rvec_z,tvec_x,tvec_y,tvec_z"
+    rows = [np.arange(len(angles)), 1e3 * poses[:, :3, 3], angles, vectors, 1e3 * made.position]
+    save(tmp_path / "pairs.csv", names, *(row[::9] for row in rows))
+    draft = drafted(tmp_path / "pairs.csv")
+    assert draft.kind == "poses" and draft.poses["at_rest"]
+    assert draft.poses["camera_arm"]["flange"]["rpy"] == ["C__deg", "B__deg", "A__deg"]
+    assert draft.poses["camera_arm"]["flange"]["angle_unit"] == "deg"
+    assert draft.poses["target_in_camera"]["rotation_vector"] == ["rvec_x", "rvec_y", "rvec_z"]

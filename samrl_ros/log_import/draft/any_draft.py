@@ -11,6 +11,7 @@ from samrl_ros.log_import.draft.clock_draft import LEAST, draft_stamped_topic
 from samrl_ros.log_import.draft.depth_draft import draft_depth_images
 from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joint_chain import draft_joint_chain
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
 from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_poses
 from samrl_ros.log_import.draft.reading_draft import draft_readings
@@ -22,7 +23,7 @@ from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 def draft_any(
     paths: Sequence[Path], urdf: str | None, urdf_file: str | None, effort: Effort = Effort.ask
 ) -> Draft:
-    """Draft a mapping; with a robot's description the log is one of its joints.
+    """Draft a mapping; with a robot's description the log is one of its joints, or of a camera beside them.
 
     Args:
         paths: as `draft_mapping`, or files of poses, bodies or readings.
@@ -33,7 +34,10 @@ def draft_any(
     Raises:
         InputError: a log that cannot be read, or in which nothing was found.
     """
-    drafted = draft_free_devices(paths) if urdf is None else None
+    if urdf is None:
+        drafted = draft_free_devices(paths)
+    else:
+        drafted = None if urdf_file is None else draft_joint_chain(paths, urdf, urdf_file)
     return drafted or draft_mapping(paths, urdf, urdf_file, effort)
 
 

@@ -64,7 +64,7 @@ def draft_poses(
     if len(placed) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
-    runs = find_pose_runs(placed, _side) if chains is None else runs
+    runs = find_pose_runs(placed, side_of) if chains is None else runs
     used = placed if runs is None else [runs.seen[0], runs.carried[0]]
     seen, carried = _roles(used, draft) if chains is None else _told_roles(chains, draft)
     draft.unused += [each.name for each in used if each is not seen and each is not carried]
@@ -104,11 +104,11 @@ def _add_runs(runs: PoseRuns, draft: Draft) -> None:
 
 def are_roles_sure(tracks: Sequence[LoggedTrack]) -> bool:
     """Whether names say that one track is a target's and another a flange's."""
-    told = {_side(each) for each in tracks if each.track.whole}
+    told = {side_of(each) for each in tracks if each.track.whole}
     return {1, -1} <= told
 
 
-def _side(each: LoggedTrack) -> int:
+def side_of(each: LoggedTrack) -> int:
     """1 of what a camera sees, -1 of what an arm carries, 0 where no name says it."""
     if each.role:
         return each.role
@@ -118,9 +118,9 @@ def _side(each: LoggedTrack) -> int:
 
 def _roles(placed: list[LoggedTrack], draft: Draft) -> tuple[LoggedTrack, LoggedTrack]:
     """The target's poses and the flange's, by their names."""
-    ranked = sorted(placed, key=_side, reverse=True)
+    ranked = sorted(placed, key=side_of, reverse=True)
     seen, carried = ranked[0], ranked[-1]
-    sure = _side(seen) > 0 > _side(carried) and len(placed) == 2
+    sure = side_of(seen) > 0 > side_of(carried) and len(placed) == 2
     question = "" if sure else f"is it the target as the camera sees it, and {carried.name} the flange's?"
     draft.note("poses.target_in_camera", f"{seen.name}: {'by its name' if sure else 'a guess'}", question)
     return seen, carried
@@ -197,7 +197,7 @@ def _describe(
         said = "the arm carries the camera" if arm == "camera_arm" else "the camera stands still"
         tried = [words for (_, words), is_open in zip((first, second), open_, strict=True) if is_open]
         said += "".join(f", {words}" for words in dict.fromkeys(tried))
-        if (left := _closing(poses, cache, draft)) is not None:
+        if (left := closing(poses, cache, draft)) is not None:
             found.append((left, poses, said))
     if not found:
         raise InputError(
@@ -225,10 +225,10 @@ def _describe(
     else:
         question = _asked_of_frames(seen, carried, arm)
     draft.note(f"poses.{arm}", reason, question)
-    _state(arm, chains, draft)
+    state(arm, chains, draft)
 
 
-def _state(arm: str, chains: FoundChains | None, draft: Draft) -> None:
+def state(arm: str, chains: FoundChains | None, draft: Draft) -> None:
     """Transforms that a bag's frames give, and what nothing states."""
     wanted = {
         "camera_arm": ["camera_in_flange", "target_in_base"],
@@ -269,7 +269,7 @@ def _is_inverse(seen: LoggedTrack) -> bool:
     return bool(child & CAMERAS and parent) and not parent & CAMERAS and not seen.of_frames
 
 
-def _closing(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> float | None:
+def closing(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> float | None:
     """Of one description [m]; None where it cannot be read or solved."""
     content = {"name": "drafted", "sources": draft.sources, "poses": poses}
     try:

@@ -11,13 +11,18 @@ from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.diagnosis.residuals.poses.solve import closing_error
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.matrix_columns import matrix_order, row_by_row
 from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.pose_importer import poses_of
 from tests.diagnosis.bodies.body_worlds import World, several, toss
-from tests.diagnosis.poses.pose_worlds import RATE_HZ, PoseWorld, flange, record
+from tests.diagnosis.poses.pose_worlds import CAMERA, RATE_HZ, TARGET, PoseWorld, flange, record
+from tests.diagnosis.worlds import HOME, JOINTS, URDF
 
 SEEN_NAMES = "stamp,tag_pos_x_mm,tag_pos_y_mm,tag_pos_z_mm,tag_qw,tag_qx,tag_qy,tag_qz"
 
@@ -122,3 +127,33 @@ def test_angles_of_robot_makers_are_roll_pitch_and_yaw(tmp_path: Path) -> None:
     assert draft.poses["camera_arm"]["flange"]["rpy"] == ["C__deg", "B__deg", "A__deg"]
     assert draft.poses["camera_arm"]["flange"]["angle_unit"] == "deg"
     assert draft.poses["target_in_camera"]["rotation_vector"] == ["rvec_x", "rvec_y", "rvec_z"]
+
+
+def test_a_target_seen_beside_joints_closes_the_chain_by_the_description(tmp_path: Path) -> None:
+    """No flange is logged; the target alone was a body that falls in an unknown unit."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = "Pose Point Quaternion PoseStamped".split()
+    pose, point, quaternion, stamped = (store.types[f"geometry_msgs/msg/{kind}"] for kind in kinds)
+    header, moment = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    state = store.types["sensor_msgs/msg/JointState"]
+    time = np.arange(0.0, 6.0, 0.1)
+    angles = HOME + 0.3 * np.sin(np.outer(time, 0.5 + 0.3 * np.arange(len(JOINTS))))
+    flanges, _, _ = RigidArm(ArmDescription("arm", JOINTS, URDF, None, None)).kinematics(angles)
+    seen = np.linalg.inv(flanges @ CAMERA) @ TARGET
+    quaternions = Rotation.from_matrix(seen[:, :3, :3]).as_quat()
+    with BagWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        joints = bag.add_connection("/joint_states", state.__msgtype__, typestore=store)
+        tag = bag.add_connection("/aruco_single/pose", stamped.__msgtype__, typestore=store)
+        for t, q, x, turn in zip(time, angles, seen[:, :3, 3], quaternions, strict=True):
+            stamp = moment(sec=int(t) + 5, nanosec=int(1e9 * (t % 1.0)))
+            message = state(header(stamp, ""), list(JOINTS), q, np.zeros(0), np.zeros(0))
+            bag.write(joints, int(1e9 * (t + 5)), store.serialize_cdr(message, state.__msgtype__))
+            message = stamped(header(stamp, "camera_optical_frame"), pose(point(*x), quaternion(*turn)))
+            bag.write(tag, int(1e9 * (t + 5)), store.serialize_cdr(message, stamped.__msgtype__))
+    (tmp_path / "arm.urdf").write_text(URDF)
+    draft = draft_any([tmp_path / "bag"], URDF, str(tmp_path / "arm.urdf"))
+    assert draft.kind == "poses" and not draft.questions
+    (one,) = poses_of(as_yaml(draft), tmp_path / "m.yaml", tmp_path)
+    assert one.recording.camera_arm is not None and one.recording.camera_arm.joints == JOINTS
+    assert closing_error(one.recording) < 1e-3
+    assert drafted(tmp_path / "bag").kind == "joints"  # without the description, and no falling body

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from samrl_core.diagnosis.selection.cancellation import undo_each_other
 from samrl_core.diagnosis.selection.hypothesis import (
     ONSET,
     Evidence,
@@ -95,15 +96,20 @@ def _with_shapes_as_good(forms: dict[str, Fit], evidences: Sequence[float]) -> d
     }
 
 
-def _inside_first(fits: list[Fit]) -> list[Fit]:
-    """A shape on the bound of its search means another formula: one nearly as good goes first."""
-    if not fits or not on_bound(fits[0].hypotheses[0]) or fits[0].log_evidence <= 0:
+def _inside_first(
+    fits: list[Fit], index: int = 0, bounds: Callable[[Hypothesis], list[str]] = on_bound
+) -> list[Fit]:
+    """A shape on the bound of its search means another formula: one nearly as good goes first.
+
+    `fits` come best first and differ in the member of this index; `bounds` says which shapes are there.
+    """
+    if not fits or not bounds(fits[0].hypotheses[index]) or fits[0].log_evidence <= 0:
         return fits
     least = NEARLY * fits[0].log_evidence
     for k, fit in enumerate(fits):
         if fit.log_evidence < least:
             break
-        if not on_bound(fit.hypotheses[0]):
+        if not bounds(fit.hypotheses[index]):
             return [fit, *fits[k + 1 :]]
     return fits
 
@@ -153,7 +159,7 @@ def _closest_onset(attempt: Callable[[Hypothesis, float], Fit | None], best: Fit
 
 
 def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
-    """The best sets with one more effect, one for each place, best first."""
+    """The best sets with one more effect that undoes none of the others, one for each place, best first."""
     taken = {h.name for h in chosen.hypotheses}
     best: dict[str, Fit] = {}
     for h in pool:
@@ -167,10 +173,13 @@ def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit)
     for fit in ranked:
         # Two of a place: formulas that are close before their shapes are searched may change order.
         place = fit.hypotheses[-1].place
-        if len(kept) < ADDITIONS and sum(k.hypotheses[-1].place == place for k in kept) < 2:
+        if sum(k.hypotheses[-1].place == place for k in kept) < 2 and not undo_each_other(evidence, fit):
             kept.append(fit)
+        if len(kept) == ADDITIONS:
+            break
     refined = [evidence.refine(f, len(f.hypotheses) - 1, 20) for f in kept]
-    return sorted(refined, key=lambda f: -f.log_evidence)
+    there = [f for f in refined if not undo_each_other(evidence, f)]
+    return sorted(there, key=lambda f: -f.log_evidence)
 
 
 def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, first: int = 0) -> Fit:
@@ -192,18 +201,18 @@ def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, fi
             key = h.name, h.form.name
             if key not in forms or fit.log_evidence > forms[key].log_evidence:
                 forms[key] = fit
-            if fit.log_evidence > best.log_evidence:
+            if fit.log_evidence > best.log_evidence and not undo_each_other(evidence, fit):
                 best = fit
         refined = evidence.refine(best, index)
         if best is not chosen and all_on_bound(refined.hypotheses[index]):
             # Beyond its bounds a form is another: one of the same effect that stays inside goes first.
             name, form = refined.hypotheses[index].name, refined.hypotheses[index].form.name
             more = [evidence.refine(f, index) for (n, k), f in forms.items() if n == name and k != form]
-            inside = [f for f in more if not all_on_bound(f.hypotheses[index])]
-            better = max(inside, key=lambda f: f.log_evidence, default=refined)
-            if better.log_evidence > max(chosen.log_evidence, NEARLY * refined.log_evidence):
-                refined = better
-        if best is chosen or not on_bound(refined.hypotheses[index]):
+            better = [refined, *(f for f in more if f.log_evidence > chosen.log_evidence)]
+            better.sort(key=lambda f: -f.log_evidence)
+            refined = _inside_first(better, index, all_on_bound)[0]
+        stands = best is chosen or not on_bound(refined.hypotheses[index])
+        if stands and not undo_each_other(evidence, refined):
             chosen = refined
     return chosen
 

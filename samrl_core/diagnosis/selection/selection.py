@@ -13,6 +13,7 @@ import numpy as np
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.bounded_tolerances import evidence_beyond
+from samrl_core.diagnosis.selection.cancellation import undo_each_other
 from samrl_core.diagnosis.selection.contenders import NEXT, Contender, contend, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
@@ -238,7 +239,8 @@ def _grow(
     chosen = _greatest_first(evidence, in_plain_terms(evidence, pool, chosen), kept)
     rivals = find_rivals(evidence, pool, chosen, singles)
     beaten = bool(rivals) and rivals[0].log_evidence > chosen.log_evidence
-    if len(chosen.hypotheses) > 1 and beaten and not kept and not on_bound(rivals[0].hypotheses[0]):
+    beaten = beaten and not on_bound(rivals[0].hypotheses[0]) and not undo_each_other(evidence, rivals[0])
+    if len(chosen.hypotheses) > 1 and beaten and not kept:
         better, rivals = rivals[0], [chosen, *rivals[1:]]
         chosen = better
     remaining = likelihood.deficit(evidence.remainder(chosen), k)

@@ -334,6 +334,8 @@ def _worth(
 ) -> bool:
     """A further effect must be significant, matter on fitted data, and help on data that were not fitted.
 
+    Mending there what the narrower set spoiled is no help: both together must then win something.
+
     `held_left` (N,) is what the narrower set leaves of those.
     """
     if wide.log_evidence - narrow.log_evidence < settings.second_threshold:
@@ -367,7 +369,11 @@ def _worth(
     known = _known(held_out, there)
     held_before = held_out.deficit(held_left, k, known)
     held_after = held_out.deficit(held_out_remainder(held_out, wide), k, known)
-    return held_after <= (1.0 - settings.held_out_share) * held_before
+    if held_after > (1.0 - settings.held_out_share) * held_before:
+        return False
+    if any(h.effect.by_chance for h in wide.hypotheses):
+        return True  # when chance strikes again, nothing that was fitted can say
+    return held_out_gains(held_out, narrow, k)[0] >= 0.0 or held_out_gains(held_out, wide, k)[0] >= 0.0
 
 
 def _known(held_out: Likelihood, blocks: set[tuple[int, str, int]]) -> set[tuple[int, str, int]]:

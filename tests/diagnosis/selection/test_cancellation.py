@@ -1,4 +1,4 @@
-"""Members that undo each other are no finding, and a form inside its bounds goes first in a set too."""
+"""What a further member must show, and that a form inside its bounds goes first in a set too."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from samrl_core.diagnosis.effects.friction.viscous_friction import EFFECT as VISCOUS
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.likelihood import Likelihood, Regressors
+from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.cancellation import undo_each_other
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis
 from samrl_core.diagnosis.selection.search import find_extensions, swap_members
+from samrl_core.diagnosis.selection.selection import (
+    SelectionSettings,
+    _worth,
+    held_out_gains,
+    held_out_remainder,
+)
 from tests.diagnosis.controllers.kinds import VELOCITY_DRIVE
 from tests.diagnosis.controllers.machines import Differs, worlds
 
@@ -23,12 +29,16 @@ SIZE = 400.0  # of an effect, in deviations of the noise over all samples
 
 def stand_in(family: str, shape: dict[str, float] | None = None, form: str = "") -> Hypothesis:
     """A family of one amplitude; its hidden shape `s` is searched between 1 and 10."""
-    effect = SimpleNamespace(family=family, parameters=(), renamed_shapes=(), prior_cost=0.0)
+    effect = SimpleNamespace(
+        family=family, parameters=(), renamed_shapes=(), prior_cost=0.0, by_chance=False, at_every_joint=False
+    )
     made = SimpleNamespace(
         name=form,
         place=SimpleNamespace(name="joint:a"),
         refine={"s": (1.0, 10.0)},
         may_vanish=(),
+        prior=lambda *_: (np.zeros(1), np.ones(1)),
+        cost=lambda *_: 0.0,
         is_admissible=lambda *_: True,
     )
     nothing = np.zeros(0)
@@ -39,30 +49,44 @@ def stand_in(family: str, shape: dict[str, float] | None = None, form: str = "")
 
 
 class Bench:
-    """A drive's recording whose residual is a sum of two known columns that are alike to a third."""
+    """A drive's recording, twice, whose residual is a sum of two known columns that are alike to a third."""
 
     def __init__(self, first: float, second: float) -> None:
         """Sizes of both, relative to `SIZE`."""
         (recordings,) = worlds(VELOCITY_DRIVE, [Differs()], 3, 2.0)
-        trial = arm_trials(recordings[:1], [])[0][0]
-        (place,) = VISCOUS.places(trial)
-        ((key, rows),) = VISCOUS.forms(trial, place)[0].columns(trial, {}).items()
-        channel, joint = key
-        sigma = trial.sigma[channel][:, joint]
-        speed = rows[0] / np.linalg.norm(rows[0] / sigma)
-        other = np.random.default_rng(1).normal(size=len(speed)) * sigma
-        other /= np.linalg.norm(other / sigma)
-        columns = (SIZE * speed, SIZE * (speed + 0.25 * other))
-        trial.equations.residual[channel][:, joint] = first * columns[0] + second * columns[1]
-        self.evidence = Evidence(Likelihood([trial]), 2.0)
-        names = ("first", "second")
-        self.first, self.second = (self._made(n, {key: c[None]}) for n, c in zip(names, columns, strict=True))
+        self.fitted, self.unseen = arm_trials(recordings[:2], [])[0]
+        self.rng = np.random.default_rng(1)
+        one, other = self._white(self.fitted), self._white(self.fitted)
+        self.columns = (one, one + 0.25 * other)
+        self._set_residual(self.fitted, first * self.columns[0] + second * self.columns[1])
+        self.evidence = Evidence(Likelihood([self.fitted]), 2.0)
+        self.first = self.made("first", self.columns[0])
+        self.second = self.made("second", self.columns[1])
 
-    def _made(self, family: str, columns: dict[tuple[str, int], np.ndarray]) -> Hypothesis:
-        likelihood, bare = self.evidence.likelihood, stand_in(family)
-        there = likelihood.regressors([columns])
-        gram, moment = likelihood.plain_gram(there, there), likelihood.plain_moment(there)
-        return Hypothesis(bare.effect, bare.form, {}, there, np.zeros(1), np.ones(1), gram, moment)
+    def made(self, family: str, column: np.ndarray, unseen: np.ndarray | None = None) -> Hypothesis:
+        """A family whose column (N,) is this one, and another in the recording that is not fitted."""
+        bare = stand_in(family)
+        there = {id(self.fitted): column, id(self.unseen): column if unseen is None else unseen}
+        bare.form.__dict__["columns"] = lambda trial, shape: {("dynamics", 0): there[id(trial)][None]}
+        made = hypothesis(self.evidence.likelihood, bare.effect, bare.form, {})
+        assert made is not None
+        return made
+
+    def held_out(self, like_first: float, second: float) -> Likelihood:
+        """The other recording: how much of the first column it holds, and of what size the second is there."""
+        base = self._white(self.unseen)
+        self._set_residual(self.unseen, like_first * base)
+        self.first = self.made("first", self.columns[0], base)
+        self.second = self.made("second", self.columns[1], second * base)
+        return Likelihood([self.unseen])
+
+    def _white(self, trial: Trial) -> np.ndarray:
+        sigma = trial.sigma["dynamics"][:, 0]
+        column = self.rng.normal(size=len(sigma)) * sigma
+        return SIZE * column / np.linalg.norm(column / sigma)
+
+    def _set_residual(self, trial: Trial, residual: np.ndarray) -> None:
+        trial.equations.residual["dynamics"][:, 0] = residual
 
 
 @pytest.mark.parametrize(
@@ -79,14 +103,23 @@ def test_a_further_effect_that_undoes_the_first_is_none(first: float, second: fl
 
 def test_members_are_not_exchanged_for_one_that_the_other_undoes() -> None:
     bench = Bench(1.0, -1.0)
-    key = next(iter(bench.first.regressors.blocks))
-    rng = np.random.default_rng(2)
-    noise = {key[1:]: 0.01 * SIZE * rng.normal(size=bench.first.regressors.blocks[key].shape)}
-    weak = bench._made("weak", noise)
+    weak = bench.made("weak", 0.3 * bench._white(bench.fitted))
     chosen = bench.evidence.fit([weak, bench.second])
     assert bench.evidence.fit([bench.first, bench.second]).log_evidence > chosen.log_evidence
     kept = swap_members(bench.evidence, [weak, bench.first, bench.second], chosen)
     assert [h.effect.family for h in kept.hypotheses] == ["weak", "second"]
+
+
+@pytest.mark.parametrize(("second", "helps"), [(1.04, False), (1.09, True)])
+def test_mending_what_the_first_spoiled_is_no_help(second: float, helps: bool) -> None:
+    bench = Bench(1.0, -0.95)
+    held_out = bench.held_out(-0.03, second)
+    narrow, wide = bench.evidence.fit([bench.first]), bench.evidence.fit([bench.first, bench.second])
+    (lost, _), (both, _) = (held_out_gains(held_out, f, 2.0) for f in (narrow, wide))
+    assert lost < both and lost < 0.0  # unseen data fit less badly with both
+    assert (both > 0.0) is helps
+    left = held_out_remainder(held_out, narrow)
+    assert _worth(bench.evidence, held_out, narrow, left, wide, SelectionSettings()) is helps
 
 
 class Stated:

@@ -73,7 +73,7 @@ class Bench:
         return made
 
     def held_out(self, like_first: float, second: float) -> Likelihood:
-        """The other recording: how much of the first column it holds, and of what size the second is there."""
+        """The other recording: what it holds of the first column, and the size of the second there."""
         base = self._white(self.unseen)
         self._set_residual(self.unseen, like_first * base)
         self.first = self.made("first", self.columns[0], base)

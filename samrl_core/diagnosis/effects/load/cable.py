@@ -41,6 +41,8 @@ class Cable(Effect):
         Parameter("k", "N m/rad", 0.05, 3.0, "stiffness, of a slack cable where it gets taut"),
         Parameter("q0", "rad", -3.2, 3.2, "rest position, or middle of the slack", bounded=False),
         Parameter("h", "N m", 0.0, 0.5, "half height of the loop"),
+        Parameter("c", "N m/rad2", 0.0, 10.0, "by which a slack cable hardens", bounded=False),
+        Parameter("slack", "rad", 0.0, 1.0, "half width of the gap in which it is slack", bounded=False),
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
@@ -148,7 +150,8 @@ class SlackCable(CableForm):
         return self.is_spring(torque, amplitudes)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
-        return {"k": float(amplitudes[0]), "q0": float(np.log(shape["e"])), "h": float(amplitudes[2])}
+        k, c, h = (float(a) for a in amplitudes)
+        return {"k": k, "q0": float(np.log(shape["e"])), "h": h, "c": c, "slack": float(shape["s"])}
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         # The line through its pull over the travel.

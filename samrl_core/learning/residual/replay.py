@@ -101,14 +101,8 @@ class Replay:
             InputError: the file is corrupt, another's (task, camera, capacity), or being written by another
                 process.
         """
-        kind = info.slot_type()
         if not path.exists() and not path.is_symlink():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            half = path.with_name(path.name + ".new")
-            write_whole(half, _header(info))
-            with half.open("r+b") as file:
-                file.truncate(HEADER_BYTES + info.capacity * kind.itemsize)  # sparse: grows as it fills
-            half.replace(path)
+            _make(path, info)
         _check_file(path)
         lock = path.open("r+b")
         try:
@@ -289,6 +283,21 @@ def _header(info: ReplayInfo) -> bytes:
     about = {**asdict(info), "slot_bytes": info.slot_type().itemsize}
     text = MAGIC + json.dumps(about, sort_keys=True).encode()
     return text.ljust(HEADER_BYTES, b"\n")
+
+
+def _make(path: Path, info: ReplayInfo) -> None:
+    """The empty file. Two processes may find none at once: the first one's stays, and both open that."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    half = path.with_name(f"{path.name}.{os.getpid()}.new")
+    write_whole(half, _header(info))
+    with half.open("r+b") as file:
+        file.truncate(HEADER_BYTES + info.capacity * info.slot_type().itemsize)  # sparse: grows as it fills
+    try:
+        os.link(half, path)  # as `replace`, but never over another one's
+    except FileExistsError:
+        pass
+    finally:
+        half.unlink()
 
 
 def _slots(path: Path, info: ReplayInfo, mode: Literal["r", "r+"]) -> np.memmap:

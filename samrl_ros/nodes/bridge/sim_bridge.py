@@ -31,6 +31,7 @@ from samrl_ros.nodes.bridge.bridge_core import BridgeCore, BridgeRates
 from samrl_ros.nodes.bridge.commanders import Commanders, refuse_rivals
 from samrl_ros.nodes.bridge.lockstep import Lockstep
 
+HALT_S = 10.0  # within which a step of the world ends, an image of its camera included [s]
 OUTCOME, WATCH = cell_topic("supervisor/outcome"), cell_topic("node_watch")
 
 
@@ -92,6 +93,7 @@ class SimBridge(CellNode):
 
     def set_up(self, settings: SimBridgeSettings) -> None:
         """See `CellNode`."""
+        self._refuse_while_stepping()
         task, cell = task_named(settings.task), cell_named(settings.cell)
         instance = instance_named(settings.instance, cell)
         self._world = make_world(settings.world, task, cell, instance=instance)
@@ -145,14 +147,24 @@ class SimBridge(CellNode):
         self._thread.start()
 
     def halt(self) -> None:
-        """See `CellNode`."""
+        """See `CellNode`.
+
+        Raises:
+            SamrlError: the world is still being stepped after `HALT_S`.
+        """
         self._stop.set()
         if self._thread is not None:
-            self._thread.join(10.0)
+            self._thread.join(HALT_S)
+            self._refuse_while_stepping()
             self._thread = None
 
     def tear_down(self) -> None:
-        """See `CellNode`."""
+        """See `CellNode`.
+
+        Raises:
+            SamrlError: the world is still being stepped; nothing is destroyed under it.
+        """
+        self._refuse_while_stepping()
         for handle in self._handles:
             destroy = self.destroy_service if hasattr(handle, "srv_type") else self.destroy_subscription
             destroy(handle)
@@ -161,6 +173,13 @@ class SimBridge(CellNode):
         if self._world is not None:
             self._world.close()
         self._handles, self._publishers_by_topic, self._world, self._core = [], {}, None, None
+
+    def _refuse_while_stepping(self) -> None:
+        if self._thread is not None and self._thread.is_alive():
+            raise SamrlError(
+                f"the simulated world is still being stepped {HALT_S:g} s after it was stopped; "
+                "end this process and start another one"
+            )
 
     def figures(self) -> dict[str, str]:
         """See `CellNode`."""

@@ -53,6 +53,22 @@ def test_what_was_written_is_read_by_another_and_after_a_restart(tmp_path: Path)
             assert np.array_equal(row["tip"], step.tip_in_base)
 
 
+def test_two_that_find_no_replay_at_once_share_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second one makes its file while the first one already writes: it gets that one's, or a refusal."""
+    path, link, writers = tmp_path / "replay", os.link, []
+
+    def overtaken(half: Path, whole: Path) -> None:
+        monkeypatch.setattr(os, "link", link)
+        writers.append(filled(path, [End.OPEN]))
+        link(half, whole)
+
+    monkeypatch.setattr(os, "link", overtaken)
+    with pytest.raises(InputError, match="is being written by another process"):
+        Replay.write(path, INFO)
+    assert len(Replay.read(path, INFO)) == 1
+    assert [f.name for f in tmp_path.iterdir()] == ["replay"]
+
+
 def test_the_ring_keeps_the_newest(tmp_path: Path) -> None:
     replay = filled(tmp_path / "replay", [End.OPEN] * 21)
     assert replay.present().tolist() == list(range(14, 22))

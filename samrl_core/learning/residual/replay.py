@@ -8,9 +8,11 @@ a step is the next one of its episode, so that no image is stored twice.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
+import tempfile
 import zlib
 from dataclasses import asdict, dataclass
 from enum import IntEnum
@@ -288,16 +290,13 @@ def _header(info: ReplayInfo) -> bytes:
 def _make(path: Path, info: ReplayInfo) -> None:
     """The empty file. Two processes may find none at once: the first one's stays, and both open that."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    half = path.with_name(f"{path.name}.{os.getpid()}.new")
-    write_whole(half, _header(info))
-    with half.open("r+b") as file:
-        file.truncate(HEADER_BYTES + info.capacity * info.slot_type().itemsize)  # sparse: grows as it fills
-    try:
-        os.link(half, path)  # as `replace`, but never over another one's
-    except FileExistsError:
-        pass
-    finally:
-        half.unlink()
+    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+        half = Path(folder) / "new"
+        write_whole(half, _header(info))
+        with half.open("r+b") as file:
+            file.truncate(HEADER_BYTES + info.capacity * info.slot_type().itemsize)  # sparse
+        with contextlib.suppress(FileExistsError):
+            os.link(half, path)  # as `replace`, but never over another one's
 
 
 def _slots(path: Path, info: ReplayInfo, mode: Literal["r", "r+"]) -> np.memmap:

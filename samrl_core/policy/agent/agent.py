@@ -181,7 +181,7 @@ class Agent:
         """The tool's tip (3,) in the tool arm's base frame [m]: by encoders, corrected by what was seen."""
         if self._touch is not None and self._tip_offset is not None:
             tip = self.model.tip_in_base(observation.tool_arm.position).position
-            self._touch.see(self.estimate, observation)
+            self._touch.see(self.estimate, observation, self._tip_offset)
             return self._touch.tip(tip, self.estimate, self._tip_offset)
         self._feel(observation, self.estimate.values)
         return self._over_surface(self._tip_by_image(observation))
@@ -285,6 +285,8 @@ class Agent:
         A camera that moves must see the tip anew, which takes several images.
         """
         assert self._touch is not None and self._tip_offset is not None
+        if self._touch.sees_hole:
+            return False
         hole = np.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2]).max())
         tip = np.sqrt(np.linalg.eigvalsh(self._tip_offset.covariance[:2, :2]).max())
         return not self._in_contact and (hole > tip or not self._tip_offset.images)

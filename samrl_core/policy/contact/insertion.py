@@ -5,6 +5,9 @@ speed: 5 mm in 0.1 s hit the block with more than the fingers hold, 1 mm with a 
 down in small steps once it is near, and where it is stopped, torques tell, presses at the next likely place
 follow (Chhatpar and Branicky 2001, "Search strategies for peg-in-hole assemblies with position uncertainty":
 the likely region is covered with probes; here the region is the posterior, and every probe changes it).
+
+Where nobody knows to a millimetre how high the face is, it is felt first, beside the hole: then depths and
+what images show of the hole hang on the joints of one arm alone (msgs_docs/decisions/0035).
 """
 
 from __future__ import annotations
@@ -18,19 +21,26 @@ from samrl_core.policy.contact.hole_grid import REACH, Forgiveness, HoleGrid
 from samrl_core.policy.contact.tip_sense import TipReading
 
 BOTTOM = "bottom"  # name of the move that follows once the peg is in
-FREE_MOVES = ("above", "lowering", "look")  # names of the moves with nothing touched
-Phase = Literal["above", "lowering", "search", "inside", "inserted"]
+FREE_MOVES = ("feel", "above", "lowering", "look")  # names of the moves with nothing touched
+Phase = Literal["feel", "above", "lowering", "search", "inside", "inserted"]
 
 
 @dataclass(frozen=True)
 class InsertionSettings:
     """Steps and forces."""
 
+    known: float = 0.0006  # standard deviation of the face's height from which on it is felt first [m]
+    sure: float = 2.5  # so many of them over where the face is expected, steps become slow
+    lowest: float = 4.0  # so many of them below, there is no face
+    felt_step: float = 0.0014  # down to the face: 2 mm in 0.1 s met it with 39 N [m]
+    felt_beside: float = 0.004  # lateral distance from where it is felt at which it goes down [m]
+    stopped: float = 0.5  # of the way that was asked for; what sinks by less has met something
     near: float = 0.003  # above the mouth; from here on in slow steps [m]
+    clear: float = 0.0015  # the same above a face that was felt [m]
     aligned: float = 0.0015  # lateral distance from the likeliest place at which it goes down [m]
     slow_step: float = 0.001  # down, until something is touched [m]
     touch: float = 1.8  # vertical force that is a touch [N]
-    side_touch: float = 2.5  # sideways force that is one, and of which a held peg is relieved [N]
+    side_touch: float = 2.5  # sideways force, of more than which a held peg is relieved [N]
     press: float = 2.0  # more force with each action that presses in what sinks, and with the first [N]
     most_press: float = 12.0  # a press stays below, far from what the fingers hold [N]
     slide: float = 3.0  # vertical force while the tip is moved over the face [N]
@@ -39,6 +49,7 @@ class InsertionSettings:
     way_cost: float = 60.0  # of the way to the next place, in probability per metre [1/m]
     entered: float = 0.0012  # so much below the touch the peg is in the hole [m]
     unaided: float = 0.0035  # so much below the believed mouth it is inside though no touch was felt [m]
+    unstopped: float = 0.0025  # the same below a face that was felt [m]
     deep_step: float = 0.004  # inside the hole [m]
     doubtful: float = 0.010  # so much below a mouth that was never felt it may still be the face [m]
     stuck: float = 5.0  # vertical force that stops it near the mouth: then it is not in the hole [N]
@@ -57,6 +68,8 @@ class Mouth:
     height: float  # by the encoders [m]
     lean: np.ndarray  # (2,) way of the hole's axis in x and y for each metre upwards [-]
     reach: float = REACH  # from its place, within which it is searched [m]
+    height_deviation: float = 0.0005  # standard deviation of the height [m]
+    beside: np.ndarray | None = None  # (2,) where its face is felt [m]; None: at its place
 
     @property
     def grid(self) -> HoleGrid:
@@ -75,6 +88,7 @@ class Insertion:
     touched: float = 0.0  # height of the first touch, and of the mouth once inside [m]
     felt_face: bool = False  # whether that was the block's face
     height: float = 0.0  # of the tip when the last move was chosen [m]
+    down: float = 0.0  # that this move asked for [m]
     pressed: bool = False  # whether it has been pressed onto the block
     let_go: bool = False  # whether the last action did
 
@@ -88,17 +102,21 @@ class Move:
     state: Insertion
 
 
-def begin(mouth: Mouth, force: np.ndarray) -> Insertion:
-    """Above the hole; `force` (3,) is what is read of a tip that touches nothing [N]."""
-    return Insertion("above", mouth, force, mouth.grid)
+def begin(mouth: Mouth, force: np.ndarray, known: float = InsertionSettings.known) -> Insertion:
+    """Above the hole; `force` (3,) is what is read of a tip that touches nothing [N].
+
+    A face whose height is not `known` to a standard deviation [m] is felt first.
+    """
+    phase: Phase = "feel" if mouth.height_deviation > known else "above"
+    return Insertion(phase, mouth, force, mouth.grid)
 
 
 def looked_again(state: Insertion, mouth: Mouth, force: np.ndarray) -> Insertion:
     """After another image. In contact images count no more, and once the tip is low no reading is free."""
-    if state.phase not in ("above", "lowering"):
+    if state.phase not in ("feel", "above", "lowering"):
         return state
     free = state.free_force
-    if state.phase == "above":
+    if state.phase == "above" and not state.felt_face:
         free = free + 0.5 * (force - free)
     return replace(state, mouth=mouth, free_force=free, grid=mouth.grid)
 
@@ -112,8 +130,10 @@ def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings
         settings: steps and forces.
     """
     s, pushed = settings, state.free_force - reading.force
-    state = _noticed(state, reading, s)
-    if state.phase == "above":
+    state = _felt(state, reading, s) if state.phase == "feel" else _noticed(state, reading, s)
+    if state.phase == "feel":
+        move = _feel(state, reading, s)
+    elif state.phase == "above":
         move = _above(state, reading, s)
     elif state.phase == "lowering":
         way = _limited(state.mouth.place - reading.tip[:2], s.side_step)
@@ -122,24 +142,56 @@ def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings
         move = _search(state, reading, pushed, s)
     else:
         move = _follow(state, reading, pushed, s)
-    return replace(move, state=replace(move.state, height=float(reading.tip[2])))
+    asked = replace(move.state, height=float(reading.tip[2]), down=-float(move.displacement[2]))
+    return replace(move, state=asked)
+
+
+def _felt(state: Insertion, reading: TipReading, s: InsertionSettings) -> Insertion:
+    """The state after what is read on the way down beside the hole: a face that stops the tip, or none.
+
+    What rubs in the joints reads like a force. It points against the motion, so that a tip which sinks as it
+    is asked to shows what is read with nothing touched, and one that is stopped must read more than that.
+    """
+    mouth, height = state.mouth, float(reading.tip[2])
+    up = float((state.free_force - reading.force)[2])
+    sinks = state.height - height > s.stopped * state.down
+    if state.down > 0.0 and not sinks and up > s.touch:
+        known = replace(mouth, height=height, height_deviation=s.known)
+        return replace(state, phase="above", mouth=known, touched=height, felt_face=True)
+    if height < mouth.height - s.lowest * mouth.height_deviation:
+        return replace(state, phase="inside", touched=mouth.height)
+    free = state.free_force
+    return replace(state, free_force=free + 0.5 * (reading.force - free)) if sinks else state
+
+
+def _feel(state: Insertion, reading: TipReading, s: InsertionSettings) -> Move:
+    """To where the face may be met first, beside the hole, then down in steps that it stops gently."""
+    mouth = state.mouth
+    slow = mouth.height + s.sure * mouth.height_deviation
+    place = mouth.place if mouth.beside is None else mouth.beside
+    way = np.array([*place, slow]) - reading.tip
+    arrived = float(np.linalg.norm(way[:2])) < s.felt_beside
+    if arrived and way[2] > -0.5 * s.felt_step:
+        return Move("feel", np.array([0.0, 0.0, -s.felt_step]), state)
+    return Move("feel", way - [0.0, 0.0, max(way[2], 0.0)], state)
 
 
 def _noticed(state: Insertion, reading: TipReading, s: InsertionSettings) -> Insertion:
     """The state after what the reading shows: aligned, touched, in the hole, at its bottom."""
     height, place, mouth = float(reading.tip[2]), reading.tip[:2], state.mouth
     pushed = state.free_force - reading.force  # by the block
-    up, side = float(pushed[2]), float(np.linalg.norm(pushed[:2]))
+    up = float(pushed[2])
+    near = s.clear if state.felt_face else s.near
     if state.phase == "above":
-        low = height < mouth.height + s.near + 0.5 * s.slow_step
+        low = height < mouth.height + near + 0.5 * s.slow_step
         if low and float(np.linalg.norm(place - mouth.place)) < s.aligned:
             state = replace(state, phase="lowering")
-    if state.phase in ("above", "lowering") and height < mouth.height + s.near:
-        if up > s.touch:
+    stopped = state.phase == "lowering" and state.height - height < s.stopped * state.down
+    if height < mouth.height + near and up > s.touch:
+        if stopped or (state.phase == "above" and not state.felt_face):
             state = replace(state, phase="search", touched=height, felt_face=True)
-        elif side > s.side_touch:  # a rim, and how far below its top nobody knows
-            state = replace(state, phase="search", touched=max(height, mouth.height))
-    if state.phase == "lowering" and height < mouth.height - s.unaided:
+    unaided = s.unstopped if state.felt_face else s.unaided
+    if state.phase == "lowering" and height < mouth.height - unaided:
         state = replace(state, phase="inside", touched=mouth.height)
     if state.phase == "search" and height < state.touched - s.entered:
         state = replace(state, phase="inside")
@@ -152,9 +204,15 @@ def _noticed(state: Insertion, reading: TipReading, s: InsertionSettings) -> Ins
 
 
 def _above(state: Insertion, reading: TipReading, s: InsertionSettings) -> Move:
-    """Straight to a point `near` the mouth; the task's own step limits are applied by who asks."""
-    goal = np.array([*state.mouth.place, state.mouth.height + s.near])
-    return Move("above", goal - reading.tip, state)
+    """Straight to a point near the mouth, off a face that was felt first; the task's own step limits are
+    applied by who asks.
+    """
+    near = s.clear if state.felt_face else s.near
+    way = np.array([*state.mouth.place, state.mouth.height + near]) - reading.tip
+    if state.felt_face and way[2] > 0.5 * s.clear:
+        pressed = float(reading.compliance[2, 2] * (state.free_force - reading.force)[2])
+        return Move("above", np.array([0.0, 0.0, way[2] + max(pressed, 0.0)]), state)
+    return Move("above", way, state)
 
 
 def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> Move:
@@ -183,16 +241,21 @@ def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
         return Move(BOTTOM, down if easy else np.zeros(3), state)
     if pushed[2] > s.jam and not state.let_go:
         return Move("inside", reading.compliance @ pushed, replace(state, let_go=True))
-    step = min(s.deep_step, left + 0.0005)
+    # As deep again as it is at most: what was taken for the hole and is not stops a short step gently.
+    deep = max(s.slow_step, 1.5 * (state.touched - float(reading.tip[2])))
+    step = min(s.deep_step, deep, left + 0.0005)
     down = -step * np.array([*state.mouth.lean, 1.0])
     return Move("inside", down + _relief(reading, pushed, s), replace(state, let_go=False))
 
 
 def _relief(reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> np.ndarray:
-    """Displacement (3,) [m] that takes away the part of a sideways push (3,) [N] beyond `side_touch`."""
+    """Displacement (3,) [m], level, that takes away the part of a sideways push (3,) [N] beyond `side_touch`.
+
+    Torques of joints that rub may read a push that is not there: it must not lead down.
+    """
     side = np.array([pushed[0], pushed[1], 0.0])
     size = max(float(np.linalg.norm(side)), 1e-9)
-    return reading.compliance @ (side * max(0.0, 1.0 - s.side_touch / size))
+    return (reading.compliance @ (side * max(0.0, 1.0 - s.side_touch / size))) * [1.0, 1.0, 0.0]
 
 
 def _limited(way: np.ndarray, longest: float) -> np.ndarray:

@@ -109,7 +109,7 @@ def _belief(kind: str, agent: Agent, plant: BlindPlant, watch: Watch) -> tuple[T
 
 def _touch(agent: Agent, values: np.ndarray, plant: BlindPlant, most: int, watch: Watch) -> bool:
     """Insert by touch from a belief that no image corrects; whether the bottom was felt."""
-    touch = TouchInsertion(agent.model.task, agent.model.cell, TouchSettings(most_waits=0))
+    touch = TouchInsertion(agent.model.task, agent.model.cell, TouchSettings(most_waits=0, sights=False))
     nothing_seen = TipOffset(np.zeros(4), SCRIPT_ERROR**2 * np.eye(4))
     belief = replace(initial_estimate(agent.model), values=values, covariance=1e-8 * np.eye(len(values)))
     for _ in range(most):

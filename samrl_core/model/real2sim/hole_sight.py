@@ -193,12 +193,13 @@ def _end(
         share = np.where(shade > 0.0, _mixed(color, np.median(color[part], axis=0), others), 0.0)
     share = np.where(_grown(largest, 1) & (way > low - _LOWER * width), share, 0.0)
     line = low - width  # across the peg; above it lies what its width is taken from
-    upper = (way <= line) & (way > line - _ACROSS * width)
-    across = float(share[upper].sum()) / (_ACROSS * width)
+    # A pixel counts by how much of it lies beyond a line.
+    below, above = (np.clip(way - at + 0.5, 0.0, 1.0) for at in (line, line - _ACROSS * width))
+    across = float((share * (above - below)).sum()) / (_ACROSS * width)
     if not _WIDE[0] * width < across < _WIDE[1] * width:
         return nowhere
     # The area below the line, as a rectangle of the peg's width, ends where a flat end would.
-    middle = line + float(share[way > line].sum()) / across - _ROUND_END * 0.5 * across * steep
+    middle = line + float((share * below).sum()) / across - _ROUND_END * 0.5 * across * steep
     near = (way <= line + 0.5 * width) & (way > line - _ACROSS * width) & (share > _FAINT)
     slope, start = np.polyfit(way[near] - middle, off[near], 1, w=np.sqrt(share[near]))
     return along * middle + beside * float(start)

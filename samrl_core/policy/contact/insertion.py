@@ -32,14 +32,16 @@ class InsertionSettings:
     known: float = 0.0006  # standard deviation of the face's height from which on it is felt first [m]
     sure: float = 2.5  # so many of them over where the face is expected, steps become slow
     lowest: float = 4.0  # so many of them below, there is no face
-    felt_step: float = 0.0014  # down to the face: 2 mm in 0.1 s met it with 39 N [m]
-    felt_beside: float = 0.004  # lateral distance from where it is felt at which it goes down [m]
+    felt_step: float = 0.0012  # down to the face: 2 mm in 0.1 s met it with 39 N [m]
+    least_beside: float = 0.006  # nearer to the hole its face is not felt [m]
+    most_beside: float = 0.030  # nor farther from it: a block has an edge [m]
     stopped: float = 0.5  # of the way that was asked for; what sinks by less has met something
     near: float = 0.003  # above the mouth; from here on in slow steps [m]
     clear: float = 0.0015  # the same above a face that was felt [m]
     aligned: float = 0.0015  # lateral distance from the likeliest place at which it goes down [m]
     slow_step: float = 0.001  # down, until something is touched [m]
     touch: float = 1.8  # vertical force that is a touch [N]
+    stopped_touch: float = 1.2  # the same of a tip that was stopped [N]
     side_touch: float = 2.5  # sideways force, of more than which a held peg is relieved [N]
     press: float = 2.0  # more force with each action that presses in what sinks, and with the first [N]
     most_press: float = 12.0  # a press stays below, far from what the fingers hold [N]
@@ -155,7 +157,7 @@ def _felt(state: Insertion, reading: TipReading, s: InsertionSettings) -> Insert
     mouth, height = state.mouth, float(reading.tip[2])
     up = float((state.free_force - reading.force)[2])
     sinks = state.height - height > s.stopped * state.down
-    if state.down > 0.0 and not sinks and up > s.touch:
+    if state.down > 0.0 and not sinks and up > s.stopped_touch:
         known = replace(mouth, height=height, height_deviation=s.known)
         return replace(state, phase="above", mouth=known, touched=height, felt_face=True)
     if height < mouth.height - s.lowest * mouth.height_deviation:
@@ -170,8 +172,8 @@ def _feel(state: Insertion, reading: TipReading, s: InsertionSettings) -> Move:
     slow = mouth.height + s.sure * mouth.height_deviation
     place = mouth.place if mouth.beside is None else mouth.beside
     way = np.array([*place, slow]) - reading.tip
-    arrived = float(np.linalg.norm(way[:2])) < s.felt_beside
-    if arrived and way[2] > -0.5 * s.felt_step:
+    beside = s.least_beside < float(np.linalg.norm(mouth.place - reading.tip[:2])) < s.most_beside
+    if (beside or mouth.beside is None) and way[2] > -0.5 * s.felt_step:
         return Move("feel", np.array([0.0, 0.0, -s.felt_step]), state)
     return Move("feel", way - [0.0, 0.0, max(way[2], 0.0)], state)
 
@@ -187,8 +189,9 @@ def _noticed(state: Insertion, reading: TipReading, s: InsertionSettings) -> Ins
         if low and float(np.linalg.norm(place - mouth.place)) < s.aligned:
             state = replace(state, phase="lowering")
     stopped = state.phase == "lowering" and state.height - height < s.stopped * state.down
-    if height < mouth.height + near and up > s.touch:
-        if stopped or (state.phase == "above" and not state.felt_face):
+    least = s.stopped_touch if stopped else s.touch
+    if height < mouth.height + near and up > least and (stopped or state.phase == "above"):
+        if not (state.felt_face and state.phase == "above"):
             state = replace(state, phase="search", touched=height, felt_face=True)
     unaided = s.unstopped if state.felt_face else s.unaided
     if state.phase == "lowering" and height < mouth.height - unaided:

@@ -216,14 +216,17 @@ class TouchInsertion:
                 self._waits += 1
                 return Move("look", np.zeros(3), self._state)
         self._learn(move.state, offset, reading.tip)
+        if move.name in ("feel", "above"):
+            move = self._stepped(move)
         self._state = move.state
-        return self._stepped(move) if move.name in ("feel", "above") else move
+        return move
 
     def _stepped(self, move: Move) -> Move:
         """Steps through free space as long as the task allows."""
         far = float(np.linalg.norm(move.displacement))
         longest = self._task.fine_step if far < 2 * self._task.free_step else self._task.free_step
-        return Move(move.name, move.displacement * min(1.0, longest / max(far, 1e-12)), move.state)
+        step = move.displacement * min(1.0, longest / max(far, 1e-12))
+        return Move(move.name, step, replace(move.state, down=-float(step[2])))
 
     def _learn(self, state: Insertion, offset: TipOffset, tip: np.ndarray) -> None:
         """Once in each episode, from the first touch and from the peg in the hole."""

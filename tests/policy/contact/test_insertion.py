@@ -18,6 +18,7 @@ from samrl_core.policy.contact.insertion import (
     looked_again,
     next_move,
 )
+from samrl_core.policy.contact.tip_sense import TipReading
 from tests.policy.contact.spring_block import FREE_FORCE, SpringBlock
 
 S = InsertionSettings()
@@ -142,3 +143,52 @@ def test_stops_move_the_belief_away_and_the_next_place_covers_most() -> None:
     others = stopped.places[np.linalg.norm(stopped.places - HOLE, axis=1) > APART]
     best = max(stopped.chance(p, f) for p in others[::7])
     assert stopped.chance(stopped.next_place(HOLE, f, 0.0), f) >= best > 0.1
+
+
+@pytest.mark.parametrize("higher", [0.0045, 0.0, -0.0045])
+def test_a_face_of_unknown_height_is_felt_beside_the_hole_first(higher: float) -> None:
+    """Then the hole is entered from that height, and its depth counts from there."""
+    face = 0.040 + higher
+    mouth = replace(mouth_at(HOLE), height_deviation=0.002, beside=HOLE + [0.012, 0.0])
+    block = SpringBlock(np.array([*HOLE, 0.060]), HOLE, face)
+    state, moves = begin(mouth, block.reading.force), []
+    for _ in range(60):
+        felt = state.mouth if state.felt_face else mouth  # what the memory of a touch makes of it
+        state = looked_again(state, felt, block.reading.force)
+        moves.append(next_move(state, block.reading, S))
+        state = moves[-1].state
+        if state.phase == "inserted":
+            break
+        way = moves[-1].displacement
+        step = way * min(1.0, 0.005 / max(float(np.linalg.norm(way)), 1e-9))
+        state = replace(state, down=-float(step[2]))
+        block.move(step)
+    assert phases(moves) == ["feel", "above", "lowering", "inside", BOTTOM]
+    assert state.mouth.height == pytest.approx(face, abs=2e-4)
+    assert face - float(block.reading.tip[2]) == pytest.approx(S.depth, abs=1e-3)
+    assert len(moves) < 32 and block.largest < 8.0
+
+
+def test_what_rubs_while_it_sinks_is_no_touch() -> None:
+    """3 N against the motion, read from the first step down on, stop nothing."""
+    mouth = replace(mouth_at(HOLE), height_deviation=0.002, beside=HOLE + [0.012, 0.0])
+    tip = np.array([*mouth.beside, 0.0445])
+    state = begin(mouth, FREE_FORCE)
+    for _ in range(3):
+        reading = TipReading(tip, FREE_FORCE - [0.0, 0.0, 3.0], np.eye(3) / 1500.0)
+        move = next_move(state, reading, S)
+        state, tip = move.state, tip + move.displacement
+        assert move.name == "feel" and move.displacement[2] == pytest.approx(-S.felt_step)
+    stuck = TipReading(tip - move.displacement, FREE_FORCE - [0.0, 0.0, 6.0], np.eye(3) / 1500.0)
+    touched = next_move(state, stuck, S).state
+    assert touched.felt_face and touched.touched == pytest.approx(float(stuck.tip[2]))
+
+
+def test_a_sideways_push_is_relieved_level() -> None:
+    """A compliance that couples sideways and down does not lead a peg down."""
+    mouth = mouth_at(HOLE)
+    inside = replace(begin(mouth, FREE_FORCE), phase="inside", touched=0.040, felt_face=True)
+    coupled = np.array([[1.7, 0.0, -0.9], [0.0, 1.7, 0.0], [-0.9, 0.0, 0.7]]) * 1e-3
+    reading = TipReading(np.array([*HOLE, 0.030]), FREE_FORCE + [8.0, 0.0, 0.0], coupled)
+    way = next_move(inside, reading, S).displacement
+    assert way[2] == pytest.approx(-S.deep_step) and way[0] < -0.005

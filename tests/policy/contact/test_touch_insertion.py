@@ -19,11 +19,12 @@ from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.settings import AgentSettings
-from samrl_core.policy.contact.insertion import BOTTOM
+from samrl_core.policy.contact.insertion import BOTTOM, begin
 from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
 CELL, TASK = cell_named(), task_named("peg_insertion_hard")
+BLIND = TouchSettings(sights=False)  # to colours: the images of these tests have none
 HERE = TASK.start_camera()
 JOINTS = TASK.start_joints(CELL)["tool_arm"]
 
@@ -54,8 +55,8 @@ def sight(stamp_ns: int, camera: Pose = HERE) -> Observation:
 
 
 def test_the_hole_is_seen_from_the_tip_that_the_camera_sees(nothing_known: Estimate) -> None:
-    touch = TouchInsertion(TASK, CELL)
-    touch.see(believed(nothing_known, (0.51, -0.02, 0.0, 0.02)), sight(1))
+    touch = TouchInsertion(TASK, CELL, BLIND)
+    touch.see(believed(nothing_known, (0.51, -0.02, 0.0, 0.02)), sight(1), offset_of(0.0, 0.0))
     mouth = touch.mouth(offset_of(0.002, -0.001))
     np.testing.assert_allclose(mouth.place, [0.508, -0.019])
     np.testing.assert_allclose(mouth.lean, [np.tan(0.02), 0.0], atol=1e-12)  # about y it leans along x
@@ -66,8 +67,8 @@ def test_the_hole_is_seen_from_the_tip_that_the_camera_sees(nothing_known: Estim
 def test_doubt_widens_what_images_are_believed_to_be_wrong_by(nothing_known: Estimate) -> None:
     spreads = []
     for doubt in (1.0, 4.0):
-        touch = TouchInsertion(TASK, CELL, TouchSettings().doubting(doubt))
-        touch.see(believed(nothing_known, (0.51, 0.0, 0.0, 0.0)), sight(0))
+        touch = TouchInsertion(TASK, CELL, BLIND.doubting(doubt))
+        touch.see(believed(nothing_known, (0.51, 0.0, 0.0, 0.0)), sight(0), offset_of(0.0, 0.0))
         mouth = touch.mouth(offset_of(0.0, 0.0))
         spreads.append((mouth.covariance[0, 0], mouth.reach))
     more = 15.0 * TouchSettings().memory.unknown ** 2
@@ -77,20 +78,21 @@ def test_doubt_widens_what_images_are_believed_to_be_wrong_by(nothing_known: Est
 
 
 def test_one_image_that_is_off_by_a_centimetre_changes_little(nothing_known: Estimate) -> None:
-    touch = TouchInsertion(TASK, CELL)
+    touch, seen = TouchInsertion(TASK, CELL, BLIND), offset_of(0.0, 0.0)
     for k, x in enumerate((0.510, 0.5104, 0.525, 0.5102, 0.5103)):
-        touch.see(believed(nothing_known, (x, 0.0, 0.0, 0.0), 0.02 if k == 4 else 0.0002), sight(k))
-    touch.see(believed(nothing_known, (0.6, 0.0, 0.0, 0.0)), sight(4))  # the same image again
+        touch.see(believed(nothing_known, (x, 0.0, 0.0, 0.0), 0.02 if k == 4 else 0.0002), sight(k), seen)
+    touch.see(believed(nothing_known, (0.6, 0.0, 0.0, 0.0)), sight(4), seen)  # the same image again
     place = touch.mouth(offset_of(0.0, 0.0)).place
     np.testing.assert_allclose(place, [np.median([0.510, 0.5104, 0.525, 0.5102]), 0.0])
     there = Pose(HERE.position + [0.0, 0.0, 0.1], HERE.quat_xyzw)
-    touch.see(believed(nothing_known, (0.512, 0.001, 0.0, 0.0)), sight(9, there))
+    touch.see(believed(nothing_known, (0.512, 0.001, 0.0, 0.0)), sight(9, there), seen)
     np.testing.assert_allclose(touch.mouth(offset_of(0.0, 0.0)).place, [0.512, 0.001])
 
 
 def test_a_hole_that_is_hardly_known_is_looked_at_again(nothing_known: Estimate) -> None:
     """The tip stands above it; as often as allowed it stays there, then it goes down all the same."""
-    touch = TouchInsertion(TASK, CELL)
+    known = replace(BLIND, memory=replace(BLIND.memory, height=0.0003))  # the face need not be felt first
+    touch = TouchInsertion(TASK, CELL, known)
     reading = ArmReading(0, JOINTS, np.zeros(7), np.zeros(7))
     tip = touch._sense.read(reading).tip
     vague = believed(nothing_known, (tip[0], tip[1], 0.0, 0.0), 0.003)
@@ -115,7 +117,7 @@ def test_a_typical_cells_peg_goes_in_gently_and_tells_how_wrong_the_images_were(
     world = PyBulletWorld(TASK, CELL, instance=instance_named("typical:0", CELL))
     plant = WorldPlant(world, TASK, CELL)
     plant.begin(7)
-    touch, error = TouchInsertion(TASK, CELL), np.array([0.0012, -0.0009])
+    touch, error = TouchInsertion(TASK, CELL, BLIND), np.array([0.0012, -0.0009])
     truth = true_values(TASK, world.truth())
     wrong = world.truth().tip_position[:2] - plant.tip()[:2]  # by the encoders' zeros and the grip
     belief = believed(nothing_known, (*(truth[:2] + error), *truth[2:]))
@@ -135,3 +137,22 @@ def test_a_typical_cells_peg_goes_in_gently_and_tells_how_wrong_the_images_were(
     memory = touch.memory
     touch.begin_episode()
     assert touch.memory is memory and not touch.in_contact
+
+
+def test_what_is_deep_below_a_felt_face_is_in_the_hole_wherever_images_have_that(
+    nothing_known: Estimate,
+) -> None:
+    """Images put the hole 8 mm beside, and lean the block by 15 degrees."""
+    wrong = believed(nothing_known, (0.51, 0.0, 0.26, 0.0))
+    touch = TouchInsertion(TASK, CELL, BLIND)
+    touch.see(wrong, sight(0), offset_of(0.0, 0.0))
+    mouth, face = touch.mouth(offset_of(0.0, 0.0)), 0.043
+    assert np.linalg.norm(mouth.lean) <= 2.0 * TASK.tilt + 1e-9
+    state = replace(begin(mouth, np.zeros(3)), phase="inside", touched=face, felt_face=True)
+    for deep, done in ((0.020, False), (0.022, True)):
+        touch._state = state
+        tip = touch.tip(np.array([0.518, 0.0, face - deep]), wrong, offset_of(0.0, 0.0))
+        assert TASK.is_done(wrong.values, tip) == done
+        touch._state = replace(state, felt_face=False)
+        tip = touch.tip(np.array([0.518, 0.0, face - deep]), wrong, offset_of(0.0, 0.0))
+        assert not TASK.is_done(wrong.values, tip)

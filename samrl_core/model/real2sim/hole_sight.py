@@ -1,10 +1,10 @@
 """Hole and peg's end in one image by their colours: how the one lies beside the other, in pixels.
 
-A mask says roughly where a part is. A segmenter's boundary wanders by a pixel or two, and depth that is off by
-centimetres in a cell that nobody calibrated turns a block by ten degrees to fit. A bore is dark in a bright
-face, and a peg has a colour that the face has not, so that both are known to half a pixel (as a thread is,
-msgs_docs/decisions/0026). In one image the errors of camera and arms shift both alike: what is left of them
-is how high the peg's end is over the face, which touching it tells (`place_beside`).
+A mask says roughly where a part is. A segmenter's boundary wanders by a pixel or two, and depth that is off
+by a centimetre in a cell that nobody calibrated turns a block by ten degrees to fit. A bore is dark in a
+bright face, and a peg has a colour that the face has not, so that both are known to half a pixel (as a thread
+is, msgs_docs/decisions/0026). In one image the errors of camera and arms shift both alike: what is left of
+them is how high the peg's end is over the face, which touching it tells (`place_beside`).
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ _AREA = (0.65, 1.5)  # of the bore's drawn area that is seen; less is hidden in 
 _AWAY = 2.0  # of the root of that area: a dark spot so far from where the bore is believed is another one
 _BARE = 2  # so near to the peg nothing is taken for the bore [px]
 _ROUND_END = 0.25 * np.pi  # an end's half ellipse is as large as a rectangle of this share of its height
+_SHARPER = 2.0  # an edge of the peg's share, about one half
 _LOWER = 2.0  # of the peg's width above its end is compared
 _ACROSS = 0.8  # of its width along the axis, from which the width as seen is taken
 _WIDE = (0.7, 1.5)  # of the drawn width; else something else stands before or beside it
@@ -100,7 +101,8 @@ def sight_of(
     color = frame.color.astype(np.float64)
     tool, block = (frame.mask == label for label in labels)
     shade = _peg_shade(color, tool, colours)
-    peg = shade / max(float(np.quantile(shade[shade > _COLOURED], 0.7)), 1.0) if (shade > _COLOURED).any() else shade
+    strong = shade[shade > _COLOURED]
+    peg = shade / float(np.quantile(strong, 0.7)) if len(strong) else shade
     pixel, depth = camera.project(mouth[None])[0], _depth(camera, mouth)
     steep = float(-camera.camera_in_world.rotation[2, 2])  # sine of the way down that it looks
     area = np.pi * (radii[1] * camera.intrinsics.fx / depth) ** 2 * max(steep, 0.1)
@@ -117,15 +119,13 @@ def _depth(camera: Camera, point: np.ndarray) -> float:
     return max(float(camera.camera_in_world.inverse().apply(point)[2]), 1e-3)
 
 
-def _others(
-    color: np.ndarray, mask: np.ndarray, labels: tuple[int, int], near: np.ndarray
-) -> np.ndarray:
-    """Colours (B, 3) that may stand beside a peg's end: of the block's face, of its bore, of what is behind."""
+def _others(color: np.ndarray, mask: np.ndarray, labels: tuple[int, int], near: np.ndarray) -> np.ndarray:
+    """Colours (B, 3) that may stand beside a peg's end: of the face, of the bore, of what is behind."""
     tool, block = (_grown(mask == label, 1) for label in labels)
     found = [np.zeros(3)]
     for part in (block & ~tool, near & ~tool & ~block):
         if int(part.sum()) >= _FEWEST:
-            found += [np.quantile(color[part], q, axis=0) for q in (0.3, 0.7)]
+            found += [np.quantile(color[part], q, axis=0) for q in (0.03, 0.3, 0.7)]
     return np.array(found)
 
 
@@ -147,7 +147,9 @@ def _bore(
     face = np.quantile(color[inner], 0.7, axis=0)
     outline = cv2.convexHull(np.argwhere(block)[:, ::-1].astype(np.int32))
     within = _shrunk(cv2.fillConvexPoly(np.zeros(block.shape, np.uint8), outline, 1) > 0, _MASK_RIM)
-    dark = np.where(within & (peg < _FAINT), np.clip(1.0 - color @ face / max(float(face @ face), 1.0), 0.0, 1.0), 0.0)
+    dark = np.where(
+        within & (peg < _FAINT), np.clip(1.0 - color @ face / max(float(face @ face), 1.0), 0.0, 1.0), 0.0
+    )
     count, numbered, _, middles = cv2.connectedComponentsWithStats((dark > _DARK).astype(np.uint8))
     if count < 2:
         return missing
@@ -192,6 +194,7 @@ def _end(
             return nowhere
         share = np.where(shade > 0.0, _mixed(color, np.median(color[part], axis=0), others), 0.0)
     share = np.where(_grown(largest, 1) & (way > low - _LOWER * width), share, 0.0)
+    share = np.clip(0.5 + _SHARPER * (share - _HALF), 0.0, 1.0)  # a bore under it is a little of its colour
     line = low - width  # across the peg; above it lies what its width is taken from
     # A pixel counts by how much of it lies beyond a line.
     below, above = (np.clip(way - at + 0.5, 0.0, 1.0) for at in (line, line - _ACROSS * width))
@@ -201,12 +204,12 @@ def _end(
     # The area below the line, as a rectangle of the peg's width, ends where a flat end would.
     middle = line + float((share * below).sum()) / across - _ROUND_END * 0.5 * across * steep
     near = (way <= line + 0.5 * width) & (way > line - _ACROSS * width) & (share > _FAINT)
-    slope, start = np.polyfit(way[near] - middle, off[near], 1, w=np.sqrt(share[near]))
-    return along * middle + beside * float(start)
+    line_of = np.polyfit(way[near] - middle, off[near], 1, w=np.sqrt(share[near]))
+    return along * middle + beside * float(line_of[1])
 
 
 def _mixed(color: np.ndarray, peg: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Share (H, W) of the peg's colour (3,) in the mix with one of others (B, 3) that explains a pixel best."""
+    """Share (H, W) of the peg's colour (3,) in the mix with one of others (B, 3) that fits a pixel best."""
     best, share = np.full(color.shape[:2], np.inf), np.zeros(color.shape[:2])
     for other in others:
         apart = peg - other

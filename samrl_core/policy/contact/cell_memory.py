@@ -24,8 +24,8 @@ class MemorySettings:
     found: float = 0.0004  # of the hole's place by a peg in it [m]
     other_place: float = 0.0003  # of the error between two episodes with one view [m]
     way: float = 0.15  # camera's way after which half of a memory has faded [m]
-    # Of the tip's height by the encoders over that of the mouth, before any touch, as in careless cells: a peg
-    # that slipped in the hand by 1.5 mm, joints that are 2 mrad off [m].
+    # Of the tip's height by the encoders over the mouth, before any touch, as in careless cells: a peg that
+    # slipped in the hand by 1.5 mm, joints that are 2 mrad off [m].
     height: float = 0.002
     touched: float = 0.0003  # of the mouth's height by a touch [m]
 

@@ -32,7 +32,9 @@ class InsertionSettings:
     known: float = 0.0006  # standard deviation of the face's height from which on it is felt first [m]
     sure: float = 2.5  # so many of them over where the face is expected, steps become slow
     lowest: float = 4.0  # so many of them below, there is no face
-    felt_step: float = 0.0012  # down to the face: 2 mm in 0.1 s met it with 39 N [m]
+    likely: float = 1.25  # so many of them about where it is expected, steps are the slowest
+    felt_step: float = 0.0012  # elsewhere; 2 mm in 0.1 s met a face with 39 N, 1.2 mm with 32 N [m]
+    slowest_step: float = 0.0008  # down to the face [m]
     least_beside: float = 0.006  # nearer to the hole its face is not felt [m]
     most_beside: float = 0.030  # nor farther from it: a block has an edge [m]
     stopped: float = 0.5  # of the way that was asked for; what sinks by less has met something
@@ -45,6 +47,7 @@ class InsertionSettings:
     side_touch: float = 2.5  # sideways force, of more than which a held peg is relieved [N]
     press: float = 2.0  # more force with each action that presses in what sinks, and with the first [N]
     most_press: float = 12.0  # a press stays below, far from what the fingers hold [N]
+    caught: float = 4.0  # sideways force that no friction on the face explains: a wall of the hole [N]
     slide: float = 3.0  # vertical force while the tip is moved over the face [N]
     side_step: float = 0.0015  # over the face at most [m]
     sinks: float = 0.0001  # a press that takes it lower by more is going in [m]
@@ -174,7 +177,9 @@ def _feel(state: Insertion, reading: TipReading, s: InsertionSettings) -> Move:
     way = np.array([*place, slow]) - reading.tip
     beside = s.least_beside < float(np.linalg.norm(mouth.place - reading.tip[:2])) < s.most_beside
     if (beside or mouth.beside is None) and way[2] > -0.5 * s.felt_step:
-        return Move("feel", np.array([0.0, 0.0, -s.felt_step]), state)
+        likely = abs(float(reading.tip[2]) - mouth.height) < s.likely * mouth.height_deviation
+        step = s.slowest_step if likely else s.felt_step
+        return Move("feel", np.array([0.0, 0.0, -step]), state)
     return Move("feel", way - [0.0, 0.0, max(way[2], 0.0)], state)
 
 
@@ -223,6 +228,9 @@ def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
     sinking = state.pressed and float(reading.tip[2]) < state.height - s.sinks
     if state.pressed and not sinking:
         grid = grid.stopped_at(here, s.forgiveness)
+    side = pushed[:2]
+    if float(np.linalg.norm(side)) > s.caught:  # the edge of a peg that leans is in, and the hole is that way
+        grid = grid.pushed_towards(here, side)
     state = replace(state, grid=grid)
     way = grid.next_place(here, s.forgiveness, s.way_cost) - here
     if sinking or not state.pressed:
@@ -232,6 +240,7 @@ def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
             push = push + _relief(reading, pushed, s)
         return Move("search", push, replace(state, pressed=True))
     push = reading.compliance @ np.array([0.0, 0.0, float(pushed[2]) - s.slide])
+    push = push + _relief(reading, pushed, s)
     return Move("search", np.array([*_limited(way, s.side_step), 0.0]) + push, state)
 
 

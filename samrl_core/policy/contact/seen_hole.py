@@ -12,7 +12,7 @@ from samrl_core.cell.tasks.peg_insertion.tool import PEG_COLOR
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.real2sim.hole_sight import HoleSight, PegColours, sight_of
 
-_NEWEST = 5  # peg's ends of which the middle counts: the nearer to the hole, the better they are
+_NEWEST = 9  # peg's ends of which the middle counts: the nearer to the hole, the better they are
 _FEWEST = 2  # ends below which nothing is said
 _ENOUGH = 3  # ends from which on another image adds little
 _COMMON = 0.3  # share of an image's variance that the next one from the same view has in common
@@ -26,7 +26,12 @@ class SeenHole:
     tips: tuple[np.ndarray, ...] = field(default=())
 
     def with_image(
-        self, task: PegInsertion, observation: Observation, mouth: np.ndarray, end: np.ndarray, tip: np.ndarray
+        self,
+        task: PegInsertion,
+        observation: Observation,
+        mouth: np.ndarray,
+        end: np.ndarray,
+        tip: np.ndarray,
     ) -> SeenHole:
         """After another image from the same view.
 
@@ -66,7 +71,7 @@ class SeenHole:
         return np.median(found, axis=0)
 
     def covariance(self, height: float, pixels: float, face_deviation: float) -> np.ndarray:
-        """Of `place` (2, 2) [m2]: of one image with an error of `pixels` [px], and of the face's height [m]."""
+        """Of `place` (2, 2) [m2], from `pixels` [px] of one image and from the face's height [m]."""
         count = min(len(self._ends), _NEWEST)
         size = pixels * float(np.sqrt(_COMMON + (1.0 - _COMMON) / count))
         return self._ends[-1][0].covariance(height, size, face_deviation)

@@ -173,7 +173,7 @@ class TouchInsertion:
         return self._middle()[0] - offset.offset[:2], best + offset.covariance[:2, :2]
 
     def _lean(self) -> np.ndarray:
-        """Lean (2,) of the images, no more than the task has: wrong depth makes a block lean by 15 degrees."""
+        """Lean (2,) of the images, within the task's: wrong depth makes a block lean by 15 degrees."""
         lean, most = self._middle()[1], _MOST_LEAN * self._task.tilt
         return lean * min(1.0, most / max(float(np.linalg.norm(lean)), 1e-12))
 

@@ -178,7 +178,7 @@ def test_what_rubs_while_it_sinks_is_no_touch() -> None:
         reading = TipReading(tip, FREE_FORCE - [0.0, 0.0, 3.0], np.eye(3) / 1500.0)
         move = next_move(state, reading, S)
         state, tip = move.state, tip + move.displacement
-        assert move.name == "feel" and move.displacement[2] == pytest.approx(-S.felt_step)
+        assert move.name == "feel" and move.displacement[2] == pytest.approx(-S.slowest_step)
     stuck = TipReading(tip - move.displacement, FREE_FORCE - [0.0, 0.0, 6.0], np.eye(3) / 1500.0)
     touched = next_move(state, stuck, S).state
     assert touched.felt_face and touched.touched == pytest.approx(float(stuck.tip[2]))

@@ -45,6 +45,7 @@ class InsertionSettings:
     touch: float = 1.8  # vertical force that is a touch [N]
     stopped_touch: float = 1.2  # the same of a tip that was stopped [N]
     side_touch: float = 2.5  # sideways force, of more than which a held peg is relieved [N]
+    most_relief: float = 0.003  # of such a push in one action: an arm that springs back drops [m]
     press: float = 2.0  # more force with each action that presses in what sinks, and with the first [N]
     most_press: float = 12.0  # a press stays below, far from what the fingers hold [N]
     caught: float = 4.0  # sideways force that no friction on the face explains: a wall of the hole [N]
@@ -52,6 +53,7 @@ class InsertionSettings:
     side_step: float = 0.0015  # over the face at most [m]
     sinks: float = 0.0001  # a press that takes it lower by more is going in [m]
     way_cost: float = 60.0  # of the way to the next place, in probability per metre [1/m]
+    dipped: float = 0.0003  # so much below a felt face a part of the peg's end is in the hole [m]
     entered: float = 0.0012  # so much below the touch the peg is in the hole [m]
     unaided: float = 0.0035  # so much below the believed mouth it is inside though no touch was felt [m]
     unstopped: float = 0.0025  # the same below a face that was felt [m]
@@ -141,8 +143,7 @@ def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings
     elif state.phase == "above":
         move = _above(state, reading, s)
     elif state.phase == "lowering":
-        way = _limited(state.mouth.place - reading.tip[:2], s.side_step)
-        move = Move("lowering", np.array([*way, -s.slow_step]), state)
+        move = _lower(state, reading, pushed, s)
     elif state.phase == "search":
         move = _search(state, reading, pushed, s)
     else:
@@ -223,6 +224,15 @@ def _above(state: Insertion, reading: TipReading, s: InsertionSettings) -> Move:
     return Move("above", way, state)
 
 
+def _lower(state: Insertion, reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> Move:
+    """Down in slow steps, towards the hole's place; below a felt face its walls know better where that is."""
+    down = np.array([0.0, 0.0, -s.slow_step])
+    if state.felt_face and float(reading.tip[2]) < state.mouth.height - s.dipped:
+        return Move("lowering", down + _relief(reading, pushed, s), state)
+    way = _limited(state.mouth.place - reading.tip[:2], s.side_step)
+    return Move("lowering", down + [*way, 0.0], state)
+
+
 def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> Move:
     here, grid = reading.tip[:2], state.grid
     sinking = state.pressed and float(reading.tip[2]) < state.height - s.sinks
@@ -267,7 +277,8 @@ def _relief(reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> np
     """
     side = np.array([pushed[0], pushed[1], 0.0])
     size = max(float(np.linalg.norm(side)), 1e-9)
-    return (reading.compliance @ (side * max(0.0, 1.0 - s.side_touch / size))) * [1.0, 1.0, 0.0]
+    way = reading.compliance[:2] @ (side * max(0.0, 1.0 - s.side_touch / size))
+    return np.array([*_limited(way, s.most_relief), 0.0])
 
 
 def _limited(way: np.ndarray, longest: float) -> np.ndarray:

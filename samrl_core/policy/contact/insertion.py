@@ -48,7 +48,7 @@ class InsertionSettings:
     most_relief: float = 0.003  # of such a push in one action: an arm that springs back drops [m]
     press: float = 2.0  # more force with each action that presses in what sinks, and with the first [N]
     most_press: float = 12.0  # a press stays below, far from what the fingers hold [N]
-    caught: float = 4.0  # sideways force that no friction on the face explains: a wall of the hole [N]
+    caught: float = 6.0  # sideways force that no friction on the face explains: a wall of the hole [N]
     slide: float = 3.0  # vertical force while the tip is moved over the face [N]
     side_step: float = 0.0015  # over the face at most [m]
     sinks: float = 0.0001  # a press that takes it lower by more is going in [m]
@@ -250,7 +250,8 @@ def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
             push = push + _relief(reading, pushed, s)
         return Move("search", push, replace(state, pressed=True))
     push = reading.compliance @ np.array([0.0, 0.0, float(pushed[2]) - s.slide])
-    push = push + _relief(reading, pushed, s)
+    if float(np.linalg.norm(side)) > s.caught:  # without a change of the vertical force
+        push = push + _limited(reading.compliance[:, :2] @ side, s.most_relief)
     return Move("search", np.array([*_limited(way, s.side_step), 0.0]) + push, state)
 
 

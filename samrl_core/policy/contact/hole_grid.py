@@ -17,7 +17,6 @@ REACH = 0.004  # the grid's usual half side [m]
 SPACING = 0.00025  # [m]
 MOST_PLACES = 41  # along a side; a wider grid is coarser
 FREEDOM = 3.0  # degrees of freedom of Student's t: beyond three deviations lie 3 % in place of 0.01 %
-WRONG_WAY = 0.2  # of such pushes point away from the hole: what they push against is not its wall [-]
 APART = 0.0008  # of places that are worth a press each, at least [m]
 
 
@@ -68,12 +67,6 @@ class HoleGrid:
         distance = np.linalg.norm(self.places - place, axis=1)
         weights = self.weights * (1.0 - forgiveness.entering(distance))
         return HoleGrid(self.places, weights / weights.sum(), np.vstack([self.stops, place]))
-
-    def pushed_towards(self, here: np.ndarray, push: np.ndarray) -> HoleGrid:
-        """After a wall of the hole pushed a tip at `here` (2,) [m] towards `push` (2,) [N] (Bayes' rule)."""
-        behind = (self.places - here) @ push < 0.0
-        weights = self.weights * np.where(behind, WRONG_WAY, 1.0)
-        return HoleGrid(self.places, weights / weights.sum(), self.stops)
 
     def chance(self, place: np.ndarray, forgiveness: Forgiveness) -> float:
         """Probability that a press at a place (2,) [m] goes in."""

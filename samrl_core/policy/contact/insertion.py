@@ -38,6 +38,7 @@ class InsertionSettings:
     least_beside: float = 0.006  # nearer to the hole its face is not felt [m]
     most_beside: float = 0.030  # nor farther from it: a block has an edge [m]
     stopped: float = 0.5  # of the way that was asked for; what sinks by less has met something
+    most_stops: int = 1  # in a row that friction in the joints explains: with the next it stands on something
     near: float = 0.003  # above the mouth; from here on in slow steps [m]
     clear: float = 0.0015  # the same above a face that was felt [m]
     aligned: float = 0.0015  # lateral distance from the likeliest place at which it goes down [m]
@@ -48,7 +49,6 @@ class InsertionSettings:
     most_relief: float = 0.003  # of such a push in one action: an arm that springs back drops [m]
     press: float = 2.0  # more force with each action that presses in what sinks, and with the first [N]
     most_press: float = 12.0  # a press stays below, far from what the fingers hold [N]
-    caught: float = 6.0  # sideways force that no friction on the face explains: a wall of the hole [N]
     slide: float = 3.0  # vertical force while the tip is moved over the face [N]
     side_step: float = 0.0015  # over the face at most [m]
     sinks: float = 0.0001  # a press that takes it lower by more is going in [m]
@@ -96,6 +96,7 @@ class Insertion:
     felt_face: bool = False  # whether that was the block's face
     height: float = 0.0  # of the tip when the last move was chosen [m]
     down: float = 0.0  # that this move asked for [m]
+    stops: int = 0  # steps down in a row that were stopped
     pressed: bool = False  # whether it has been pressed onto the block
     let_go: bool = False  # whether the last action did
 
@@ -161,7 +162,8 @@ def _felt(state: Insertion, reading: TipReading, s: InsertionSettings) -> Insert
     mouth, height = state.mouth, float(reading.tip[2])
     up = float((state.free_force - reading.force)[2])
     sinks = state.height - height > s.stopped * state.down
-    if state.down > 0.0 and not sinks and up > s.stopped_touch:
+    state = replace(state, stops=0 if sinks else state.stops + 1)
+    if state.down > 0.0 and not sinks and (up > s.stopped_touch or state.stops > s.most_stops):
         known = replace(mouth, height=height, height_deviation=s.known)
         return replace(state, phase="above", mouth=known, touched=height, felt_face=True)
     if height < mouth.height - s.lowest * mouth.height_deviation:
@@ -195,8 +197,9 @@ def _noticed(state: Insertion, reading: TipReading, s: InsertionSettings) -> Ins
         if low and float(np.linalg.norm(place - mouth.place)) < s.aligned:
             state = replace(state, phase="lowering")
     stopped = state.phase == "lowering" and state.height - height < s.stopped * state.down
-    least = s.stopped_touch if stopped else s.touch
-    if height < mouth.height + near and up > least and (stopped or state.phase == "above"):
+    state = replace(state, stops=state.stops + 1 if stopped else 0)
+    touches = up > (s.stopped_touch if stopped else s.touch) or state.stops > s.most_stops
+    if height < mouth.height + near and touches and (stopped or state.phase == "above"):
         if not (state.felt_face and state.phase == "above"):
             state = replace(state, phase="search", touched=height, felt_face=True)
     unaided = s.unstopped if state.felt_face else s.unaided
@@ -238,9 +241,6 @@ def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
     sinking = state.pressed and float(reading.tip[2]) < state.height - s.sinks
     if state.pressed and not sinking:
         grid = grid.stopped_at(here, s.forgiveness)
-    side = pushed[:2]
-    if float(np.linalg.norm(side)) > s.caught:  # the edge of a peg that leans is in, and the hole is that way
-        grid = grid.pushed_towards(here, side)
     state = replace(state, grid=grid)
     way = grid.next_place(here, s.forgiveness, s.way_cost) - here
     if sinking or not state.pressed:
@@ -250,8 +250,6 @@ def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
             push = push + _relief(reading, pushed, s)
         return Move("search", push, replace(state, pressed=True))
     push = reading.compliance @ np.array([0.0, 0.0, float(pushed[2]) - s.slide])
-    if float(np.linalg.norm(side)) > s.caught:  # without a change of the vertical force
-        push = push + _limited(reading.compliance[:, :2] @ side, s.most_relief)
     return Move("search", np.array([*_limited(way, s.side_step), 0.0]) + push, state)
 
 

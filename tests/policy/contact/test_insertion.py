@@ -169,22 +169,6 @@ def test_a_face_of_unknown_height_is_felt_beside_the_hole_first(higher: float) -
     assert len(moves) < 32 and block.largest < 8.0
 
 
-def test_a_wall_that_pushes_sideways_says_where_the_hole_is() -> None:
-    """The edge of a peg that leans has dipped into the hole: it is relieved and searched on that side."""
-    searching = replace(begin(mouth_at(HOLE, 0.002), FREE_FORCE), phase="search", touched=0.040, height=0.040)
-    here = np.array([*(HOLE - [0.002, 0.0]), 0.0398])
-    state = replace(searching, pressed=True)
-    ways = []
-    for push in (1.0, 8.0):
-        reading = TipReading(here, FREE_FORCE - [push, 0.0, 4.0], np.eye(3) / 1500.0)
-        move = next_move(state, reading, S)
-        ways.append(move.displacement)
-        behind = move.state.grid.places[:, 0] < here[0]
-        share = move.state.grid.weights[behind].sum() / searching.grid.weights[behind].sum()
-        assert (share < 0.5) == (push > S.caught)
-    assert ways[1][0] > ways[0][0] + 0.0015
-
-
 def test_what_rubs_while_it_sinks_is_no_touch() -> None:
     """3 N against the motion, read from the first step down on, stop nothing."""
     mouth = replace(mouth_at(HOLE), height_deviation=0.002, beside=HOLE + [0.012, 0.0])
@@ -208,3 +192,13 @@ def test_a_sideways_push_is_relieved_level() -> None:
     reading = TipReading(np.array([*HOLE, 0.030]), FREE_FORCE + [8.0, 0.0, 0.0], coupled)
     way = next_move(inside, reading, S).displacement
     assert way[2] == pytest.approx(-S.deep_step) and way[0] == pytest.approx(-S.most_relief)
+
+
+def test_who_is_stopped_twice_stands_on_something_whatever_is_read() -> None:
+    """Friction in the joints may hide a force, and holds back one step in free air, not two."""
+    mouth = mouth_at(HOLE)
+    state = replace(begin(mouth, FREE_FORCE), phase="lowering", height=0.0405, down=S.slow_step)
+    reading = TipReading(np.array([*HOLE, 0.0404]), FREE_FORCE, np.eye(3) / 1500.0)
+    first = next_move(state, reading, S)
+    second = next_move(first.state, reading, S)
+    assert (first.name, second.name) == ("lowering", "search")

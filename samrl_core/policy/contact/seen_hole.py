@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from samrl_core.cell.tasks.peg_insertion.board import TOP_COLOR
 from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.peg_insertion.tool import PEG_COLOR
 from samrl_core.cell.types.observation import Observation
-from samrl_core.model.real2sim.hole_sight import HoleSight, PegColours, sight_of
+from samrl_core.model.real2sim.hole_sight import HoleSight, PegColours, on_plane, sight_of
 
 _NEWEST = 9  # peg's ends of which the middle counts: the nearer to the hole, the better they are
 _FEWEST = 2  # ends below which nothing is said
@@ -63,9 +63,10 @@ class SeenHole:
             height: of the mouth in world, as drawn [m].
             face: the same by the encoders of the tip [m].
         """
-        hole = np.median(self._holes, axis=0)
+        # An arm that holds a camera creeps by millimetres, as its encoders tell: a hole stays, its pixel not.
+        hole = np.median([on_plane(one.camera, one.hole, height) for one in self._holes], axis=0)
         found = [
-            tip[:2] + replace(sight, hole=hole).place_beside(height + float(tip[2]) - face, height)
+            tip[:2] + hole - on_plane(sight.camera, sight.end, height + float(tip[2]) - face)
             for sight, tip in self._ends[-_NEWEST:]
         ]
         return np.median(found, axis=0)
@@ -77,8 +78,8 @@ class SeenHole:
         return self._ends[-1][0].covariance(height, size, face_deviation)
 
     @property
-    def _holes(self) -> list[np.ndarray]:
-        return [sight.hole for sight in self.sights if np.isfinite(sight.hole).all()]
+    def _holes(self) -> list[HoleSight]:
+        return [sight for sight in self.sights if np.isfinite(sight.hole).all()]
 
     @property
     def _ends(self) -> list[tuple[HoleSight, np.ndarray]]:

@@ -58,6 +58,8 @@ class InsertionSettings:
     unaided: float = 0.0035  # so much below the believed mouth it is inside though no touch was felt [m]
     unstopped: float = 0.0025  # the same below a face that was felt [m]
     deep_step: float = 0.004  # inside the hole [m]
+    tight: float = 1.5  # vertical force inside from which on the hole's walls rub [N]
+    tight_step: float = 0.002  # then, as a wedged peg is pressed at its walls by ten times that [m]
     doubtful: float = 0.010  # so much below a mouth that was never felt it may still be the face [m]
     stuck: float = 5.0  # vertical force that stops it near the mouth: then it is not in the hole [N]
     jam: float = 14.0  # vertical force inside the hole above which it is let go once [N]
@@ -264,7 +266,8 @@ def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
         return Move("inside", reading.compliance @ pushed, replace(state, let_go=True))
     # As deep again as it is at most: what was taken for the hole and is not stops a short step gently.
     deep = max(s.slow_step, 1.5 * (state.touched - float(reading.tip[2])))
-    step = min(s.deep_step, deep, left + 0.0005)
+    longest = s.deep_step if pushed[2] < s.tight else s.tight_step
+    step = min(longest, deep, left + 0.0005)
     down = -step * np.array([*state.mouth.lean, 1.0])
     return Move("inside", down + _relief(reading, pushed, s), replace(state, let_go=False))
 

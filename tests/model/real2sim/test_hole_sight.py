@@ -11,16 +11,16 @@ import pytest
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.peg_insertion.board import TOP_COLOR
-from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.peg_insertion.tool import PEG_COLOR
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.evaluation import true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.real2sim.hole_sight import HoleSight, PegColours, on_plane, sight_of
 from samrl_core.policy.contact.seen_hole import SeenHole
+from samrl_core.policy.contact.touch_insertion import require_peg
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
-CELL, TASK = cell_named(), task_named("peg_insertion_hard")
+CELL, TASK = cell_named(), require_peg(task_named("peg_insertion_hard"))
 LABELS = (TASK.tool_label, TASK.board_label)
 WRONG = np.array([0.006, -0.005, 0.0])  # of what is believed before the image [m]
 
@@ -40,7 +40,6 @@ def seen() -> tuple[Observation, np.ndarray, np.ndarray]:
 
 
 def sighted(observation: Observation, mouth: np.ndarray, tip: np.ndarray) -> HoleSight:
-    assert isinstance(TASK, PegInsertion)
     radii = (TASK.peg_radius, TASK.hole_radius)
     return sight_of(observation, LABELS, PegColours(PEG_COLOR, TOP_COLOR), mouth + WRONG, tip - WRONG, radii)
 

@@ -20,10 +20,10 @@ from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.settings import AgentSettings
 from samrl_core.policy.contact.insertion import BOTTOM, begin
-from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings
+from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings, require_peg
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
-CELL, TASK = cell_named(), task_named("peg_insertion_hard")
+CELL, TASK = cell_named(), require_peg(task_named("peg_insertion_hard"))
 BLIND = TouchSettings(sights=False)  # to colours: the images of these tests have none
 HERE = TASK.start_camera()
 JOINTS = TASK.start_joints(CELL)["tool_arm"]

@@ -7,7 +7,7 @@ follow (Chhatpar and Branicky 2001, "Search strategies for peg-in-hole assemblie
 the likely region is covered with probes; here the region is the posterior, and every probe changes it).
 
 Where nobody knows to a millimetre how high the face is, it is felt first, beside the hole: then depths and
-what images show of the hole hang on the joints of one arm alone (msgs_docs/decisions/0035).
+what images show of the hole hang on the joints of one arm alone (msgs_docs/decisions/0036).
 """
 
 from __future__ import annotations

@@ -46,6 +46,23 @@ def test_a_lens_as_stated_leaves_the_frame(recordings: list[ImageRecording]) -> 
     assert undistorted(scene, frame, {"hand_eye": np.ones(6)}) is frame
 
 
+def test_depth_of_a_resampled_image_is_that_of_its_own_ray(recordings: list[ImageRecording]) -> None:
+    """Depth is read at whole pixels: 0.4 of one beside the ray, a slope makes another distance of it."""
+    scene = ImageScene(recordings[0], compared_size(recordings[0].intrinsics)[0])
+    frame = chosen_frames(scene, recordings[0])[0]
+    plain = scene.render(scene.vertices(frame.view, np.eye(4))).xyz.numpy()[..., 2]
+    size = np.array([0.4, -0.4]) / scene.intrinsics.width
+    back = find_lens_places({"cx": -size[0], "cy": -size[1]}, scene.intrinsics)
+    spoilt = replace(frame, depth=cv2.remap(plain, back.x, back.y, cv2.INTER_LINEAR).astype(float))
+    taken_out = undistorted(scene, spoilt, {"centre": size})
+    mended, rounded = (
+        frame_rows(scene, f, np.eye(4), DEPTH_NOISE_PER_Z2)["depth"].value
+        for f in (taken_out, replace(taken_out, beside=None))
+    )
+    assert np.quantile(np.abs(rounded), 0.9) > 5e-4, "no slope in the image: the test shows nothing"
+    assert np.quantile(np.abs(mended), 0.9) < 0.1 * np.quantile(np.abs(rounded), 0.9)
+
+
 @pytest.mark.slow
 def test_a_large_error_of_the_lens_is_where_images_are_compared(recordings: list[ImageRecording]) -> None:
     """5 % of the focal lengths and of the image's height: far outside of what is linear."""

@@ -78,7 +78,8 @@ def undistorted(scene: ImageScene, frame: ComparedFrame, point: Point) -> Compar
     color = cv2.remap(frame.color, at.x, at.y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     depth = np.where(at.inside, frame.depth[at.row, at.column], np.nan)
     mask = np.where(at.inside, frame.mask[at.row, at.column], UNSEEN)
-    return replace(frame, color=color, depth=depth, mask=mask)
+    beside = np.stack([at.x - at.column, at.y - at.row])
+    return replace(frame, color=color, depth=depth, mask=mask, beside=beside)
 
 
 def _places(scene: ImageScene, point: Point) -> LensPlaces:
@@ -94,7 +95,7 @@ def _places(scene: ImageScene, point: Point) -> LensPlaces:
 def _without_small_lens(scene: ImageScene, point: Point) -> dict[str, np.ndarray]:
     """The point, its lens left out where that is off by less than a pixel (root mean square).
 
-    Resampled depth and labels are those of the nearest pixel: what is smaller is nearer by its columns.
+    Resampled labels are those of the nearest pixel: what is smaller is nearer by its columns.
     """
     at = _places(scene, point)
     v, u = np.mgrid[0 : scene.intrinsics.height, 0 : scene.intrinsics.width]

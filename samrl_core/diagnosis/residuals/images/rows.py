@@ -7,7 +7,7 @@ pixels along the image's two axes; what moves them comes from the renderer's adj
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -54,6 +54,7 @@ class ComparedFrame:
     depth: np.ndarray  # (H, W) [m]
     mask: np.ndarray  # (H, W)
     view: FrameGeometry
+    beside: np.ndarray | None = None  # (2, H, W) from where depth was read to the pixel, along u and v [px]
 
 
 def frame_rows(
@@ -73,6 +74,8 @@ def frame_rows(
     rendered, shaded = scene.render(vertices), scene.render(vertices, shaded=True)
     shares = rendered.color.numpy().astype(float)
     points = rendered.xyz.numpy().astype(float)
+    if frame.beside is not None:
+        frame = replace(frame, depth=frame.depth + _risen(points[..., 2], frame.beside))
     label = rendered.label.numpy().copy()
     label[~np.isfinite(rendered.depth.numpy())] = 255
     inside = _inside(scene, frame, points[..., 2], label)
@@ -83,6 +86,16 @@ def frame_rows(
         "mask": _mask_rows(scene, frame, shares, label, vertices, moving),
     }
     return made
+
+
+def _risen(z: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """By how much surfaces (H, W) are deeper so many pixels (2, H, W) on, by the model's own slopes.
+
+    Depth is never mixed between pixels, which would also smooth its noise. Slopes across an edge mean
+    nothing, but no pixel near one is compared.
+    """
+    slope_v, slope_u = np.gradient(z)
+    return beside[0] * slope_u + beside[1] * slope_v
 
 
 def _tiles(height: int, width: int) -> np.ndarray:

@@ -37,6 +37,7 @@ POSES = frozenset(
 # Files of ETH's hand_eye_calibration: `poses_B_H`, the hand in the base, `poses_W_E`, the eye in the world.
 HAND_EYE = re.compile(r"(?:^|_)([BW])_([HE])(?:_|$)")
 FRAMES = {"B": "base", "H": "hand", "W": "world", "E": "eye"}
+_TRANSFORMS = frozenset("t tf h x pose transform".split())  # T_base_ee
 MOST_LABELS = 16  # things that rows of one file are of
 SHARED = 0.5  # of the time, that things beside each other are seen together
 
@@ -62,6 +63,16 @@ class LoggedTrack:
         if named is None and (letters := HAND_EYE.search(self.path.stem)):
             named = (FRAMES[letters[2]], FRAMES[letters[1]])
         return None if named is None else (_words(named[0]), _words(named[1]))
+
+    @property
+    def likely_frames(self) -> tuple[frozenset[str], frozenset[str]] | None:
+        """The same, of a matrix called T_base_ee: mostly the second frame in the first, which is no proof."""
+        if self.frames is not None or len(self.track.used) != 1:
+            return self.frames
+        first, *names = re.findall(r"[a-z]+\d*", self.track.used[0].rpartition(".")[2].lower()) or [""]
+        if first not in _TRANSFORMS or len(names) != 2:
+            return None
+        return frozenset(names[1:]), frozenset(names[:1])
 
     @property
     def of_frames(self) -> bool:

@@ -192,6 +192,8 @@ def _describe(
         poses: dict[str, Any] = {"target_in_camera": dict(first[0]), arm: {"flange": dict(second[0])}}
         if _is_inverse(seen):
             poses["target_in_camera"]["inverse"] = True
+        if _is_base_in_flange(carried):
+            poses[arm]["flange"]["inverse"] = True
         if at_rest:
             poses["at_rest"] = True
         said = "the arm carries the camera" if arm == "camera_arm" else "the camera stands still"
@@ -257,6 +259,13 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
         if told and (carried.of_frames or (base & BASES and not flange & BASES)):
             return ""
     other = "stands still" if arm == "camera_arm" else "rides on the arm"
+    turned = {seen.name: _is_inverse(seen), carried.name: _is_base_in_flange(carried)}
+    names = " and ".join(name for name, is_turned in turned.items() if is_turned)
+    if names:
+        return (
+            f"by the order of its frames {names} is taken as inverse: is that so? Without `inverse` the"
+            f" camera {other}"
+        )
     return (
         "are these the target in the camera and the flange in its base? If either is given the other way"
         f" round (set `inverse: true`), the camera {other}"
@@ -265,8 +274,14 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
 
 def _is_inverse(seen: LoggedTrack) -> bool:
     """Whether names say that these are the camera's poses in what it sees."""
-    child, parent = seen.frames or (frozenset(), frozenset())
+    child, parent = seen.likely_frames or (frozenset(), frozenset())
     return bool(child & CAMERAS and parent) and not parent & CAMERAS and not seen.of_frames
+
+
+def _is_base_in_flange(carried: LoggedTrack) -> bool:
+    """Whether names say that these are the base's poses in the flange."""
+    child, parent = carried.likely_frames or (frozenset(), frozenset())
+    return bool(child & BASES and parent & CARRIED) and not carried.of_frames
 
 
 def closing(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> float | None:

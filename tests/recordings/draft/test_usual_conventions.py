@@ -157,3 +157,20 @@ def test_a_target_seen_beside_joints_closes_the_chain_by_the_description(tmp_pat
     assert one.recording.camera_arm is not None and one.recording.camera_arm.joints == JOINTS
     assert closing_error(one.recording) < 1e-3
     assert drafted(tmp_path / "bag").kind == "joints"  # without the description, and no falling body
+
+
+def test_the_order_of_frames_in_a_name_is_taken_and_asked_for(tmp_path: Path) -> None:
+    """T_tag_cam is mostly the camera in the tag: taken otherwise the camera would ride on the arm."""
+    world = PoseWorld(seconds=12.0)
+    made = record(world).seen
+    seen = np.tile(np.eye(4), (len(made.time), 1, 1))
+    seen[:, :3, :3], seen[:, :3, 3] = Rotation.from_quat(made.quat_xyzw).as_matrix(), made.position
+    flanges = flange(made.time, world)
+    inverse = np.linalg.inv(seen)
+    np.savez(tmp_path / "a.npz", T_base_ee=flanges[::9], T_tag_cam=inverse[::9])
+    draft = drafted(tmp_path / "a.npz")
+    assert draft.poses["target_in_camera"]["inverse"] and "inverse" not in draft.poses["camera_arm"]["flange"]
+    assert any("T_tag_cam is taken as inverse" in question for question in draft.questions)
+    np.savez(tmp_path / "b.npz", T_ee_base=np.linalg.inv(flanges)[::9], T_cam_tag=seen[::9])
+    draft = drafted(tmp_path / "b.npz")
+    assert draft.poses["camera_arm"]["flange"]["inverse"] and "inverse" not in draft.poses["target_in_camera"]

@@ -16,6 +16,7 @@ from samrl_ros.cli.diagnosis.load import load
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.cli.main import run
 from samrl_ros.recordings.described import model_of
+from tests.diagnosis.bodies.body_worlds import World, several, slide
 from tests.recordings.logs.made_logs import JOINTS, MOTION, by_joint, urdf_of, write_csv
 
 
@@ -144,3 +145,21 @@ def test_what_options_do_not_go_with_is_said(tmp_path: Path, capsys: pytest.Capt
         assert run(["diagnose", *arguments, *out]) == 3
         assert part in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "report").exists()
+
+
+def test_a_note_names_its_recording_once(tmp_path: Path) -> None:
+    """Tracks of bodies name it themselves."""
+    for made in several(slide, World(), 2, 1):
+        position, time = made.track.position, made.track.time
+        columns = {"t": time, "x": position[:, 0], "y": position[:, 1]}
+        write_csv(tmp_path / f"{made.name}.csv", columns)
+    content = {
+        "sources": {"log": {"time": {"column": "t"}, "columns": {"x": "x", "y": "y"}}},
+        "bodies": {"track": {"position": ["x", "y"], "axes": "xy"}, "support": {"friction": 0.3}},
+        "recordings": [{"glob": "*.csv"}],
+    }
+    mapping = tmp_path / "m.yaml"
+    mapping.write_text(yaml.safe_dump(content))
+    *_, notes = load(DiagnoseOptions(mapping=mapping))
+    assert any(note.startswith("run00: ") for note in notes)
+    assert not any(note.startswith("run00: run00: ") for note in notes)

@@ -67,7 +67,8 @@ def _load_mapped(options: DiagnoseOptions, mapping: Path, model: NominalModel | 
     data = options.data if options.data is not None else mapping.parent
     urdf = None if model is None else model.urdf
     found = import_logs_by(mapping, data, options.bags, options.held_out, urdf)
-    notes = [f"{each.recording.name}: {note}" for each in found.made for note in each.notes]
+    named = [(each.recording.name, note) for each in found.made for note in each.notes]
+    notes = [note if note.startswith(f"{name}: ") else f"{name}: {note}" for name, note in named]
     if found.kind != "joints":
         return _divided(
             found.kind, found.of_role("fit"), found.of_role("held_out"), notes, options.tolerances

@@ -95,8 +95,11 @@ def _attempts(
         contradicted = (yield tried) or ()
         # A first effect whose size was found beside a wrong one gets a verdict without that.
         if tried.chosen is not None and (further := tuple(i for i in contradicted if i > 0)):
-            tried = without_member(likelihood, held, tried, further)
-            continue
+            fewer = without_member(likelihood, held, tried, further)
+            # What was possible only beside them is no set alone.
+            if fewer.chosen is not None and np.isfinite(fewer.chosen.log_evidence):
+                tried = fewer
+                continue
         if not waiting or selection.again is None:
             return
         tried = selection.again(waiting.pop(0))

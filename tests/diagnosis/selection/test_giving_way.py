@@ -137,6 +137,21 @@ def test_what_was_refused_is_no_rival_of_the_next_candidate(monkeypatch: pytest.
     assert [s.denied for s in seen] == [frozenset(), {"torque_saturation@joint:x"}]
 
 
+@pytest.mark.parametrize(("alone", "next_"), [(30.0, "a@joint:x"), (-np.inf, "b@joint:x")])
+def test_what_is_impossible_without_its_further_member_gives_way(
+    monkeypatch: pytest.MonkeyPatch, alone: float, next_: str
+) -> None:
+    """A diagnosis ended without a report: no set that was left had any probability."""
+    one = a_selection(fit("a@joint:x", 50.0), (fit("b@joint:x", 20.0),))
+    left = replace(one, chosen=fit("a@joint:x", alone))
+    monkeypatch.setattr(judge, "without_member", lambda *_: left)
+    empty = cast("Likelihood", None)
+    attempts = judge._attempts(empty, empty, one)
+    assert next(attempts) is one
+    tried = attempts.send((1,)).chosen
+    assert tried is not None and tried.hypotheses[0].name == next_
+
+
 def test_without_simulation_held_out_torque_says_who_comes_as_close(monkeypatch: pytest.MonkeyPatch) -> None:
     """Next candidates were never named where nothing could be simulated."""
     first, second = fit("a@joint:x", 34.0), fit("b@joint:x", 30.0)

@@ -63,7 +63,7 @@ def _flipping() -> Task:
         upright=(1.2, 1.4),
         usual_policy="touch",
         force_limit=BENDING_FORCE,
-        max_actions=60,
+        max_actions=56,
     )
     return replace(task, name=task.name + HARD, variant_of=task.name)
 

@@ -34,7 +34,7 @@ def measure(agent: Agent, instance: str) -> tuple[np.ndarray, np.ndarray]:
     while True:
         observation, truth = plant.observe(), world.truth()
         choice = agent.act(agent.update_model(observation), observation)
-        if choice.sub_goal != "above":
+        if choice.sub_goal not in ("feel", "above"):
             break
         plant.displace_tool(choice.displacement)
     world.close()

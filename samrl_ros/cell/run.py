@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import math
 import os
 import sys
@@ -34,6 +35,8 @@ __all__ = ["CellOptions", "run_cell"]
 VISITED = "visited.npz"  # of a run's folder: states that Real2Sim found, to learn from
 SETTLING_S = 0.5  # wall time in which the last messages reach the recorder
 BRAKING_S = 2.0  # wall time in which the bridge brakes arms whose commands ceased, and the recorder sees it
+LEAVE_S = 30.0  # wall time in which the middleware lets go of a run's nodes; milliseconds on a free machine
+STDERR = 2  # its file descriptor, whatever `sys.stderr` is now
 DISCOVERY_S = 1.0  # wall time in which whoever is in the ROS domain already is heard of
 
 
@@ -68,32 +71,49 @@ def run_cell(
     arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
     _clean_shared_memory(screen)
     reserve = Reserve(options.out)
+    closers: list[Callable[[], None]] = []
     with stop_signals() as stop:
         start_ros([sys.argv[0], *arguments])
+        closers.append(stop_ros)
         try:
-            watch, trouble, late = _watch_run(options, arguments, stop, screen, on_tick, on_figures)
+            watch, trouble, late = _watch_run(options, arguments, stop, screen, on_tick, on_figures, closers)
+            if keep is not None:
+                keep["watch"] = watch
+            given_up = given_up_episodes(watch.outcomes)
+            # Whoever interrupts gets 130, also when a node then needs too long.
+            interrupted = stop.is_set() and not trouble
+            code = INTERRUPTED if interrupted else FAILED if trouble or late or given_up else OK
+            trouble = "; ".join(filter(None, ["interrupted" if interrupted else trouble, late]))
+            if trouble and code == FAILED:
+                text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
+                screen.print(text, highlight=False, soft_wrap=True)
+            elif code == INTERRUPTED:
+                screen.print(f"{escape(trouble)}; the bag is closed", highlight=False, soft_wrap=True)
+            for episode, reason in given_up.items():
+                text = f"[bold red]episode {episode} was given up:[/] {escape(reason)}"
+                screen.print(text, highlight=False, soft_wrap=True)
+            # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
+            reserve.give_up()
+            told = _sum_up(options, watch, trouble, screen)
+            _write_page(options, screen)
         finally:
-            stop_ros()
-        if keep is not None:
-            keep["watch"] = watch
-        given_up = given_up_episodes(watch.outcomes)
-        # Whoever interrupts gets 130, also when a node then needs too long.
-        interrupted = stop.is_set() and not trouble
-        code = INTERRUPTED if interrupted else FAILED if trouble or late or given_up else OK
-        trouble = "; ".join(filter(None, ["interrupted" if interrupted else trouble, late]))
-        if trouble and code == FAILED:
-            text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
-            screen.print(text, highlight=False, soft_wrap=True)
-        elif code == INTERRUPTED:
-            screen.print(f"{escape(trouble)}; the bag is closed", highlight=False, soft_wrap=True)
-        for episode, reason in given_up.items():
-            text = f"[bold red]episode {episode} was given up:[/] {escape(reason)}"
-            screen.print(text, highlight=False, soft_wrap=True)
-        # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
-        reserve.give_up()
-        told = _sum_up(options, watch, trouble, screen)
-        _write_page(options, screen)
+            leave_graph(closers)
     return code or (OK if told else FAILED)
+
+
+def leave_graph(closers: list[Callable[[], None]], patience_s: float = LEAVE_S) -> None:
+    """Close what was opened, the last one first; call it when all else is written.
+
+    Fast DDS 2.14 may stand still for good in here, where a node's writer goes in the instant in which its
+    lease is checked (each thread waits for the other's lock, and the caller for them, Python's lock in hand).
+    No signal is heard then, so after `patience_s` the process ends, stacks on standard error, exit code 1.
+    """
+    faulthandler.dump_traceback_later(patience_s, exit=True, file=STDERR)
+    try:
+        for close in reversed(closers):
+            close()
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _clean_shared_memory(console: Console) -> None:
@@ -141,8 +161,9 @@ def _watch_run(
     console: Console,
     on_tick: Callable[[dict[str, int]], None],
     on_figures: Callable[[str, dict[str, str]], None],
+    closers: list[Callable[[], None]],
 ) -> tuple[Any, str, str]:
-    """Start everything, wait for the end, stop everything.
+    """Start everything, wait for the end, stop all nodes; what is left to close is added to `closers`.
 
     Returns:
         What was seen, what went wrong before the end or an interrupt, and what did not stop afterwards.
@@ -157,8 +178,10 @@ def _watch_run(
         monitor = Monitor(
             lambda text: progress.console.print(escape(text), highlight=False, soft_wrap=True), on_figures
         )
+        closers.append(monitor.close)
         view = _start_view(options)
         desk = _open_desk(options, monitor)
+        closers += [one.close for one in (desk, view) if one is not None]
         logs = options.out / "logs"
         group = {
             "split": lambda: MixedGroup(arguments, logs),
@@ -189,11 +212,6 @@ def _watch_run(
             trouble = str(error)
         finally:
             late = group.stop()
-            if view is not None:
-                view.close()
-            if desk is not None:
-                desk.close()
-            monitor.close()
     return monitor.watch, trouble, late
 
 

@@ -34,8 +34,10 @@ def _refusals() -> Generator[None]:
     try:
         yield
     except SamrlError as error:
-        Console(stderr=True).print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True, highlight=False)
-        raise typer.Exit(INPUT_REFUSED if isinstance(error, InputError) else FAILED) from error
+        what, code = ("refused", INPUT_REFUSED) if isinstance(error, InputError) else ("error", FAILED)
+        text = f"[bold red]{what}:[/] {escape(str(error))}"
+        Console(stderr=True).print(text, soft_wrap=True, highlight=False)
+        raise typer.Exit(code) from error
 
 
 @bag_app.command("info")

@@ -61,6 +61,13 @@ def test_missing_sizes_are_named(
     assert why in capsys.readouterr().err
 
 
+def test_a_file_that_is_not_there_is_named_before_its_sizes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["identify", str(tmp_path / "nope.npz")]) == INPUT_REFUSED
+    assert "nope.npz does not exist" in capsys.readouterr().err
+
+
 def test_files_that_are_no_push_are_refused(
     push_files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+import pytest
 import typer
 from typer.testing import CliRunner
 
 from samrl_ros.cli.learning.train import DEFAULTS, TrainOptions
+from samrl_ros.cli.main import run
 from samrl_ros.cli.options import add_command, command_function
+from samrl_ros.contract.exit_codes import INPUT_REFUSED
 
 
 @dataclass(frozen=True)
@@ -100,3 +103,9 @@ def test_options_of_a_training_reach_its_settings() -> None:
     settings = options.settings()
     assert (settings.rounds, settings.acted.unit, settings.actor.epochs, settings.q.epochs) == (2, 0.3, 5, 6)
     assert settings.actor.batch_size == settings.q.batch_size == 9
+
+
+def test_a_training_of_no_task_makes_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["train", "nosuch"]) == INPUT_REFUSED
+    assert not list(tmp_path.iterdir())

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, read_correction
+from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.regressions import EXPLAINED
 from samrl_core.learning.sim.train import SUMMARY, train
@@ -106,6 +107,7 @@ def train_task(options: TrainOptions) -> int:
     """
     console = Console()
     correction = NO_CORRECTION if options.correction is None else read_correction(options.correction)
+    task_named(options.task)  # refused before a folder is made
     settings, out = options.settings(), options.out or Path("out") / f"train-{options.task}"
 
     def print_progress(stage: str, row: dict[str, float]) -> None:

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_there
 from samrl_core.model.physical_parameters.identifiability import describe_parameters
 from samrl_core.model.physical_parameters.push_record import Disc
 from samrl_core.studies.model.identify_pushes import NAME, identify_files
@@ -49,6 +50,8 @@ def identify_pushes(options: IdentifyOptions) -> int:
 
             run_study(o.out, o.cases, o.light, o.seed)
             return 0
+        if missing := [path for path in o.pushes if not is_there(path)]:
+            raise InputError(f"{missing[0]} does not exist; give recorded pushes")
         if not o.mass > 0:
             raise InputError(f"--mass is {o.mass} kg; give a first guess above 0")
         if not (o.radius > 0 and o.thickness > 0):

@@ -366,7 +366,11 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
 def _edges_wider(sigma: np.ndarray, motion: RecordedMotion) -> np.ndarray:
     """Noise (N, J) of a law's torque, larger where readings may lie on either side of a dead band's edge."""
     variance = motion.rounding_variance
-    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance))) if np.any(variance > 0) else sigma
+    if not np.any(variance > 0):
+        return sigma
+    assert motion.raw_position is not None  # the law read it
+    held = np.diff(motion.raw_position, axis=0, prepend=np.nan) == 0.0
+    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, held)))
 
 
 def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:

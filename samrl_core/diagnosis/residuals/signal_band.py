@@ -51,19 +51,27 @@ class SignalBand:
         """Band-limit and decimate a full-rate signal, (F, ...) to (N, ...)."""
         return self._pick(self._filtered(x))
 
-    def reduce_variance(self, variance: np.ndarray) -> np.ndarray:
-        """Variance (N, ...) of a band-limited signal, of that of its independent samples (F, ...).
+    def reduce_variance(self, variance: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Variance (N, J) of a band-limited signal, of that of its samples (F, J).
 
-        By the squared impulse response: a single error rings in the samples around it too, where the response
-        itself, which is negative there, would find a variance below zero.
+        Samples that keep the reading of the one before, `held` (F, J), have its error too; else errors are
+        independent. So each reading's errors pass the filter together, and their squares add up: a single one
+        rings in the samples around it, too, and a slow axis keeps one error for longer than the filter.
         """
         if self._band_filter is None:
             return self._pick(variance)
         reach = max(1, min(round(EDGE_PERIODS / self.band * self.rate), (len(variance) - 1) // 2))
         impulse = np.zeros(2 * reach + 1)
         impulse[reach] = 1.0
-        squared = signal.sosfiltfilt(self._band_filter, impulse, padtype=None) ** 2
-        return self._pick(np.apply_along_axis(np.convolve, 0, variance, squared, mode="same"))
+        response = signal.sosfiltfilt(self._band_filter, impulse, padtype=None)
+        found = np.zeros((len(variance) + 2 * reach, variance.shape[1]))
+        for j, column in enumerate(variance.T):
+            (at,) = np.nonzero(column > 0)
+            begins = (np.diff(at, prepend=-2) > 1) | ~held[at, j]
+            for run in np.split(at, np.flatnonzero(begins)[1:]) if len(at) else []:
+                rings = np.convolve(np.sqrt(column[run]), response)
+                found[run[0] : run[0] + len(rings), j] += rings**2
+        return self._pick(found[reach:-reach])
 
     def _filtered(self, x: np.ndarray) -> np.ndarray:
         if self._band_filter is None:

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+
+@pytest.fixture(scope="module")
+def graph() -> Iterator[None]:
+    """ROS, for the nodes of one module."""
+    from samrl_ros.hosting import start_ros, stop_ros
+
+    start_ros([])
+    yield
+    stop_ros()
 
 
 @dataclass(frozen=True)

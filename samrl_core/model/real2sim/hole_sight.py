@@ -4,7 +4,7 @@ A mask says roughly where a part is. A segmenter's boundary wanders by a pixel o
 by a centimetre in a cell that nobody calibrated turns a block by ten degrees to fit. A bore is dark in a
 bright face, and a peg has a colour that the face has not, so that both are known to half a pixel (as a thread
 is, msgs_docs/decisions/0026). In one image the errors of camera and arms shift both alike: what is left of
-them is how high the peg's end is over the face, which touching it tells (`place_beside`).
+them is how high the peg's end is over the face, which touching it tells.
 """
 
 from __future__ import annotations
@@ -51,12 +51,8 @@ class HoleSight:
     hole: np.ndarray  # middle of the mouth
     end: np.ndarray  # middle of the peg's end
 
-    def place_beside(self, end_height: float, mouth_height: float) -> np.ndarray:
-        """The mouth's middle from the peg's end (2,), with both at heights in world [m]."""
-        return on_plane(self.camera, self.hole, mouth_height) - on_plane(self.camera, self.end, end_height)
-
     def covariance(self, mouth_height: float, pixels: float, height: float) -> np.ndarray:
-        """Of `place_beside` (2, 2) [m2].
+        """Of the mouth's middle from the peg's end, both `on_plane` (2, 2) [m2].
 
         Args:
             mouth_height: in world [m].

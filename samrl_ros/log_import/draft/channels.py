@@ -260,8 +260,8 @@ def add_effort(
         return currents
     best = measured[0]
     link = effort is Effort.link or (effort is Effort.ask and _measure_behind_gears(draft))
-    unit = "N m" if best.part.ros or not best.meaning.unit else best.meaning.unit
-    unit_question = "" if best.part.ros or best.meaning.unit else f"is {name_of(best)} in N m?"
+    unit, is_told = _torque_unit(best)
+    unit_question = "" if is_told else f"is {name_of(best)} in N m?"
     quantity = quantity_of(best, order, unit, draft, "states")
     if link:
         reason = "as stated" if effort is Effort.link else "these arms measure torque behind the gears"
@@ -278,6 +278,12 @@ def add_effort(
     draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question, asks)
     draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
     return [best, *currents]
+
+
+def _torque_unit(best: NamedBlock) -> tuple[str, bool]:
+    """Unit of a torque, and whether the log tells it: messages of ROS by their type, others by the name."""
+    unit = "" if best.part.ros else best.meaning.unit
+    return unit or "N m", bool(best.part.ros or unit)
 
 
 def _measure_behind_gears(draft: Draft) -> bool:
@@ -301,8 +307,8 @@ def _add_commanded_effort(
     if not there:
         return None
     best = there[0]
-    unit = "N m" if best.part.ros or not best.meaning.unit else best.meaning.unit
-    question = "" if best.part.ros or best.meaning.unit else f"is {name_of(best)} in N m, at the joints?"
+    unit, is_told = _torque_unit(best)
+    question = "" if is_told else f"is {name_of(best)} in N m, at the joints?"
     reason = f"{name_of(best)}: the name says a commanded torque"
     draft.note("channels.commanded_effort.effort", reason, question, "torque_unit")
     quantity = quantity_of(best, order, unit, draft, "states")

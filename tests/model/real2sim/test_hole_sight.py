@@ -45,7 +45,7 @@ def sighted(observation: Observation, mouth: np.ndarray, tip: np.ndarray) -> Hol
 
 
 def beside(sight: HoleSight, tip: np.ndarray) -> np.ndarray:
-    return sight.place_beside(float(tip[2]), TASK.height)
+    return on_plane(sight.camera, sight.hole, TASK.height) - on_plane(sight.camera, sight.end, float(tip[2]))
 
 
 def test_the_hole_lies_beside_the_end_as_it_does(seen: tuple[Observation, np.ndarray, np.ndarray]) -> None:

@@ -29,15 +29,6 @@ TOOL, PHASE, STATES = "/cell/tool_arm/tool", "/cell/phase", "/cell/tool_arm/join
 RECORDED = [TOOL, PHASE, STATES]
 
 
-@pytest.fixture(scope="module")
-def graph() -> Iterator[None]:
-    from samrl_ros.hosting import start_ros, stop_ros
-
-    start_ros([])
-    yield
-    stop_ros()
-
-
 @pytest.fixture
 def node(graph: None) -> Iterator[Any]:
     import rclpy

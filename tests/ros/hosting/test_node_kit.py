@@ -86,15 +86,6 @@ class Probe:
         self._executor.shutdown()
 
 
-@pytest.fixture(scope="module")
-def graph() -> Iterator[None]:
-    from samrl_ros.hosting import start_ros, stop_ros
-
-    start_ros([])
-    yield
-    stop_ros()
-
-
 @pytest.fixture
 def probe(graph: None) -> Iterator[Probe]:
     probe = Probe()

@@ -80,10 +80,7 @@ class SpatulaFlipping(Task):
     arc_radius: float = 0.055  # of the edge's way about the foot of the lip [m]
     arc_end: float = 1.9  # angle above the table at which the arc ends [rad]
     arc_step: float = 0.10  # angle between two sub-goals [rad]
-    upright: tuple[float, float] = (
-        0.0,
-        0.0,
-    )  # of the arc: there it stands by itself; equal: nowhere [rad]
+    upright: tuple[float, float] = (0.0, 0.0)  # of the arc: there it stands by itself [rad]
     success_axis: float = -0.9  # z of the pancake's axis at most [-]
     success_height: float = 0.030  # its centre was higher than this [m]
     success_speed: float = 0.020  # at the end [m/s]

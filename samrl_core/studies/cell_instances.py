@@ -35,7 +35,11 @@ ROWS: dict[str, Condition] = {
     "_fixed_view": Condition("optimised", HELD),
     **{f"_{name}": Condition("optimised", HELD, straw_man=name) for name in STRAW_MEN},
     **{f"_thinking_{time_s:g}s": Condition(think_s=time_s) for time_s in THINKING},
-    "_script_touch": Condition("optimised", HELD, tip_offset=True, touch=True, straw_man="script"),
+    "_fixed_view_touch": Condition("optimised", HELD, tip_offset=True, touch=True),
+    **{
+        f"_{name}_touch": Condition("optimised", HELD, tip_offset=True, touch=True, straw_man=name)
+        for name in ("script", "one_update")
+    },
 }
 
 

@@ -85,7 +85,7 @@ class CellOptions:
         tuple[str, ...], typer.Option(help="With --instance: GROUP=FACTOR scales one group of differences.")
     ] = ()
     estop_wait: Annotated[
-        float, typer.Option(help="Longest wait for an emergency stop's reset [s], 0 for ever.", min=0.0)
+        float, typer.Option(help="Longest wait for an emergency stop's reset in s, 0 for ever.", min=0.0)
     ] = 0.0
     restarts: Annotated[
         int, typer.Option(help="Restarts of a node's process in a run, 0 for none.", min=0)

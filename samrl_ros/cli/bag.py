@@ -59,7 +59,7 @@ def info(
 def repair_command(
     path: BagPath,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="New bag folder [default: BAG_repaired].")
+        Path | None, typer.Option("--out", metavar="DIR", help="New bag folder; without it, BAG_repaired.")
     ] = None,
 ) -> None:
     """Copy what can be read of a truncated or unclosed bag into a new, complete one."""
@@ -80,7 +80,7 @@ def repair_command(
 def view_command(
     path: BagPath,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="New bag folder [default: BAG_view].")
+        Path | None, typer.Option("--out", metavar="DIR", help="New bag folder; without it, BAG_view.")
     ] = None,
 ) -> None:
     """Copy a bag for Foxglove, with clouds, differences, chosen views and the arms' meshes."""
@@ -110,7 +110,8 @@ def draft_command(
     ] = None,
     effort: Annotated[Effort, typer.Option("--effort", help=EFFORT_HELP)] = Effort.ask,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Mapping to write [default: print it].")
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Mapping to write; without it, it is printed."),
     ] = None,
 ) -> None:
     """Draft a mapping for `samrl bag import`: entries with reasons, questions where nothing proves them."""
@@ -145,7 +146,9 @@ def import_command(
     ] = None,
     data: Annotated[
         Path | None,
-        typer.Option("--data", metavar="DIR", help="Folder that paths count from [default: the mapping's]."),
+        typer.Option(
+            "--data", metavar="DIR", help="Folder that paths count from; without it, the mapping's."
+        ),
     ] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only say what each channel becomes; write nothing.")

@@ -190,6 +190,13 @@ def without(recording: ArmRecording, lacking: str) -> ArmRecording:
     return replace(recording, **{lacking: None})
 
 
+def test_torques_without_a_description_ask_for_the_urdf() -> None:
+    recordings = worlds.record(worlds.plant(), "AC", np.random.default_rng(0), 2.0)
+    bare = [replace(r, arm=replace(r.arm, urdf=None, controller=None), command=None) for r in recordings]
+    diagnosis, _ = diagnose(bare[:1], bare[1:])
+    assert diagnosis.verdict == "not_testable" and "--urdf FILE" in diagnosis.reasons[0]
+
+
 @pytest.mark.parametrize("urdf", [worlds.URDF, None])
 def test_positions_alone_are_not_testable(urdf: str | None) -> None:
     recordings = worlds.record(worlds.plant(), "ABC", duration_s=3.0)
@@ -205,7 +212,7 @@ def test_positions_alone_are_not_testable(urdf: str | None) -> None:
     ]
     for held_out in (bare[2:], []):
         diagnosis, far = diagnose(bare[:2], held_out)
-        assert diagnosis.verdict == "not_testable" and diagnosis.reasons
+        assert diagnosis.verdict == "not_testable" and "neither efforts nor" in diagnosis.reasons[0]
         assert far.gap is None and not diagnosis.effects
 
 

@@ -68,6 +68,16 @@ class Arms(Kind[ArmRecording]):
                     f"{trial.recording.name} has {motion.rate:.3g} Hz and moves faster than that tells, so"
                     f" its accelerations are not known: log at {FAST_HZ:.0f} Hz or more, or move slower"
                 )
+            if trial.rigid is None and motion.has_torque:
+                return (
+                    f"{trial.recording.name} holds torques, but no description of the arm to compare them"
+                    " with: give its URDF by --urdf FILE, or record /robot_description"
+                )
+            if not motion.has_torque and trial.recording.command is None:
+                return (
+                    f"{trial.recording.name} holds how the joints moved, but neither efforts nor what was"
+                    " commanded: record one of them"
+                )
         return self.nothing
 
     def system(self, trial: Observed) -> str:

@@ -51,7 +51,11 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         )
     if d.alarms:
         lines.append(_line("alarm", _first_of(d.alarms)))
-    if d.not_testable:
+    if d.verdict == "not_testable":  # then the list says nothing that the reason does not
+        lines.append(
+            _line("not testable", f"{len(d.not_testable)} families of effects; report.html says why each")
+        )
+    elif d.not_testable:
         names = ", ".join(FAMILIES[f].title if f in FAMILIES else f for f in d.not_testable)
         lines.append(_line("not testable", f"{len(d.not_testable)}: {names}"))
     tail = [_line("files", _in_one_folder(files))] if files else []

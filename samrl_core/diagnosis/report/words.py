@@ -117,7 +117,10 @@ def percent_interval(ci: tuple[float, float] | None) -> str:
 
 def points(difference: float | None) -> str:
     """A difference of two fractions in percentage points, signed."""
-    return "–" if difference is None or not math.isfinite(difference) else f"{100 * difference:+.0f} points"
+    if difference is None or not math.isfinite(difference):
+        return "–"
+    whole = round(100 * difference)
+    return f"{whole:+d} points" if whole else "0 points"
 
 
 def number(value: float | None) -> str:

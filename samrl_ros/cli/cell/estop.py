@@ -24,7 +24,7 @@ class EstopOptions:
     """Options of `samrl estop`."""
 
     reset: Annotated[bool, typer.Option("--reset", help="Reset the stop: the run goes on.")] = False
-    timeout: Annotated[float, typer.Option(help="Longest wait for the cell's answer [s].", min=0.5)] = 20.0
+    timeout: Annotated[float, typer.Option(help="Longest wait for the cell's answer in s.", min=0.5)] = 20.0
 
 
 def estop(options: EstopOptions) -> int:

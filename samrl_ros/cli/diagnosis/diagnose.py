@@ -16,6 +16,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.export.correction import Correction
 from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.diagnosis.load import load, load_one
+from samrl_ros.cli.diagnosis.notes import together
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.contract.interrupts import held_back
@@ -85,7 +86,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
             fit, held_out, notes = load(options, model)
             if options.apply and any(isinstance(r, BodyRecording) for r in fit):
                 raise InputError("--apply is for arms, poses, readings, images; of a body read report.json")
-            for note in notes:
+            for note in together(notes):
                 screen.print(f"[yellow]note:[/] {escape(note)}", highlight=False, soft_wrap=True)
             diagnosis, far = diagnose(fit, held_out, settings, notes, status.update)
             status.update("writing the report")

@@ -12,7 +12,7 @@ from samrl_core.cell.types.body_recording import BodyTolerances
 from samrl_core.cell.types.pose_recording import PoseTolerances
 from samrl_core.cell.types.reading_recording import ReadingTolerances
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_there
+from samrl_core.common.files import is_folder, is_there
 from samrl_core.common.text_files import parse_json, read_text
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
@@ -20,6 +20,10 @@ from samrl_core.diagnosis.recordings import check_held_out, check_recording, lon
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.log_import.draft.guess import Effort
+from samrl_ros.log_import.formats.parquet import is_lerobot
+from samrl_ros.log_import.formats.rosbag import is_bag
+from samrl_ros.log_import.imported_files import INDEX
+from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 from samrl_ros.recordings.arrays_by_role import restated
 from samrl_ros.recordings.body_file import body_roles, is_body_file, load_body_files
 from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files, pose_roles
@@ -41,6 +45,7 @@ def load(options: DiagnoseOptions, model: NominalModel | None = None) -> Loaded:
     """
     if options.mapping is not None:
         return _load_mapped(options, options.mapping, model)
+    options = replace(options, bags=tuple(bag for path in options.bags for bag in bags_in(path)))
     fit_paths, held_paths = _roles(options.bags, options.held_out)
     if options.camera:
         from samrl_ros.recordings.image_bag import load_image_bags
@@ -272,6 +277,17 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
     if not held and len(fit) > 1:
         held = [fit.pop()]
     return fit, held
+
+
+def bags_in(path: Path) -> list[Path]:
+    """Bag folders in a folder that holds nothing else that could be meant, by name; any other path alone."""
+    if not is_folder(path) or is_bag(path) or is_there(path / INDEX):
+        return [path]
+    inside = sorted(path.iterdir())
+    logs = (file for file in inside if file.suffix.lower() in SUFFIXES and file.suffix not in RARELY_LOGS)
+    if is_lerobot(path) or any(logs):
+        return [path]
+    return [folder for folder in inside if is_folder(folder) and is_bag(folder)] or [path]
 
 
 def _moving_role(groups: Sequence[tuple[ArmRecording, ...]]) -> str:

@@ -34,7 +34,7 @@ class DiagnoseOptions:
     ] = None
     data: Annotated[
         Path | None,
-        typer.Option(help="With --mapping: folder its paths count from [default: the mapping's]."),
+        typer.Option(help="With --mapping: folder its paths count from; without it, the mapping's."),
     ] = None
     urdf: Annotated[
         Path | None,
@@ -70,7 +70,7 @@ class DiagnoseOptions:
     watch: Annotated[
         bool, typer.Option("--watch", help="Diagnose the running graph, window after window, until Ctrl-C.")
     ] = False
-    window: Annotated[float, typer.Option(help="With --watch: length of a window [s].")] = 30.0
+    window: Annotated[float, typer.Option(help="With --watch: length of a window in s.")] = 30.0
     windows: Annotated[int, typer.Option(help="With --watch: end after so many; 0: never.", min=0)] = 0
     keep: Annotated[int, typer.Option(help="With --watch: newest bags without a gap that stay.", min=0)] = 10
     apply: Annotated[

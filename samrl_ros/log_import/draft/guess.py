@@ -8,8 +8,8 @@ from enum import StrEnum
 from typing import Any
 
 EFFORT_HELP = (
-    "What measured efforts are: of a link-side sensor, of the drive before friction, not to be used; or that"
-    " nothing drives the joints."
+    "What measured efforts are. link: of a sensor behind the gears; drive: the drive's torque times gear"
+    " ratio; none: not to be used, as currents; passive: nothing drives the joints."
 )
 
 

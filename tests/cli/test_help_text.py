@@ -1,4 +1,4 @@
-"""Help of every option reads as it was written: the terminal's markup takes `[s]` for a style and drops it."""
+"""Help of every option reads as written: the terminal's markup takes `[s]` for a style and drops it."""
 
 from __future__ import annotations
 

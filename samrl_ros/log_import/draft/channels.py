@@ -272,8 +272,8 @@ def add_effort(
     if effort is Effort.ask:
         question = (
             f"what is {name_of(best)}? The drive's torque times gear ratio (as drafted; --effort drive), the"
-            " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by torque"
-            " constant and gear ratio in the mapping; --effort none leaves it out)"
+            " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by its"
+            " torque constant and gear ratio in the mapping; --effort none leaves it out)"
         )
     asks = "" if effort is Effort.ask else "torque_unit"
     draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question, asks)

@@ -16,6 +16,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import CameraPose
 from samrl_core.model.rendering.renderer import Rendered
+from samrl_core.policy.networks.image_motion import moved_by_camera
 from samrl_core.policy.networks.surface import nearest_points
 
 CHANNELS = 6
@@ -108,9 +109,10 @@ def upright(image: torch.Tensor, camera_rotation: np.ndarray) -> torch.Tensor:
 def rendered_image(
     rendered: Rendered, camera: CameraPose, tip_in_base: np.ndarray, cell: CellSpec
 ) -> torch.Tensor:
-    """The same of the model's image or images, (..., 6, H, W) on the images' device; differentiable.
+    """The same of the model's image or images, (..., 6, H, W) on the images' device.
 
-    As the camera stands: `upright` is for the caller, who knows its pose.
+    Differentiable in the camera: colours through the renderer, XYZ as `moved_by_camera` has it. As the camera
+    stands: `upright` is for the caller, who knows its pose.
 
     Args:
         rendered: one image or a batch.
@@ -118,13 +120,17 @@ def rendered_image(
         tip_in_base: (3,) or (..., 3) tool tip in the tool arm's base frame [m].
         cell: calibration.
     """
-    return network_image(
+    image = network_image(
         rendered.color,
         nearest_points(rendered, camera, cell.intrinsics),
         torch.isfinite(rendered.depth),
         _tip_in_world(tip_in_base, cell).to(rendered.xyz.device),
         cell.tool_base_in_world,
     )
+    if not any(part.requires_grad for part in camera):
+        return image
+    xyz = moved_by_camera(image[..., XYZ, :, :], rendered.depth, camera, cell.intrinsics)
+    return torch.cat([image[..., : XYZ.start, :, :], xyz], dim=-3)
 
 
 def _tip_in_world(tip_in_base: np.ndarray, cell: CellSpec) -> torch.Tensor:

@@ -35,9 +35,8 @@ def world_points(
 def nearest_points(rendered: Rendered, camera: CameraPose, lens: Intrinsics) -> torch.Tensor:
     """Point of each pixel's nearest surface, (..., H, W, 3) in world [m]; 0 where the pixel shows nothing.
 
-    The depth of the nearest sample on the pixel's ray, which is what `observed_image` has of a real camera.
-    The gradient is that of the pixel's mean point, which knows how silhouettes move; beside what shows
-    nothing that mean mixes with 0, so its gradient would be wrong and is left out.
+    The depth of the nearest sample on the pixel's ray, which is what `observed_image` has of a real camera;
+    without gradient, see `image_motion`.
 
     Args:
         rendered: one image or a batch.
@@ -49,10 +48,4 @@ def nearest_points(rendered: Rendered, camera: CameraPose, lens: Intrinsics) -> 
     depth = torch.where(valid, rendered.depth, torch.zeros_like(rendered.depth)).detach().double()
     position = -(rotation.mT @ translation[..., None])[..., 0]
     found = torch.where(valid[..., None], world_points(depth, rotation.mT, position, lens), 0.0)
-    found = found.to(rendered.xyz.dtype)
-    if not rendered.xyz.requires_grad:
-        return found
-    invalid = (~valid).to(torch.float32).reshape(-1, 1, *valid.shape[-2:])
-    beside = torch.nn.functional.max_pool2d(invalid, 3, stride=1, padding=1).reshape(valid.shape) > 0
-    gradient = rendered.xyz - rendered.xyz.detach()  # 0, with the mean's gradient
-    return found + torch.where(beside[..., None], torch.zeros_like(gradient), gradient)
+    return found.to(rendered.xyz.dtype)

@@ -41,26 +41,6 @@ def test_points_of_a_thread_lie_on_it() -> None:
     assert (mixed > 0.01).mean() > 0.2, "the mean's points lie beside the thread in many pixels"
 
 
-def test_gradient_is_the_means_where_something_is_seen_all_round() -> None:
-    model, values, colors, target = thread()
-    place = torch.tensor([0.4, 0.6, 0.4], dtype=torch.float64, requires_grad=True)
-    camera = camera_from(place[0], place[1], place[2], target)
-    joints = model.task.start_joints(model.cell)["tool_arm"]
-    rendered = model.render(torch.from_numpy(values), colors, camera, joints)
-    points = nearest_points(rendered, camera, model.cell.intrinsics)
-    middle = slice(30, 90)
-    weight = torch.randn(60, 60, 3, generator=torch.Generator().manual_seed(1))
-    unseen = ~torch.isfinite(rendered.depth)
-    beside = torch.nn.functional.max_pool2d(unseen.float()[None], 3, stride=1, padding=1)[0] > 0
-    clear = (~beside[middle, middle])[..., None]
-    assert 0.5 < float(clear.float().mean()) < 1.0
-    points, means = points[middle, middle], torch.where(clear, rendered.xyz[middle, middle], 0.0)
-    (ours,) = torch.autograd.grad((weight * points).sum(), place, retain_graph=True)
-    (theirs,) = torch.autograd.grad((weight * means).sum(), place)
-    torch.testing.assert_close(ours, theirs)
-    assert float(ours.abs().min()) > 0.0
-
-
 def _line(model: Model, values: np.ndarray, joints: np.ndarray) -> np.ndarray:
     """Points (N, 3) along the thread's centre line in world [m]."""
     tool = model.task.scene(model.cell).tool

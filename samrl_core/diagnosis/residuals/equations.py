@@ -230,9 +230,15 @@ def integrated_terms(motion: RecordedMotion) -> tuple[np.ndarray, np.ndarray]:
     law, count = motion.described_law, motion.joints
     winds = [controller.law.of_joints(name, count) for name in ("integral", "velocity_integral")]
     stiff, damped = (np.where(x > 0, x, 1.0) for x in (controller.stiffness, controller.damping))
-    rate = winds[0] * law.spring / stiff + winds[1] * law.damper / damped
+    sprung = winds[0] * law.spring / stiff
+    rate = sprung + winds[1] * law.damper / damped
     step = 1.0 / motion.rate
-    return rate, white_noise(rate, motion.rate) * np.sqrt(step + min(controller.period_s, step))
+    between, both = min(controller.period_s, step), np.sqrt(step + min(controller.period_s, step))
+    if motion.raw_velocity is not None or motion.asked is None or motion.computed:
+        return rate, white_noise(rate, motion.rate) * both
+    # The noise of speeds that nobody recorded is in the torque; that of differences does not add up.
+    read = winds[1] / damped * white_noise(motion.asked, motion.rate)
+    return rate, np.hypot(white_noise(sprung, motion.rate) * both, read * np.sqrt(between))
 
 
 def _fast_walk(motion: RecordedMotion) -> np.ndarray:

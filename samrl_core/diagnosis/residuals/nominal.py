@@ -94,7 +94,7 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
         for j in joints:
             soft = trial.link(trial.deflection(j, trial.transmitted[None, :, j]))
             others.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
-    others += _stamps(trial, tolerances) + _motors(trial, tolerances)
+    others += _stamps(trial, tolerances) + _late_speeds(trial, tolerances) + _motors(trial, tolerances)
     out += [(columns, std, None) for columns, std in others]
     return [item for item in out if item[1] > 0]
 
@@ -178,6 +178,21 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
             for j in range(trial.joints):
                 out.append((trial.controller(j, part[None, :, j]), CONTROLLER_GAIN))
     return out
+
+
+def _late_speeds(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
+    """How late the speed is that each law damps, where nobody recorded it.
+
+    A drive differences its last two readings, so that its speed is half a period old, or filters it. The
+    recorded position's slope is of the moment itself.
+    """
+    motion, controller = trial.motion, trial.recording.arm.controller
+    if controller is None or not trial.shows_controller or motion.raw_velocity is not None:
+        return []
+    late = max(tolerances.stamp, 0.5 * controller.period_s)
+    wound = controller.law.of_joints("velocity_integral", trial.joints)  # but for what it held at the start
+    torque = controller.damping * motion.sure_acceleration + wound * motion.sure_velocity  # per second
+    return [(trial.controller(j, torque[None, :, j]), late) for j in range(trial.joints)]
 
 
 def _motors(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:

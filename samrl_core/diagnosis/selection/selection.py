@@ -32,6 +32,7 @@ CLEARLY_MORE = 1.5  # times what the first member adds to the others
 SURELY = 8.0  # times the threshold: beyond, no width of tolerances explains it
 WIDE = 2.0  # times the stated tolerances: many a machine is so far off, and that alone is no effect
 TRIED_WIDE = 6  # effects, at most, of which one may be believed with wider tolerances
+SHOWN = 8.0  # [nat] that a further effect must be worth on held-out recordings before they deny it
 SEEN_THERE = 0.1  # of the fitted excess: held-out recordings with less hardly show the effect
 
 
@@ -373,7 +374,11 @@ def _worth(
         return False
     if any(h.effect.by_chance for h in wide.hypotheses):
         return True  # when chance strikes again, nothing that was fitted can say
-    return held_out_gains(held_out, narrow, k)[0] >= 0.0 or held_out_gains(held_out, wide, k)[0] >= 0.0
+    (won, would), (wins, should) = (held_out_gains(held_out, f, k) for f in (narrow, wide))
+    # Where they hold nothing beyond noise, nothing is left to remove: it must foretell that noise no worse.
+    if should - would > SHOWN and wins - won < settings.held_out_share * (should - would):
+        return False
+    return won >= 0.0 or wins >= 0.0
 
 
 def _known(held_out: Likelihood, blocks: set[tuple[int, str, int]]) -> set[tuple[int, str, int]]:

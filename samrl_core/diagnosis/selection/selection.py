@@ -319,10 +319,14 @@ def held_out_gains(held_out: Likelihood, fit: Fit, correlation: float) -> tuple[
     """
     if not held_out.blocks:
         return 0.0, 0.0
-    p = held_out.y - held_out_remainder(held_out, fit)
+    return _gains(held_out, held_out.y - held_out_remainder(held_out, fit), held_out.y, correlation)
+
+
+def _gains(held_out: Likelihood, p: np.ndarray, y: np.ndarray, correlation: float) -> tuple[float, float]:
+    """What residuals y (N,) win by a prediction p (N,), and what they would win were it exact [nat]."""
     weighed = (p - held_out.tolerated(p, correlation)) / correlation
     expected = 0.5 * float(weighed @ p)
-    return float(weighed @ held_out.y) - expected, expected
+    return float(weighed @ y) - expected, expected
 
 
 def _worth(
@@ -369,16 +373,16 @@ def _worth(
             return False
     known = _known(held_out, there)
     held_before = held_out.deficit(held_left, k, known)
-    held_after = held_out.deficit(held_out_remainder(held_out, wide), k, known)
-    if held_after > (1.0 - settings.held_out_share) * held_before:
+    held_wide = held_out_remainder(held_out, wide)
+    if held_out.deficit(held_wide, k, known) > (1.0 - settings.held_out_share) * held_before:
         return False
     if any(h.effect.by_chance for h in wide.hypotheses):
         return True  # when chance strikes again, nothing that was fitted can say
-    (won, would), (wins, should) = (held_out_gains(held_out, f, k) for f in (narrow, wide))
-    # Where they hold nothing beyond noise, nothing is left to remove: it must foretell that noise no worse.
-    if should - would > SHOWN and wins - won < settings.held_out_share * (should - would):
+    # Where they hold nothing beyond noise, nothing is left to remove: within the noise it must win, too.
+    won, expected = _gains(held_out, held_left - held_wide, held_left, k)
+    if expected > SHOWN and won < settings.held_out_share * expected:
         return False
-    return won >= 0.0 or wins >= 0.0
+    return held_out_gains(held_out, narrow, k)[0] >= 0.0 or held_out_gains(held_out, wide, k)[0] >= 0.0
 
 
 def _known(held_out: Likelihood, blocks: set[tuple[int, str, int]]) -> set[tuple[int, str, int]]:

@@ -148,6 +148,43 @@ def test_the_fast_part_of_an_integral_of_noise_is_in_the_likelihood() -> None:
     assert trial.sigma["controller"].min() >= beyond
 
 
+def without_speed(recording: ArmRecording) -> ArmRecording:
+    """The same, as a log that has positions alone."""
+    return replace(recording, states=replace(recording.states, velocity=None))
+
+
+def test_noise_of_a_speed_that_nobody_recorded_is_taken_from_the_torque() -> None:
+    """That of differences does not add up; the drive's own reading of 0.02 rad/s does, each millisecond."""
+    recording = recorded(VELOCITY_DRIVE)[0]
+    given = recording.commanded_effort
+    assert given is not None and given.effort is not None
+    read = 1.5 * 0.02 * np.random.default_rng(3).standard_normal(given.effort.shape)
+    noisy = replace(recording, commanded_effort=replace(given, effort=given.effort + read))
+    walk = integrated_terms(trial_of(without_speed(noisy)).motion)[1][0]
+    sensor = 0.002 * 8.0 / 1.5  # of the torque, which might be the drive's as well
+    assert walk == pytest.approx(6.0 * np.hypot(0.02, sensor) * np.sqrt(0.001), rel=0.15)
+
+
+def test_a_drive_may_read_its_speed_later_than_positions_say() -> None:
+    """What a speed 0.3 ms old makes, by damping and integral, is tolerated where nobody recorded it."""
+    recording = recorded(VELOCITY_DRIVE, 6.0)[0]
+    motion = trial_of(recording).motion
+    assert motion.raw_velocity is not None
+    older = 3e-4 * np.gradient(motion.full_velocity, 1.0 / motion.rate, axis=0)
+    torque = motion.reduce(1.5 * older + 6.0 * np.cumsum(older, axis=0) / motion.rate)
+    left = {}
+    for name, log in {"recorded": recording, "not": without_speed(recording)}.items():
+        trial = trial_of(log)
+        time, late = trial.motion.t, np.interp(trial.motion.t, motion.t, torque[:, 0])
+        assert motion.t[0] <= time[0] and time[-1] <= motion.t[-1]
+        trial.equations.residual["controller"][:, 0] = 20.0 * late
+        likelihood = Likelihood([trial])
+        y = likelihood.y.copy()
+        y[likelihood.blocks[0, "dynamics", 0]] = 0.0
+        left[name] = np.linalg.norm(y - likelihood.tolerated(y, 2.0)) / np.linalg.norm(y)
+    assert left["not"] < 0.1 < left["recorded"]
+
+
 def test_a_rate_limit_does_not_explain_the_noise_of_a_computed_torque() -> None:
     time = np.arange(0.0, 3.0, 0.004)
     rng = np.random.default_rng(5)

@@ -122,6 +122,24 @@ def test_mending_what_the_first_spoiled_is_no_help(second: float, helps: bool) -
     assert _worth(bench.evidence, held_out, narrow, left, wide, SelectionSettings()) is helps
 
 
+@pytest.mark.parametrize("there", [0.0, 1.0])
+def test_a_further_effect_that_unseen_recordings_do_not_show_is_none(there: float) -> None:
+    """Where these hold nothing beyond noise, nothing is left to remove; what they say against it counts."""
+    bench = Bench(1.0, 0.0)
+    scale, weak = bench.fitted.sigma["dynamics"][:, 0] ** 2, bench._white(bench.fitted)
+    weak -= bench.columns[0] * np.sum(weak * bench.columns[0] / scale) / SIZE**2
+    bench._set_residual(bench.fitted, bench.columns[0] + weak)
+    bench.evidence = Evidence(Likelihood([bench.fitted]), 2.0)
+    base, unseen = bench._white(bench.unseen), 0.02 * bench._white(bench.unseen)
+    bench._set_residual(bench.unseen, base + there * unseen)
+    held_out = Likelihood([bench.unseen])
+    first, second = bench.made("first", bench.columns[0], base), bench.made("second", weak, unseen)
+    narrow, wide = bench.evidence.fit([first]), bench.evidence.fit([first, second])
+    left = held_out_remainder(held_out, narrow)
+    assert held_out.deficit(left, 2.0) == pytest.approx(0.0, abs=1.0)
+    assert _worth(bench.evidence, held_out, narrow, left, wide, SelectionSettings()) is (there > 0.0)
+
+
 class Stated:
     """Evidence of sets by their first member's form."""
 

@@ -167,7 +167,7 @@ def test_noise_of_a_speed_that_nobody_recorded_is_taken_from_the_torque() -> Non
 
 def test_a_drive_may_read_its_speed_later_than_positions_say() -> None:
     """What a speed 0.3 ms old makes, by damping and integral, is tolerated where nobody recorded it."""
-    recording = recorded(VELOCITY_DRIVE, 6.0)[0]
+    recording = recorded(VELOCITY_DRIVE)[0]
     motion = trial_of(recording).motion
     assert motion.raw_velocity is not None
     older = 3e-4 * np.gradient(motion.full_velocity, 1.0 / motion.rate, axis=0)
